@@ -1,0 +1,107 @@
+"""Contract of the edges: a conversion is a stateless value that applies to a problem and lifts answers back."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+from cpbench.errors import NotApplicable, UnknownName
+from cpbench.formulations.base import Kind, Problem, Step, Trace
+from cpbench.registry import Registry
+
+
+class Conversion(ABC):
+    """One edge. Subclasses are frozen dataclasses whose fields are the knobs (facets, angle).
+
+    Attributes
+    ----------
+    name : registry name, `source-target` or `source-target-how`.
+    source, target : node names. equation : where the formula stands. kind : the promise, weakest case.
+    cost : what Dijkstra adds up; grows with the size of the result, ties go by name.
+    """
+
+    name: ClassVar[str]
+    source: ClassVar[str]
+    target: ClassVar[str]
+    equation: ClassVar[str] = ""
+    kind: ClassVar[Kind]
+    cost: ClassVar[float]
+
+    def exactness(self, problem: Problem) -> Kind:
+        """The promise for this very problem (stronger than `kind` where a condition holds)."""
+        return self.kind
+
+    def obstacle(self, problem: Any) -> str | None:
+        """Why this problem cannot take the edge, with the measured number and what to use instead; else None."""
+        return None
+
+    @abstractmethod
+    def apply(self, problem: Any) -> tuple[Problem, Trace]:
+        """The converted problem and what `lift` needs; raises NotApplicable with the obstacle."""
+
+    @abstractmethod
+    def lift(self, point: Any, trace: Trace) -> Any:
+        """The source answer that a target answer stands for."""
+
+    def push(self, point: Any, trace: Trace) -> Any:
+        """The target answer of a source answer (warm starts, tests); raises NotApplicable where there is none."""
+        raise NotApplicable(self.label, "has no push: target answers cannot be made from source answers")
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The knobs by name."""
+        return (
+            {f.name: getattr(self, f.name) for f in dataclasses.fields(self)} if dataclasses.is_dataclass(self) else {}
+        )
+
+    @property
+    def label(self) -> str:
+        """Name with the knobs that differ from their defaults: `fc-lcp-inner[facets=16]`."""
+        if not dataclasses.is_dataclass(self):
+            return self.name
+        changed = [
+            f"{f.name}={getattr(self, f.name)}" for f in dataclasses.fields(self) if getattr(self, f.name) != f.default
+        ]
+        return f"{self.name}[{','.join(changed)}]" if changed else self.name
+
+    def require(self, problem: Problem) -> None:
+        """Raises NotApplicable when there is an obstacle."""
+        why = self.obstacle(problem)
+        if why is not None:
+            raise NotApplicable(self.label, why)
+
+    def step(self, problem: Problem) -> Problem:
+        """`apply`, with the step added to the provenance of the result and name and geometry carried along."""
+        converted, trace = self.apply(problem)
+        done = Step(
+            conversion=self.name,
+            parameters=self.parameters,
+            kind=str(self.exactness(problem)),
+            source_node=problem.node,
+            source=problem.fingerprint,
+            trace=trace,
+        )
+        extra: dict[str, Any] = {"name": problem.name, "info": problem.info}
+        names = {f.name for f in dataclasses.fields(converted)} & {f.name for f in dataclasses.fields(problem)}
+        extra |= {k: getattr(problem, k) for k in names & {"sequence", "contacts"}}
+        return dataclasses.replace(converted, **extra, provenance=(*problem.provenance, done))
+
+
+conversions: Registry[type[Conversion]] = Registry("conversion", "cpbench.conversions")
+
+
+def make(name: str, parameters: dict[str, Any] | None = None) -> Conversion:
+    """The registered conversion `name` with its knobs set; raises UnknownName on a knob it does not have."""
+    cls = conversions.get(name)
+    given = dict(parameters or {})
+    known = {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set[str]()
+    for key in given:
+        if key not in known:
+            raise UnknownName(f"parameter of {name}", key, known)
+    return cls(**given)
+
+
+def lift_step(step: Step, point: Any) -> Any:
+    """Undo one recorded step of a problem's provenance."""
+    return make(step.conversion, dict(step.parameters)).lift(point, step.trace)

@@ -1,0 +1,65 @@
+"""The exceptions of cpbench: one class a *cause*, one line a message.
+
+Every message says what is wrong, shows the evidence and names what to do. All of them derive from
+:class:`CpbenchError`, which the command line prints in one line and turns into exit code 2.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class CpbenchError(Exception):
+    """Something the user can mend: bad input, an unknown name, a missing route."""
+
+
+class FormatError(CpbenchError):
+    """A file could not be read or written: `file: field: cause`."""
+
+    def __init__(self, path: str | Path, field: str, cause: str) -> None:
+        self.path, self.field, self.cause = str(path), field, cause
+        super().__init__(f"{path}: {field}: {cause}" if field else f"{path}: {cause}")
+
+
+class ProblemError(CpbenchError):
+    """Problem data are inconsistent: `node.field: cause` (a shape, a NaN, a negative friction)."""
+
+    def __init__(self, field: str, cause: str) -> None:
+        self.field, self.cause = field, cause
+        super().__init__(f"{field}: {cause}")
+
+
+class PointError(CpbenchError):
+    """An answer does not have the shape of the problem's unknowns."""
+
+
+class NotApplicable(CpbenchError):
+    """A conversion or a solver refuses a problem; the message is its obstacle, with the number."""
+
+    def __init__(self, who: str, obstacle: str) -> None:
+        self.who, self.obstacle = who, obstacle
+        super().__init__(f"{who}: {obstacle}")
+
+
+class NoRoute(CpbenchError):
+    """No conversion route leads from the problem to the wanted formulation."""
+
+
+class UnknownName(CpbenchError):
+    """A name is in no registry; the nearest known ones are offered."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(known)}"
+        super().__init__(f"unknown {kind} '{name}': {hint}")
+
+
+class DuplicateName(CpbenchError):
+    """Two plugins claim one name."""
+
+
+class StoreError(CpbenchError):
+    """A results file cannot be used: wrong schema, other limits, not a results file."""

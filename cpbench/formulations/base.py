@@ -1,0 +1,304 @@
+"""Contracts of the nodes: a problem is frozen data, a point is an answer, residuals are what we measure.
+
+A point carries the independent unknowns only. Slacks (w of an LCP, u of a contact problem) are always
+recomputed from them, so that a stored or claimed slack can never flatter an answer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.errors import PointError, ProblemError
+from cpbench.matrices import Matrix, Vector
+from cpbench.registry import Registry
+
+Trace: TypeAlias = Mapping[str, Any]
+"""What a conversion keeps for the way back: named matrices, vectors, factorizations, numbers and strings (what
+the native storage can write with a converted file)."""
+
+
+class Kind(StrEnum):
+    """What a conversion, or a solver that drops a term, promises; from the strongest to the weakest."""
+
+    EQUIVALENT = "equivalent"
+    """The solution sets correspond, both ways."""
+    ONE_WAY = "one-way"
+    """Every solution of the target lifts to a solution of the source; the target may have fewer."""
+    NECESSARY = "necessary"
+    """Source solutions appear among the target's; a lifted answer may still fail on the source."""
+    APPROXIMATE = "approximate"
+    """The error goes to 0 with a knob (facets)."""
+    RELAXATION = "relaxation"
+    """The target drops a term of the law."""
+
+    @property
+    def rank(self) -> int:
+        return list(Kind).index(self)
+
+    @property
+    def exact(self) -> bool:
+        """Whether default routes may use it."""
+        return self in (Kind.EQUIVALENT, Kind.ONE_WAY)
+
+
+def matrix_field(rows: str, cols: str) -> Any:
+    """A matrix of the problem; the symbols are its dimensions, shared with the other fields."""
+    return field(metadata={"shape": (rows, cols)})
+
+
+def vector_field(size: str, *, finite: bool = True) -> Any:
+    """A vector of the problem; `finite=False` admits infinite bounds (never NaN)."""
+    return field(metadata={"shape": (size,), "finite": finite})
+
+
+@dataclass(frozen=True)
+class Info:
+    """Who made a problem and what is known of it; no part of its mathematics."""
+
+    title: str = ""
+    description: str = ""
+    math_info: str = ""
+    source: str = ""
+    licence: str = ""
+    family: str = ""
+    citation: str = ""
+    properties: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One conversion a problem has gone through: enough to lift an answer, in another process.
+
+    `parameters` are the conversion's fields, `source` is the fingerprint of the problem before it.
+    """
+
+    conversion: str
+    parameters: Mapping[str, Any]
+    kind: str
+    source_node: str
+    source: str
+    trace: Trace
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Place of a problem in a scene: its step, time [s], step size [s], fingerprint of the step before."""
+
+    name: str
+    step: int
+    time: float
+    dt: float
+    previous: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Geometry of nc contacts, in the order of the problem's rows.
+
+    Attributes
+    ----------
+    id : (nc,) int64, the same contact keeps its id over the steps of a sequence.
+    bodies : (nc, 2) int64. position : (nc, 3) [m]. frame : (nc, 3, 3), rows are normal, tangent, tangent.
+    """
+
+    id: np.ndarray[Any, np.dtype[np.int64]]
+    bodies: np.ndarray[Any, np.dtype[np.int64]]
+    position: matrices.Dense
+    frame: np.ndarray[Any, np.dtype[np.float64]]
+
+    def __post_init__(self) -> None:
+        nc = len(self.id)
+        for name, dtype, shape in (
+            ("id", np.int64, (nc,)),
+            ("bodies", np.int64, (nc, 2)),
+            ("position", np.float64, (nc, 3)),
+            ("frame", np.float64, (nc, 3, 3)),
+        ):
+            array = np.array(getattr(self, name), dtype=dtype)
+            if array.shape != shape:
+                raise ProblemError(f"contacts.{name}", f"has shape {array.shape}, expected {shape}")
+            object.__setattr__(self, name, matrices.freeze(array))
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Base of the answers: a dataclass of vectors. Values may be non-finite: a bad answer is still an answer."""
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            label = f"{type(self).__name__}.{f.name}"
+            try:
+                value = matrices.vector(np.ravel(getattr(self, f.name)), label, finite=False)
+            except (ProblemError, ValueError) as cause:
+                raise PointError(f"{label}: {cause}") from None
+            object.__setattr__(self, f.name, value)
+
+    def arrays(self) -> dict[str, Vector]:
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @property
+    def finite(self) -> bool:
+        return all(bool(np.isfinite(v).all()) for v in self.arrays().values())
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """What was measured of an answer.
+
+    Attributes
+    ----------
+    judged : scaled numbers that must all be at most the tolerance (NaN counts as infinity).
+    parts : further numbers for the reader, units in the name where they have any.
+    flags : remarks such as ``absolute`` (a scale was 0).
+    """
+
+    judged: Mapping[str, float]
+    parts: Mapping[str, float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("judged", "parts"):
+            clean = {k: math.inf if math.isnan(v) else float(v) for k, v in getattr(self, name).items()}
+            object.__setattr__(self, name, MappingProxyType(clean))
+
+    def __reduce__(self) -> Any:
+        return (Residuals, (dict(self.judged), dict(self.parts), self.flags))
+
+    @property
+    def error(self) -> float:
+        """The largest judged number: the answer solves the problem at ε when this is at most ε."""
+        return max(self.judged.values(), default=0.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Problem(ABC):
+    """A node of the graph. Subclasses declare their data with `matrix_field` and `vector_field`.
+
+    Raises ProblemError when shapes disagree, an entry is NaN or infinite, or a condition of the node fails.
+    """
+
+    node: ClassVar[str]
+    title: ClassVar[str]
+    equation: ClassVar[str]
+    point_type: ClassVar[type[Point]]
+
+    name: str = ""
+    info: Info = field(default_factory=Info)
+    provenance: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {}
+        origin: dict[str, str] = {}
+        for f in self._data_fields():
+            label = f"{self.node}.{f.name}"
+            shape = f.metadata["shape"]
+            value = getattr(self, f.name)
+            if len(shape) == 2:
+                value = matrices.matrix(value, label)
+            else:
+                value = matrices.vector(value, label, finite=f.metadata["finite"])
+                if np.isnan(value).any():
+                    raise ProblemError(label, f"is NaN at {int(np.flatnonzero(np.isnan(value))[0])}")
+            for symbol, size in zip(shape, value.shape, strict=True):
+                if sizes.setdefault(symbol, size) != size:
+                    raise ProblemError(
+                        label,
+                        f"has shape {value.shape}, but {symbol} = {sizes[symbol]} from {origin[symbol]}",
+                    )
+                origin.setdefault(symbol, f"{self.node}.{f.name}")
+            object.__setattr__(self, f.name, value)
+        object.__setattr__(self, "_sizes", sizes)
+        self.check()
+
+    def check(self) -> None:
+        """Conditions beyond shapes; raises ProblemError."""
+
+    @classmethod
+    def _data_fields(cls) -> list[dataclasses.Field[Any]]:
+        return [f for f in fields(cls) if "shape" in f.metadata]
+
+    def data(self) -> dict[str, Matrix | Vector]:
+        """The matrices and vectors by name, in the order of the definition."""
+        return {f.name: getattr(self, f.name) for f in self._data_fields()}
+
+    def sizes(self) -> dict[str, int]:
+        """Dimensions by symbol (n, m, nc, ...)."""
+        return dict(self.__dict__["_sizes"])
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of the mathematics (32 hex digits): not of the name, nor of how matrices are stored."""
+        h = hashlib.sha256(f"cpbench {self.node};".encode())
+        for name, value in self.data().items():
+            h.update(f"{name}:".encode() + matrices.digest(value))
+        return h.hexdigest()[:32]
+
+    @property
+    @abstractmethod
+    def point_sizes(self) -> dict[str, int]:
+        """Length of every part of an answer, in order."""
+
+    @abstractmethod
+    def residuals(self, point: Any, tolerance: float = 1e-6) -> Residuals:
+        """Measure `point` on this problem; `tolerance` only tells noise from motion in the readable parts."""
+
+    def slacks(self, point: Any) -> dict[str, Vector]:
+        """The dependent parts of an answer (w, u, ...), recomputed from `point`."""
+        return {}
+
+    def certifies_infeasibility(self, certificate: Vector) -> bool:
+        """Whether `certificate` proves that this problem has no solution (no node without a rule for it)."""
+        return False
+
+    def check_point(self, point: Any) -> None:
+        """Raises PointError unless `point` has this problem's unknowns."""
+        if not isinstance(point, self.point_type):
+            raise PointError(
+                f"{self.node}: the answer is a {type(point).__name__}, expected {self.point_type.__name__}"
+            )
+        for name, size in self.point_sizes.items():
+            got = getattr(point, name).size
+            if got != size:
+                raise PointError(f"{self.node}: the answer's {name} has {got} numbers, expected {size}")
+
+    def point_from_vector(self, x: Any) -> Any:
+        """Split a plain vector (parts one after the other) into a point; raises PointError on its length."""
+        try:
+            x = matrices.vector(np.ravel(np.asarray(x, dtype=np.float64)), "answer", finite=False)
+        except (ProblemError, TypeError, ValueError) as cause:
+            raise PointError(f"{self.node}: the answer is not a vector of numbers ({cause})") from None
+        sizes = self.point_sizes
+        if x.size != sum(sizes.values()):
+            expected = " + ".join(f"{size} ({name})" for name, size in sizes.items())
+            raise PointError(f"{self.node}: the answer has {x.size} numbers, expected {expected}")
+        parts: dict[str, Vector] = {}
+        at = 0
+        for name, size in sizes.items():
+            parts[name] = x[at : at + size]
+            at += size
+        return self.point_type(**parts)
+
+    def zero_point(self) -> Any:
+        """The point of zeros."""
+        return self.point_type(**{name: np.zeros(size) for name, size in self.point_sizes.items()})
+
+
+formulations: Registry[type[Problem]] = Registry("formulation", "cpbench.formulations")
+
+
+def scaled(value: float, *scales: float) -> float:
+    """value / max(scales); the value itself when they are all 0 (the error is then absolute)."""
+    scale = max(scales, default=0.0)
+    return value / scale if scale > 0 else value

@@ -1,0 +1,87 @@
+"""Linear complementarity problem, Acary's equation (13): find z with 0 ≤ z ⟂ w = Mz + q ≥ 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench.formulations.base import (
+    Point,
+    Problem,
+    Residuals,
+    formulations,
+    matrix_field,
+    scaled,
+    vector_field,
+)
+from cpbench.matrices import Matrix, Vector, max_abs, norm
+
+
+@dataclass(frozen=True, eq=False)
+class LCPPoint(Point):
+    """z, shape (n,)."""
+
+    z: Vector
+
+
+@formulations.register("lcp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LCP(Problem):
+    """0 ≤ z ⟂ Mz + q ≥ 0.
+
+    Residuals (both judged): `natural` = ‖min(z, w)‖₂/‖q‖₂, Siconos' lcp_compute_error, and `unit_free` =
+    ‖min(z/‖z‖∞, w/max(‖q‖∞, ‖Mz‖∞))‖₂, which does not change with the units of z or w.
+    """
+
+    node: ClassVar[str] = "lcp"
+    title: ClassVar[str] = "linear complementarity problem"
+    equation: ClassVar[str] = "(13)"
+    point_type: ClassVar[type[Point]] = LCPPoint
+
+    M: Matrix = matrix_field("n", "n")
+    q: Vector = vector_field("n")
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"z": self.q.size}
+
+    def slacks(self, point: LCPPoint) -> dict[str, Vector]:
+        return {"w": self.M @ point.z + self.q}
+
+    def residuals(self, point: LCPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            z, Mz = point.z, self.M @ point.z
+            w = Mz + self.q
+            natural = norm(np.minimum(z, w))
+            return Residuals(
+                judged={
+                    "natural": scaled(natural, norm(self.q)),
+                    "unit_free": unit_free_complementarity(z, w, max(max_abs(self.q), max_abs(Mz))),
+                },
+                parts={
+                    "natural_absolute": natural,
+                    "min_z": float(z.min(initial=0.0)),
+                    "min_w": float(w.min(initial=0.0)),
+                    "complementarity": float(abs(z @ w)),
+                },
+                flags=() if norm(self.q) > 0 else ("absolute",),
+            )
+
+    def certifies_infeasibility(self, certificate: Vector) -> bool:
+        """Farkas: y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 exclude every z ≥ 0 with Mz + q ≥ 0 (to rounding: 1e-12)."""
+        y = np.maximum(certificate, 0.0)
+        if y.size != self.q.size or not np.isfinite(y).all() or not y.any():
+            return False
+        y = y / y.max()
+        My = self.M.T @ y
+        slack = 1e-12 * max(max_abs(self.M), 1e-300)
+        return bool(My.max() <= slack and self.q @ y < -1e-9 * max(max_abs(self.q), 1e-300))
+
+
+def unit_free_complementarity(z: Vector, w: Vector, w_scale: float) -> float:
+    """‖min(z/‖z‖∞, w/w_scale)‖₂ with 0/0 = 0."""
+    z_scale = max_abs(z)
+    return norm(np.minimum(z / z_scale if z_scale > 0 else z, w / w_scale if w_scale > 0 else w))

@@ -1,0 +1,97 @@
+"""Mixed linear complementarity problem, equation (14): Au + Cv + a = 0, 0 ≤ v ⟂ Du + Bv + b ≥ 0, u free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench.formulations.base import (
+    Point,
+    Problem,
+    Residuals,
+    formulations,
+    matrix_field,
+    scaled,
+    vector_field,
+)
+from cpbench.formulations.lcp import unit_free_complementarity
+from cpbench.matrices import Matrix, Vector, max_abs, norm
+
+
+@dataclass(frozen=True, eq=False)
+class MLCPPoint(Point):
+    """u (free), shape (n,); v (nonnegative), shape (m,)."""
+
+    u: Vector
+    v: Vector
+
+
+@formulations.register("mlcp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MLCP(Problem):
+    """Au + Cv + a = 0, 0 ≤ v ⟂ w = Du + Bv + b ≥ 0.
+
+    Judged: `natural` = ‖(Au+Cv+a, min(v, w))‖₂/‖(a, b)‖₂; `unit_free`, as for the LCP; `equality` =
+    ‖Au+Cv+a‖/max(‖a‖, ‖Au‖, ‖Cv‖). Among the parts, `siconos_mlcp` is Siconos' mlcp_compute_error for one
+    block of equalities.
+    """
+
+    node: ClassVar[str] = "mlcp"
+    title: ClassVar[str] = "mixed linear complementarity problem"
+    equation: ClassVar[str] = "(14)"
+    point_type: ClassVar[type[Point]] = MLCPPoint
+
+    A: Matrix = matrix_field("n", "n")
+    B: Matrix = matrix_field("m", "m")
+    C: Matrix = matrix_field("n", "m")
+    D: Matrix = matrix_field("m", "n")
+    a: Vector = vector_field("n")
+    b: Vector = vector_field("m")
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"u": self.a.size, "v": self.b.size}
+
+    def slacks(self, point: MLCPPoint) -> dict[str, Vector]:
+        return {"w": self.D @ point.u + self.B @ point.v + self.b}
+
+    def residuals(self, point: MLCPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            v = point.v
+            Au, Cv = self.A @ point.u, self.C @ v
+            Du, Bv = self.D @ point.u, self.B @ v
+            equality = Au + Cv + self.a
+            w = Du + Bv + self.b
+            natural = norm(np.concatenate([equality, np.minimum(v, w)]))
+            data = norm(np.concatenate([self.a, self.b]))
+            return Residuals(
+                judged={
+                    "natural": scaled(natural, data),
+                    "unit_free": unit_free_complementarity(v, w, max(max_abs(self.b), max_abs(Du), max_abs(Bv))),
+                    "equality": scaled(norm(equality), norm(self.a), norm(Au), norm(Cv)),
+                },
+                parts={
+                    "natural_absolute": natural,
+                    "equality_absolute": norm(equality),
+                    "min_v": float(v.min(initial=0.0)),
+                    "min_w": float(w.min(initial=0.0)),
+                    "complementarity": float(abs(v @ w)),
+                    "siconos_mlcp": _siconos_error(equality, v, w, self.a),
+                },
+                flags=() if data > 0 else ("absolute",),
+            )
+
+
+def _siconos_error(equality: Vector, v: Vector, w: Vector, a: Vector) -> float:
+    """mlcp_compute_error: the worse of the equality and the complementarity part, each over 1 + (1 + scale).
+
+    The scale of the complementarity part is Σ‖w‖ of the answer, not of the data, as in Siconos 4.4.
+    """
+    e_eq = norm(equality)
+    same_sign = ((v > 0) & (w > 0)) | ((v < 0) & (w < 0))
+    e_ineq = float((np.maximum(-v, 0) + np.maximum(-w, 0) + np.where(same_sign, v * w, 0.0)).sum())
+    n_eq, n_ineq = 1.0 + norm(a), 1.0 + norm(w)
+    return e_ineq / (1.0 + n_ineq) if e_ineq / n_ineq >= e_eq / n_eq else e_eq / (1.0 + n_eq)

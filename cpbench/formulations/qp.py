@@ -1,0 +1,165 @@
+"""Quadratic program, equation (1): min ½zᵀQz + pᵀz subject to Az ≥ b, Cz = d, lb ≤ z ≤ ub."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.errors import ProblemError
+from cpbench.formulations.base import (
+    Point,
+    Problem,
+    Residuals,
+    formulations,
+    matrix_field,
+    vector_field,
+)
+from cpbench.matrices import Matrix, Vector, max_abs
+
+
+@dataclass(frozen=True, eq=False)
+class QPPoint(Point):
+    """z (n,), λ ≥ 0 of Az ≥ b (m,), μ of Cz = d (k,), ν of the box (n,): ν > 0 at lb, ν < 0 at ub."""
+
+    z: Vector
+    lam: Vector
+    mu: Vector
+    nu: Vector
+
+
+@formulations.register("qp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class QP(Problem):
+    """min ½zᵀQz + pᵀz subject to Az ≥ b, Cz = d, lb ≤ z ≤ ub (bounds may be infinite; b may be -inf nowhere).
+
+    Judged, in the ∞-norm, each the smaller of the absolute and the relative value (as OSQP, Clarabel and
+    qpbenchmark define them): `stationarity` ‖Qz + p − Aᵀλ − Cᵀμ − ν‖; `primal` violation of the
+    constraints; `dual` violation of λ ≥ 0 and of the signs of ν at infinite bounds; `gap` between the
+    primal and the dual objective.
+    """
+
+    node: ClassVar[str] = "qp"
+    title: ClassVar[str] = "quadratic program"
+    equation: ClassVar[str] = "(1)"
+    point_type: ClassVar[type[Point]] = QPPoint
+
+    Q: Matrix = matrix_field("n", "n")
+    p: Vector = vector_field("n")
+    A: Matrix = matrix_field("m", "n")
+    b: Vector = vector_field("m")
+    C: Matrix = matrix_field("k", "n")
+    d: Vector = vector_field("k")
+    lb: Vector = vector_field("n", finite=False)
+    ub: Vector = vector_field("n", finite=False)
+
+    @classmethod
+    def build(
+        cls,
+        Q: Matrix,
+        p: Vector,
+        A: Matrix | None = None,
+        b: Vector | None = None,
+        C: Matrix | None = None,
+        d: Vector | None = None,
+        lb: Vector | None = None,
+        ub: Vector | None = None,
+        *,
+        name: str = "",
+    ) -> QP:
+        """A QP with the absent parts empty (no rows) or infinite (bounds)."""
+        n = np.size(p)
+        return cls(
+            Q=Q,
+            p=p,
+            A=matrices.zeros(0, n, Q) if A is None else A,
+            b=np.zeros(0) if b is None else b,
+            C=matrices.zeros(0, n, Q) if C is None else C,
+            d=np.zeros(0) if d is None else d,
+            lb=np.full(n, -np.inf) if lb is None else lb,
+            ub=np.full(n, np.inf) if ub is None else ub,
+            name=name,
+        )
+
+    def check(self) -> None:
+        if not matrices.is_symmetric(self.Q, 1e-9):
+            raise ProblemError("qp.Q", f"is not symmetric: max|Q-Qᵀ|/max|Q| = {matrices.asymmetry(self.Q):.1e}")
+        crossed = np.flatnonzero(self.lb > self.ub)
+        if crossed.size:
+            i = int(crossed[0])
+            raise ProblemError("qp.lb", f"exceeds ub at {i}: {self.lb[i]:g} > {self.ub[i]:g}")
+        for name, bad in (("lb", self.lb == np.inf), ("ub", self.ub == -np.inf)):
+            if bad.any():
+                raise ProblemError(f"qp.{name}", f"is infinite on the wrong side at {int(np.flatnonzero(bad)[0])}")
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"z": self.p.size, "lam": self.b.size, "mu": self.d.size, "nu": self.p.size}
+
+    @property
+    def has_bounds(self) -> bool:
+        return bool(np.isfinite(self.lb).any() or np.isfinite(self.ub).any())
+
+    @cached_property
+    def convex(self) -> bool:
+        """Q positive semidefinite (matrices.is_psd)."""
+        return matrices.is_psd(self.Q)
+
+    def objective(self, z: Vector) -> float:
+        return float(0.5 * z @ (self.Q @ z) + self.p @ z)
+
+    def residuals(self, point: QPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            z, lam, mu, nu = point.z, point.lam, point.mu, point.nu
+            Qz, Az, Cz = self.Q @ z, self.A @ z, self.C @ z
+            At, Ct = self.A.T @ lam, self.C.T @ mu
+            below, above = np.isfinite(self.lb), np.isfinite(self.ub)
+            violation = np.concatenate(
+                [
+                    np.maximum(self.b - Az, 0.0),
+                    Cz - self.d,
+                    np.maximum(self.lb - z, 0.0)[below],
+                    np.maximum(z - self.ub, 0.0)[above],
+                ]
+            )
+            wrong_sign = np.concatenate(
+                [
+                    np.maximum(-lam, 0.0),
+                    np.maximum(nu, 0.0)[~below],
+                    np.maximum(-nu, 0.0)[~above],
+                ]
+            )
+            z_bounds = np.concatenate([self.lb[below], self.ub[above]])
+            constraints = float(
+                self.b @ lam
+                + self.d @ mu
+                + self.lb[below] @ np.maximum(nu, 0.0)[below]
+                - self.ub[above] @ np.maximum(-nu, 0.0)[above]
+            )
+            zQz, pz = float(z @ Qz), float(self.p @ z)
+            absolute = {
+                "stationarity": max_abs(Qz + self.p - At - Ct - nu),
+                "primal": max_abs(violation),
+                "dual": max_abs(wrong_sign),
+                "gap": abs(zQz + pz - constraints),
+            }
+            scale = {
+                "stationarity": max(map(max_abs, (Qz, At, Ct, self.p, nu))),
+                "primal": max(map(max_abs, (Az, self.b, Cz, self.d, z_bounds))),
+                "dual": max(map(max_abs, (lam, mu, nu))),
+                "gap": max(abs(zQz), abs(pz), abs(constraints)),
+            }
+            relative = {k: v / scale[k] if scale[k] > 0 else v for k, v in absolute.items()}
+            parts = {f"{k}_absolute": v for k, v in absolute.items()}
+            parts |= {f"{k}_relative": v for k, v in relative.items()}
+            parts["objective"] = self.objective(z)
+            return Residuals(
+                # min(NaN, x) depends on the order of its arguments: NaN must win
+                judged={k: float(np.minimum(absolute[k], relative[k])) for k in absolute},
+                parts=parts,
+                flags=() if self.convex else ("stationary",),
+            )

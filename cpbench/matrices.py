@@ -1,0 +1,263 @@
+"""Arrays of the mathematics: one dense form, one sparse form, both read-only, and facts about them.
+
+A matrix is a 2-D ``float64`` array or a canonical ``csr_array`` (sorted indices, duplicates summed). What
+comes in sparse stays sparse. Data of a problem are frozen, so they may be shared between problems, points
+and traces without copies.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cached_property
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import ArrayLike, NDArray
+
+from cpbench.errors import ProblemError
+
+Vector: TypeAlias = NDArray[np.float64]
+Dense: TypeAlias = NDArray[np.float64]
+Sparse: TypeAlias = sp.csr_array
+Matrix: TypeAlias = Dense | Sparse
+
+PSD_TOLERANCE = 1e-8
+"""A symmetric part counts as positive semidefinite when its least eigenvalue is above this times -max|M|."""
+SYMMETRY_TOLERANCE = 1e-12
+"""max|M - Mᵀ| / max|M| below which a matrix counts as symmetric."""
+SINGULAR_RCOND = 1e-13
+"""Reciprocal condition number (1-norm) below which a matrix counts as numerically singular."""
+
+
+# ------------------------------------------------------------------------------------------------ build
+
+
+def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> Vector:
+    """A read-only 1-D float64 copy of `value`; raises ProblemError on another shape, NaN or infinity."""
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as cause:
+        raise ProblemError(label, f"not a vector of numbers ({cause})") from None
+    if array.ndim != 1:
+        raise ProblemError(label, f"must be a vector, has shape {array.shape}")
+    if finite:
+        _require_finite(array, label)
+    return freeze(array)
+
+
+def matrix(value: Any, label: str = "matrix") -> Matrix:
+    """A read-only float64 copy of `value`: 2-D array, or canonical CSR when `value` is sparse."""
+    if sp.issparse(value):
+        csr = sp.csr_array(value, dtype=np.float64, copy=True)
+        csr.sum_duplicates()
+        _require_finite(csr.data, label)
+        return freeze_sparse(csr)
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as cause:
+        raise ProblemError(label, f"not a matrix of numbers ({cause})") from None
+    if array.ndim != 2:
+        raise ProblemError(label, f"must be a matrix, has shape {array.shape}")
+    _require_finite(array, label)
+    return freeze(array)
+
+
+def freeze(array: NDArray[Any]) -> NDArray[Any]:
+    array.setflags(write=False)
+    return array
+
+
+def freeze_sparse(csr: Sparse) -> Sparse:
+    for part in (csr.data, csr.indices, csr.indptr):
+        part.setflags(write=False)
+    return csr
+
+
+def _require_finite(array: NDArray[Any], label: str) -> None:
+    bad = ~np.isfinite(array)
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        place = where[0] if len(where) == 1 else where
+        raise ProblemError(label, f"has {int(bad.sum())} non-finite entries, the first at {place}")
+
+
+# ---------------------------------------------------------------------------------------------- reshape
+
+
+def is_sparse(M: Matrix) -> bool:
+    return sp.issparse(M)
+
+
+def dense(M: Matrix) -> Dense:
+    """`M` as a 2-D array (a view when it is one already)."""
+    return np.asarray(M.toarray()) if sp.issparse(M) else M  # pyright: ignore
+
+
+def sparse(M: Matrix) -> Sparse:
+    """`M` as CSR (itself when it is one already)."""
+    return M if sp.issparse(M) else sp.csr_array(M)  # pyright: ignore
+
+
+def block(rows: list[list[Matrix | None]]) -> Matrix:
+    """[[A, B], [C, D]] from blocks: dense when every block is, CSR as soon as one is sparse."""
+    if any(sp.issparse(b) for row in rows for b in row):
+        return sp.csr_array(sp.block_array(cast(Any, rows), format="csr"))
+    return np.block(cast(Any, rows))
+
+
+def zeros(rows: int, cols: int, like: Matrix) -> Matrix:
+    return sp.csr_array((rows, cols), dtype=np.float64) if sp.issparse(like) else np.zeros((rows, cols))
+
+
+def identity(n: int, like: Matrix) -> Matrix:
+    return sp.csr_array(sp.eye_array(n, format="csr")) if sp.issparse(like) else np.eye(n)
+
+
+def nnz(M: Matrix) -> int:
+    """Stored entries of a sparse matrix, nonzero ones of a dense one."""
+    return int(M.nnz) if sp.issparse(M) else int(np.count_nonzero(M))
+
+
+def digest(M: Matrix | Vector) -> bytes:
+    """A content hash that does not see how a matrix is stored (dense or sparse, explicit zeros)."""
+    h = hashlib.sha256()
+    if isinstance(M, np.ndarray) and M.ndim == 1:
+        h.update(f"vector {M.size};".encode())
+        h.update(np.ascontiguousarray(M + 0.0).tobytes())  # + 0.0 turns -0 into 0
+        return h.digest()
+    csr = sp.csr_array(M, copy=True)
+    csr.sum_duplicates()
+    csr.eliminate_zeros()
+    h.update(f"matrix {csr.shape[0]} {csr.shape[1]};".encode())
+    h.update(csr.indptr.astype(np.int64).tobytes())
+    h.update(csr.indices.astype(np.int64).tobytes())
+    h.update(np.ascontiguousarray(csr.data).tobytes())
+    return h.digest()
+
+
+# ------------------------------------------------------------------------------------------------ facts
+
+
+def max_abs(M: Matrix | Vector) -> float:
+    data = M.data if sp.issparse(M) else np.asarray(M)
+    return float(np.abs(data).max()) if data.size else 0.0
+
+
+def norm(x: Vector) -> float:
+    return float(np.linalg.norm(x))
+
+
+def asymmetry(M: Matrix) -> float:
+    """max|M - Mᵀ| / max|M|, 0 for the zero matrix."""
+    top = max_abs(M)
+    return max_abs(cast(Matrix, M - M.T)) / top if top > 0 else 0.0
+
+
+def is_symmetric(M: Matrix, tolerance: float = SYMMETRY_TOLERANCE) -> bool:
+    return M.shape[0] == M.shape[1] and asymmetry(M) <= tolerance
+
+
+def is_psd(M: Matrix, tolerance: float = PSD_TOLERANCE) -> bool:
+    """Whether the least eigenvalue of (M + Mᵀ)/2 is above -tolerance·max|M|.
+
+    Decided by a factorization of the symmetric part shifted by that amount: Cholesky when dense, SuperLU on
+    diagonal pivots when sparse (all pivots positive means positive definite).
+    """
+    n = M.shape[0]
+    top = max_abs(M)
+    if n == 0 or top == 0.0:
+        return True
+    shift = max(tolerance, 4 * n * np.finfo(float).eps) * top
+    if sp.issparse(M) and n > 300:
+        shifted = sp.csc_array((M + M.T) * 0.5 + shift * sp.eye_array(n))
+        try:
+            lu = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError:
+            return False
+        return bool((lu.perm_r == lu.perm_c).all() and (lu.U.diagonal() > 0).all())
+    D = dense(M)
+    S = (D + D.T) * 0.5
+    S[np.diag_indices(n)] += shift
+    try:
+        sla.cholesky(S, lower=True, overwrite_a=True, check_finite=False)
+    except sla.LinAlgError:
+        return False
+    return True
+
+
+def rank(M: Matrix) -> int:
+    """Numerical rank by singular values (dense; for messages about small blocks)."""
+    return int(np.linalg.matrix_rank(dense(M))) if min(M.shape) else 0
+
+
+class Factorization:
+    """LU of a square matrix, made on first use and remade after pickling; part of a conversion's trace.
+
+    Attributes
+    ----------
+    A : the matrix, the only thing that is stored.
+    """
+
+    def __init__(self, A: Matrix) -> None:
+        if A.shape[0] != A.shape[1]:
+            raise ProblemError("factorization", f"needs a square matrix, has shape {A.shape}")
+        self.A = A
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"A": self.A}
+
+    @property
+    def n(self) -> int:
+        return int(self.A.shape[0])
+
+    @cached_property
+    def _lu(self) -> Any:
+        if sp.issparse(self.A):
+            try:
+                return spla.splu(sp.csc_array(self.A))
+            except RuntimeError:  # SuperLU met an exactly zero pivot
+                return None
+        import warnings
+
+        with warnings.catch_warnings():  # an exact zero pivot is told by rcond
+            warnings.simplefilter("ignore", sla.LinAlgWarning)
+            return sla.lu_factor(self.A, check_finite=False)
+
+    @cached_property
+    def rcond(self) -> float:
+        """Reciprocal condition number in the 1-norm (LAPACK gecon, or Higham–Tisseur's estimate when sparse)."""
+        if self.n == 0:
+            return 1.0
+        anorm = float(abs(self.A).sum(axis=0).max())
+        if anorm == 0.0 or self._lu is None:
+            return 0.0
+        if sp.issparse(self.A):
+            lu = self._lu
+            inverse = spla.LinearOperator(
+                (self.n, self.n),
+                matvec=lu.solve,
+                rmatvec=lambda x: lu.solve(np.ascontiguousarray(x), "T"),
+                matmat=lu.solve,
+                rmatmat=lambda X: lu.solve(np.ascontiguousarray(X), "T"),
+                dtype=np.float64,
+            )
+            inverse_norm = float(spla.onenormest(inverse))
+            return 1.0 / (anorm * inverse_norm) if np.isfinite(inverse_norm) and inverse_norm > 0 else 0.0
+        value, info = sla.lapack.dgecon(self._lu[0], anorm)
+        return float(value) if info == 0 else 0.0
+
+    @property
+    def singular(self) -> bool:
+        return not self.rcond > SINGULAR_RCOND
+
+    def solve(self, B: Any, *, transpose: bool = False) -> Any:
+        """A⁻¹B (A⁻ᵀB with `transpose`) for a vector or a matrix; a sparse B comes back dense."""
+        if self.n == 0:
+            return dense(B) if sp.issparse(B) else np.asarray(B)
+        right = np.ascontiguousarray(dense(B) if sp.issparse(B) else B)
+        if sp.issparse(self.A):
+            return self._lu.solve(right, "T" if transpose else "N")
+        return sla.lu_solve(self._lu, right, trans=1 if transpose else 0, check_finite=False)

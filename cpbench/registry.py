@@ -1,0 +1,105 @@
+"""One registry class for everything that can be plugged in.
+
+A plugin registers itself when its module is imported. The modules of cpbench's own rooms are imported on
+first use (`pkgutil`), those of other packages through the entry-point group ``cpbench.plugins``. An import
+error is never swallowed: a plugin that is broken says so.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterator
+from importlib.metadata import entry_points
+from typing import Generic, TypeVar, cast
+
+from cpbench.errors import DuplicateName, UnknownName
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+PLUGIN_GROUP = "cpbench.plugins"
+_plugins_loaded = False
+
+
+def load_plugins() -> None:
+    """Import every module that another package names under ``cpbench.plugins``, once."""
+    global _plugins_loaded
+    if not _plugins_loaded:
+        _plugins_loaded = True
+        for entry in entry_points(group=PLUGIN_GROUP):
+            entry.load()
+
+
+class Registry(Generic[T]):
+    """Named plugins of one kind, in name order whatever the order of registration.
+
+    Parameters
+    ----------
+    kind : what an item is called in messages ("solver").
+    packages : packages whose modules are imported on first use.
+    """
+
+    def __init__(self, kind: str, *packages: str) -> None:
+        self.kind = kind
+        self._packages = packages
+        self._items: dict[str, T] = {}
+        self._discovered = False
+
+    def add(self, name: str, item: T) -> T:
+        """Register `item`; raises DuplicateName when `name` is taken by another one."""
+        known = self._items.get(name)
+        if known is not None and _home(known) != _home(item):
+            raise DuplicateName(
+                f"{self.kind} '{name}' is defined twice, in {_home(known)} and in {_home(item)}: rename one"
+            )
+        self._items[name] = item
+        return item
+
+    def register(self, name: str) -> Callable[[U], U]:
+        """Decorator form of :meth:`add`; gives back what it decorates, with its own type."""
+
+        def keep(item: U) -> U:
+            self.add(name, cast(T, item))
+            return item
+
+        return keep
+
+    def discover(self) -> None:
+        """Import the registry's packages and the installed plugins, once."""
+        if self._discovered:
+            return
+        self._discovered = True
+        for package in self._packages:
+            module = importlib.import_module(package)
+            for info in pkgutil.iter_modules(module.__path__, f"{package}."):
+                importlib.import_module(info.name)
+        load_plugins()
+
+    def get(self, name: str) -> T:
+        """The item called `name`; raises UnknownName with the nearest names."""
+        self.discover()
+        try:
+            return self._items[name]
+        except KeyError:
+            raise UnknownName(self.kind, name, self._items) from None
+
+    def names(self) -> list[str]:
+        """All names, sorted."""
+        self.discover()
+        return sorted(self._items)
+
+    def __iter__(self) -> Iterator[T]:
+        return (self._items[name] for name in self.names())
+
+    def __contains__(self, name: str) -> bool:
+        self.discover()
+        return name in self._items
+
+    def __len__(self) -> int:
+        return len(self.names())
+
+
+def _home(item: object) -> str:
+    owner = item if isinstance(item, type) or callable(item) else type(item)
+    return f"{getattr(owner, '__module__', '?')}.{getattr(owner, '__qualname__', '?')}"

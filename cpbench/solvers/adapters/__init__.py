@@ -1,0 +1,1 @@
+"""Third-party packages, one a file; the guest is imported inside `solve` only."""

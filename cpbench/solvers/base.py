@@ -1,0 +1,218 @@
+"""Contract of the solvers: a static spec, an obstacle, and a solve that returns a claim, never a verdict."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import importlib.util
+import math
+import traceback
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cache
+from typing import Any, ClassVar, TypeAlias
+
+from cpbench.errors import UnknownName
+from cpbench.formulations.base import Kind, Problem
+from cpbench.matrices import Vector
+from cpbench.registry import Registry
+
+
+class Trait(StrEnum):
+    """What a solver can do, read without running it."""
+
+    SPARSE = "sparse"
+    WARM_START = "warm-start"
+    HISTORY = "history"
+    DETERMINISTIC = "deterministic"
+
+
+class Claim(StrEnum):
+    """What a solver says of its own answer. It is recorded and compared with the verdict, never believed."""
+
+    SOLVED = "solved"
+    INACCURATE = "inaccurate"
+    """Solved, to less than what was asked."""
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    MAX_ITER = "max_iter"
+    FAILED = "failed"
+    """Gave up: ray termination without proof, a breakdown, a stall."""
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """The options of a solver that has none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverSpec:
+    """Everything about a solver that can be read without importing its package.
+
+    Attributes
+    ----------
+    name : registry name. node : the formulation it solves. summary : one line. method : kind of algorithm.
+    requires : import names of the packages it needs, `install` : how to get them.
+    kind : EQUIVALENT, or RELAXATION where the solver drops a term of the law.
+    options : frozen dataclass of typed options with defaults.
+    known_failures : conformance check -> reason, strict (an unexpected pass fails).
+    """
+
+    name: str
+    node: str
+    summary: str
+    method: str
+    citation: str = ""
+    requires: tuple[str, ...] = ()
+    install: str = ""
+    licence: str = "Apache-2.0"
+    publishing: str = ""
+    kind: Kind = Kind.EQUIVALENT
+    traits: frozenset[Trait] = frozenset()
+    options: type = NoOptions
+    known_failures: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """What a solver may use.
+
+    Attributes
+    ----------
+    tolerance : ours: on the judged error of the node's `residuals`. Every adapter documents its translation.
+    seconds : wall-clock limit (enforced from outside; a solver that has one of its own is told).
+    iterations : the most iterations, None for the solver's own bound. seed : for solvers that draw.
+    """
+
+    tolerance: float = 1e-6
+    seconds: float = math.inf
+    iterations: int | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverOutput:
+    """What came out: a claim, an answer if there is one, counters (iterations, pivots, factorizations,
+    matrix_vector_products, projections, ...), a message, and a proof of infeasibility if there is one."""
+
+    claim: Claim
+    point: Any | None = None
+    counters: Mapping[str, int] = field(default_factory=dict)
+    message: str = ""
+    certificate: Vector | None = None
+
+
+Record: TypeAlias = Callable[[int, float], None]
+"""Called by a solver with (iteration, its residual); the receiver keeps the time."""
+
+
+@dataclass(frozen=True)
+class Availability:
+    """Whether a solver can run here: ok, missing (what to install), broken (the traceback) or licence."""
+
+    state: str
+    detail: str = ""
+
+    @property
+    def ok(self) -> bool:
+        return self.state == "ok"
+
+
+class Solver(ABC):
+    """One algorithm or one backend. Instances carry no state."""
+
+    spec: ClassVar[SolverSpec]
+
+    def obstacle(self, problem: Any) -> str | None:
+        """Why this problem is not for this solver (cheap to tell), else None."""
+        return None
+
+    def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
+        """What is done once a problem (change of storage, a model): timed as `setup`, passed to `solve`."""
+        return problem
+
+    @abstractmethod
+    def solve(
+        self, prepared: Any, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+    ) -> SolverOutput:
+        """Solve what `setup` returned. May raise: the message becomes the row of an `error`."""
+
+    def run(
+        self,
+        problem: Problem,
+        budget: Budget | None = None,
+        options: Any = None,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        """`setup` and `solve` in one go, with default budget and options (scripts, tests)."""
+        budget = budget or Budget()
+        options = self.spec.options() if options is None else options
+        return self.solve(self.setup(problem, budget, options), budget, options, start, record)
+
+    def warmup(self) -> None:
+        """Load and compile whatever the first solve would: called once a process, never timed."""
+
+    def version(self) -> str:
+        """Version of the guest package, or of cpbench for native solvers."""
+        return package_version(self.spec.requires[0] if self.spec.requires else "cpbench")
+
+    def availability(self) -> Availability:
+        return probe(self.spec.requires, self.spec.install)
+
+
+@cache
+def probe(requires: tuple[str, ...], install: str) -> Availability:
+    """Import the packages and say what happened; `missing` and `broken` are two things."""
+    for name in requires:
+        if importlib.util.find_spec(name) is None:
+            return Availability("missing", install or f"pip install {name}")
+    for name in requires:
+        try:
+            importlib.import_module(name)
+        except Exception:
+            return Availability("broken", traceback.format_exc(limit=3))
+    return Availability("ok")
+
+
+def package_version(import_name: str) -> str:
+    """Version of the distribution that provides `import_name`, '' when there is none."""
+    from importlib.metadata import PackageNotFoundError, packages_distributions, version
+
+    for distribution in packages_distributions().get(import_name, [import_name]):
+        try:
+            return version(distribution)
+        except PackageNotFoundError:
+            continue
+    return ""
+
+
+def parse_options(spec: SolverSpec, text: Mapping[str, str]) -> Any:
+    """Options dataclass from strings (`omega=1.2`); raises UnknownName or ValueError with the field named."""
+    known = {f.name: f for f in dataclasses.fields(spec.options)}
+    values: dict[str, Any] = {}
+    for key, raw in text.items():
+        if key not in known:
+            raise UnknownName(f"option of {spec.name}", key, known)
+        values[key] = _typed(spec.name, key, raw, known[key].default)
+    return spec.options(**values)
+
+
+def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
+    try:
+        if isinstance(default, bool):
+            return {"true": True, "false": False, "1": True, "0": False}[raw.lower()]
+        return type(default)(raw)
+    except (KeyError, ValueError, TypeError):
+        raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
+
+
+solvers: Registry[Solver] = Registry("solver", "cpbench.solvers.native", "cpbench.solvers.adapters")
+
+
+def register(cls: type[Solver]) -> type[Solver]:
+    """Class decorator: put one instance of the solver into the registry."""
+    solvers.add(cls.spec.name, cls())
+    return cls

@@ -1,0 +1,1 @@
+"""Compiled hot loops (numba, cached) of the native solvers, each with a NumPy reference in the tests."""
