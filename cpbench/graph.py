@@ -163,3 +163,10 @@ def push(problem: Problem, point: Any) -> Any:
     for step in problem.provenance:
         point = make(step.conversion, dict(step.parameters)).push(point, step.trace)
     return point
+
+
+def tolerance(problem: Problem, asked: float, steps: int) -> float:
+    """What to ask of a solver of a converted problem (its last `steps` conversions) to get `asked` on the source."""
+    for step in problem.provenance[len(problem.provenance) - steps :]:
+        asked = make(step.conversion, dict(step.parameters)).tolerance(asked)
+    return asked

@@ -1,1 +1,88 @@
-def main() -> None: ...
+"""The command line. Commands are imported when they are called: `--help` and completion load no numpy."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import traceback
+from typing import Any
+
+import click
+
+from cpbench import __version__
+from cpbench.errors import CpbenchError
+
+COMMANDS = {
+    "run": "Run every reachable solver on every problem, judge the answers, write the report.",
+    "solve": "Solve one problem by one solver, and say what the answer is worth.",
+    "convert": "Convert a problem to another formulation; the file knows the way back.",
+    "lift": "Carry an answer to a converted problem back to its source.",
+    "verify": "Measure an answer on a problem, or judge the kept answers of a results file again.",
+    "info": "Show what is in a problem file.",
+    "route": "Show how a problem reaches a formulation, and why not.",
+    "list": "List formulations, conversions, solvers or formats.",
+    "pack": "Make a problem file from matrices and vectors.",
+    "report": "Write the report of a results file.",
+    "export": "Write the rows or the answers of a results file to other formats.",
+    "generate": "Write the built-in problems again from their formulas, or check them.",
+    "doctor": "Say what works on this machine and how to get what does not.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands live in `cpbench.cli.<name>_command` and are imported on use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        return importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError:
+            import difflib
+
+            near = difflib.get_close_matches(args[0], COMMANDS, n=3)
+            hint = f"did you mean {', '.join(near)}?" if near else f"commands: {', '.join(COMMANDS)}"
+            ctx.fail(f"no command '{args[0]}': {hint}")
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="cpbench")
+def cli() -> None:
+    """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
+
+    `cpbench run` without arguments runs the built-in suite and writes its report to reports/.
+    """
+
+
+def main() -> None:
+    """Entry point: errors in one line; exit codes 0 done, 1 check failed, 2 bad input, 3 internal, 130 interrupted."""
+    try:
+        cli.main(standalone_mode=False)
+    except click.ClickException as usage:
+        click.echo(f"cpbench: {usage.format_message()}", err=True)
+        sys.exit(2)
+    except click.exceptions.Exit as leave:
+        sys.exit(leave.exit_code)
+    except CpbenchError as refusal:
+        click.echo(f"cpbench: {refusal}", err=True)
+        sys.exit(2)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("cpbench: interrupted", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    except Exception:
+        traceback.print_exc()
+        click.echo("cpbench: this is a bug; please report it with the lines above", err=True)
+        sys.exit(3)

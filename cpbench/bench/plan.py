@@ -1,0 +1,176 @@
+"""What to run: every pair of a problem and a solver that a requested route may reach, fixed before the run.
+
+A request names how a solver may be reached: `exact` routes only, a pinned facetization (`inner8`), or routes
+that are merely necessary. The realised route is found while running and recorded beside it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from cpbench.conversions.base import find_via, make
+from cpbench.errors import UnknownName
+from cpbench.formulations.base import Kind
+from cpbench.solvers.base import parse_options, solvers
+
+EXACT_KINDS = (str(Kind.EQUIVALENT), str(Kind.ONE_WAY))
+FACET_NODES = ("lcp", "mlcp")
+"""Where facet routes lead: their LCPs are not symmetric, so that no quadratic program is worth a row."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """One way to reach solvers: allowed kinds, pinned conversions, nodes it is meant for (empty: all)."""
+
+    name: str
+    kinds: tuple[str, ...] = EXACT_KINDS
+    via: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+    nodes: tuple[str, ...] = ()
+
+    def header(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A solver with its options, and the label the tables show."""
+
+    solver: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        given = ",".join(f"{k}={v}" for k, v in sorted(self.options.items()))
+        return f"{self.solver}[{given}]" if given else self.solver
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One row to be: a problem, a request, a solver."""
+
+    address: str
+    problem: str
+    fingerprint: str
+    node: str
+    family: str
+    sizes: Mapping[str, int]
+    request: Request
+    entry: Entry
+    target: str
+    tolerance: float
+    threads: int
+    start: str = "cold"
+
+    @property
+    def key(self) -> str:
+        """Identity of the row: fingerprint, route request, solver, options, tolerance, start, threads."""
+        parts = [
+            self.fingerprint,
+            self.request.name,
+            self.entry.solver,
+            json.dumps(dict(self.entry.options), sort_keys=True),
+            repr(self.tolerance),
+            self.start,
+            str(self.threads),
+        ]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
+
+    @property
+    def label(self) -> str:
+        return self.entry.label if self.request.name == "exact" else f"{self.entry.label}@{self.request.name}"
+
+
+def exact() -> Request:
+    """The default: routes whose every answer is an answer."""
+    return Request("exact")
+
+
+def facets(how: str, count: int) -> list[Request]:
+    """Requests that pin the facetization `how` (inner, outer) with `count` facets."""
+    found = [make(name, {"facets": count}) for name in find_via(how)]
+    if len(found) == 1:
+        return [Request(f"{how}{count}", EXACT_KINDS, ((found[0].name, {"facets": count}),), FACET_NODES)]
+    return [
+        Request(f"{how}{count}-{edge.target}", EXACT_KINDS, ((edge.name, {"facets": count}),), FACET_NODES)
+        for edge in found
+    ]
+
+
+def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
+    """A request through the named conversions, with their knobs where they have them."""
+    steps: list[tuple[str, Mapping[str, Any]]] = []
+    for text in via:
+        names = find_via(text)
+        if len(names) > 1:
+            raise UnknownName("conversion", text, names)
+        known = make(names[0]).parameters
+        steps.append((names[0], {k: v for k, v in parameters.items() if k in known}))
+    name = "+".join(make(n, dict(p)).label for n, p in steps)
+    return Request(name, EXACT_KINDS, tuple(steps))
+
+
+def requests(routes: str, counts: Sequence[int]) -> list[Request]:
+    """The requests of `--routes exact|facets|all` with facet counts."""
+    asked = [exact()]
+    if routes in ("facets", "all"):
+        asked += [r for n in counts for r in facets("inner", n)]
+    if routes == "all":
+        asked += [r for n in counts for r in facets("outer", n)]
+        asked.append(Request("necessary", (*EXACT_KINDS, str(Kind.NECESSARY))))
+    return asked
+
+
+def parse_entry(text: str) -> Entry:
+    """`nsgs` or `nsgs[omega=1.2,shuffle=true]`; raises UnknownName on a solver, an option or a value."""
+    name, _, rest = text.partition("[")
+    spec = solvers.get(name.strip()).spec
+    given: dict[str, str] = {}
+    for item in filter(None, rest.rstrip("]").split(",")):
+        key, _, value = item.partition("=")
+        given[key.strip()] = value.strip()
+    typed = parse_options(spec, given)
+    return Entry(spec.name, {key: getattr(typed, key) for key in given})
+
+
+def pairs(
+    surveys: Iterable[Mapping[str, Any]],
+    entries: Sequence[Entry],
+    asked: Sequence[Request],
+    tolerance: float,
+    threads: int,
+    *,
+    relaxations: bool,
+) -> list[Pair]:
+    """Every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
+
+    The request `necessary` takes only the nodes that no exact route opens.
+    """
+    planned: dict[str, Pair] = {}
+    for survey in surveys:
+        for request in asked:
+            nodes = set(survey["nodes"][request.name])
+            if request.name == "necessary":
+                nodes -= set(survey["nodes"].get("exact", []))
+            for entry in entries:
+                spec = solvers.get(entry.solver).spec
+                if spec.node not in nodes or (spec.kind == Kind.RELAXATION and not relaxations):
+                    continue
+                pair = Pair(
+                    address=survey["address"],
+                    problem=survey["problem"],
+                    fingerprint=survey["fingerprint"],
+                    node=survey["node"],
+                    family=survey["family"],
+                    sizes=survey["sizes"],
+                    request=request,
+                    entry=entry,
+                    target=spec.node,
+                    tolerance=tolerance,
+                    threads=threads,
+                )
+                planned.setdefault(pair.key, pair)
+    return list(planned.values())

@@ -1,0 +1,142 @@
+"""One child process with hard limits: own process group, memory limit, output kept, killed with all its children.
+
+Children come from a forkserver that has the numerical packages loaded, so that a respawn costs milliseconds.
+They die with the runner: the forkserver ends when the runner does, and the kernel then kills its children.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import multiprocessing as mp
+import os
+import resource
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "RAYON_NUM_THREADS",
+)
+PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.worker"]
+_PR_SET_PDEATHSIG = 1
+
+
+class TimedOut(Exception):
+    """No message within the limit."""
+
+
+class Died(Exception):
+    """The child ended: `signal` (a number) or `code`, and the last lines it printed."""
+
+    def __init__(self, code: int | None, output: str) -> None:
+        self.signal = -code if code is not None and code < 0 else None
+        self.code, self.output = code, output
+        super().__init__(self.cause)
+
+    @property
+    def cause(self) -> str:
+        if self.signal is not None:
+            return f"killed by {signal.Signals(self.signal).name}"
+        return f"exited with code {self.code}"
+
+
+def context(threads: int) -> Any:
+    """The forkserver context; thread counts are set before anything numerical is imported."""
+    for variable in THREAD_VARIABLES:
+        os.environ[variable] = str(threads)
+    ctx = mp.get_context("forkserver")
+    ctx.set_forkserver_preload(PRELOAD)
+    return ctx
+
+
+class Child:
+    """A process running `target(connection, *args)` in its own session; what it prints goes to a log in `folder`."""
+
+    def __init__(self, ctx: Any, folder: Path, target: Callable[..., None], args: tuple[Any, ...]) -> None:
+        handle, path = tempfile.mkstemp(dir=folder, suffix=".log")
+        os.close(handle)
+        self._log = Path(path)
+        self._connection, theirs = ctx.Pipe()
+        self._process = ctx.Process(target=_enter, args=(target, theirs, str(self._log), args), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    @property
+    def pid(self) -> int:
+        return int(self._process.pid or 0)
+
+    def send(self, message: bytes) -> None:
+        """Raises Died when nobody listens any more."""
+        try:
+            self._connection.send_bytes(message)
+        except (BrokenPipeError, ConnectionError, OSError):
+            raise self._death() from None
+
+    def receive(self, seconds: float) -> bytes:
+        """The next message; raises TimedOut after `seconds`, Died when the child has ended."""
+        try:
+            if not self._connection.poll(max(seconds, 0.0)):
+                raise TimedOut
+            return self._connection.recv_bytes()
+        except (EOFError, ConnectionError, OSError):
+            raise self._death() from None
+
+    def output(self, characters: int = 2000) -> str:
+        """The end of what the child printed since the last call; the file is emptied."""
+        with contextlib.suppress(OSError):
+            with self._log.open("rb+") as log:
+                size = log.seek(0, os.SEEK_END)
+                log.seek(max(0, size - characters))
+                text = log.read().decode(errors="replace").strip()
+                log.truncate(0)
+            return text
+        return ""
+
+    def kill(self) -> None:
+        """SIGKILL to the whole process group, reaped; the log is removed."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.kill(self.pid, signal.SIGKILL)
+        self._process.join(10.0)
+        self._connection.close()
+        self._log.unlink(missing_ok=True)
+
+    def _death(self) -> Died:
+        deadline = time.monotonic() + 5.0
+        while self._process.exitcode is None and time.monotonic() < deadline:
+            self._process.join(0.05)
+        return Died(self._process.exitcode, self.output())
+
+
+def _enter(target: Callable[..., None], connection: Connection, log: str, args: tuple[Any, ...]) -> None:
+    """First steps of every child: a session of its own, death with its parent, output into the log."""
+    os.setsid()
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to handle
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    descriptor = os.open(log, os.O_WRONLY | os.O_APPEND)
+    os.dup2(descriptor, 1)
+    os.dup2(descriptor, 2)
+    target(connection, *args)
+
+
+def limit_memory(growth: int) -> None:
+    """Let the address space grow by at most `growth` bytes from what it is now (0: no limit)."""
+    if growth > 0 and sys.platform == "linux":
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        limit = pages * resource.getpagesize() + growth
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

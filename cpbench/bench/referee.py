@@ -1,0 +1,218 @@
+"""The process that converts problems, lifts answers and judges them. It shares nothing with the solvers.
+
+It holds one problem at a time, the one whose block of pairs is being run: every conversion of it is done
+once, written to the scratch folder for the solvers to load, and kept here to lift their answers.
+"""
+
+from __future__ import annotations
+
+import io
+import time
+import zlib
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cpbench import graph, storage, verification
+from cpbench.bench import wire
+from cpbench.conversions import Conversion, make
+from cpbench.errors import CpbenchError, PointError
+from cpbench.formulations.base import Kind, Problem
+
+
+def main(connection: Connection, scratch: str) -> None:
+    """Serve `survey`, `prepare` and `judge` until the runner closes the pipe."""
+    referee = Referee(Path(scratch))
+    while True:
+        try:
+            header, vectors = wire.unpack(connection.recv_bytes())
+        except EOFError:
+            return
+        try:
+            reply = getattr(referee, header.pop("command"))(vectors, **header)
+        except CpbenchError as refusal:
+            reply = wire.pack({"event": "refused", "cause": type(refusal).__name__, "message": str(refusal)})
+        except MemoryError:
+            reply = wire.pack({"event": "memory"})
+        except Exception as error:
+            reply = wire.pack({"event": "error", "message": f"{type(error).__name__}: {error}"})
+        connection.send_bytes(reply)
+
+
+@dataclass
+class Prepared:
+    """A problem brought to a node: what solvers load, and what lifts their answers."""
+
+    problem: Problem
+    kind: Kind
+    label: str
+    steps: int
+    seconds: float
+    path: str
+
+
+class Referee:
+    """One problem, its conversions and its judge."""
+
+    def __init__(self, scratch: Path) -> None:
+        self._scratch = scratch
+        self._address = ""
+        self._source: Problem | None = None
+        self._prepared: dict[str, Prepared] = {}
+        self._steps: dict[tuple[str, str], tuple[Problem, float]] = {}
+        self._files = 0
+
+    def survey(self, _: Any, address: str, format: str | None, requests: list[dict[str, Any]]) -> bytes:
+        """What a plan needs to know of a problem, with the nodes whose first edge is open, by request."""
+        problem = self._open(address, format)
+        open_nodes = {r["name"]: self._open_nodes(problem, r) for r in requests}
+        sizes = problem.sizes()
+        return wire.pack(
+            {
+                "event": "surveyed",
+                "problem": problem.name,
+                "fingerprint": problem.fingerprint,
+                "node": problem.node,
+                "family": problem.info.family,
+                "sizes": sizes,
+                "nodes": open_nodes,
+            }
+        )
+
+    def prepare(
+        self, _: Any, address: str, format: str | None, node: str, request: dict[str, Any], tolerance: float
+    ) -> bytes:
+        """Bring the problem to `node` along the request; the reply names the file that solvers load."""
+        problem = self._open(address, format)
+        kinds, via = parse_request(request)
+        seconds: list[float] = []
+
+        def apply(edge: Conversion, p: Problem) -> Problem:
+            converted, spent = self._convert(edge, p)
+            seconds.append(spent)
+            return converted
+
+        arrival = graph.arrive(problem, node, kinds, via, apply)
+        steps = len(arrival.route.steps)
+        path = self._scratch / f"problem-{self._files}.h5"
+        self._files += 1
+        storage.save(arrival.problem, path, compress=False, force=True)
+        ready = Prepared(
+            arrival.problem,
+            arrival.kind,
+            arrival.route.label,
+            steps,
+            sum(seconds[len(seconds) - steps :]),  # the steps of the route taken, not of dead ends before it
+            str(path),
+        )
+        self._prepared[f"{request['name']}>{node}"] = ready
+        return wire.pack(
+            {
+                "event": "prepared",
+                "path": ready.path,
+                "route": ready.label,
+                "kind": str(ready.kind),
+                "convert": ready.seconds,
+                "tolerance": graph.tolerance(ready.problem, tolerance, ready.steps),
+            }
+        )
+
+    def judge(
+        self,
+        vectors: dict[str, Any],
+        address: str,
+        format: str | None,
+        node: str,
+        request: dict[str, Any],
+        claim: str,
+        answered: bool,
+        tolerance: float,
+    ) -> bytes:
+        """Lift the answer, measure it on the problem that was asked, and give the row its status."""
+        source = self._open(address, format)
+        key = f"{request['name']}>{node}"
+        if key not in self._prepared:  # a referee that replaces one that died
+            self.prepare(None, address, format, node, request, tolerance)
+        prepared = self._prepared[key]
+        certificate = vectors.pop("certificate", None)
+        proven = prepared.kind == Kind.EQUIVALENT and verification.certified_infeasible(prepared.problem, certificate)
+        lifted = verified = 0.0
+        answer: Any = None
+        message = ""
+        verdict = verification.no_answer(tolerance)
+        if answered:
+            try:
+                begun = time.perf_counter()
+                target = prepared.problem.point_type(**vectors)
+                prepared.problem.check_point(target)
+                answer = graph.lift(prepared.problem, target, prepared.steps)
+                between = time.perf_counter()
+                verdict = verification.judge(source, answer, tolerance)
+                lifted, verified = between - begun, time.perf_counter() - between
+            except (PointError, TypeError) as refusal:
+                message, answer = f"the answer is none: {refusal}", None
+        status = verification.status(verdict, claim, proven_infeasible=proven)
+        return wire.pack(
+            {
+                "event": "judged",
+                "status": str(verification.Status.ERROR if message else status),
+                "message": message,
+                "error": verdict.error,
+                "flags": list(verdict.flags),
+                "parts": {**verdict.judged, **verdict.parts},
+                "lift": lifted,
+                "verify": verified,
+            },
+            {"answer": _blob(answer)} if answer is not None else None,
+        )
+
+    def _open(self, address: str, format: str | None) -> Problem:
+        if self._address != address or self._source is None:
+            for prepared in self._prepared.values():
+                Path(prepared.path).unlink(missing_ok=True)
+            self._prepared, self._steps, self._source = {}, {}, None
+            self._source = storage.load(address, format=format)
+            self._address = address
+        source = self._source
+        assert source is not None
+        return source
+
+    def _convert(self, edge: Conversion, problem: Problem) -> tuple[Problem, float]:
+        key = (problem.fingerprint, edge.label)
+        if key not in self._steps:
+            begun = time.perf_counter()
+            converted = edge.step(problem)
+            self._steps[key] = (converted, time.perf_counter() - begun)
+        return self._steps[key]
+
+    def _open_nodes(self, problem: Problem, request: dict[str, Any]) -> list[str]:
+        kinds, via = parse_request(request)
+        nodes: list[str] = []
+        for node in graph.formulations.names():
+            if request["nodes"] and node not in request["nodes"]:
+                continue
+            routes = graph.candidates(problem.node, node, kinds, via)
+            if any(not r.steps or r.steps[0].obstacle(problem) is None for r in routes):
+                nodes.append(node)
+        return nodes
+
+
+def parse_request(request: dict[str, Any]) -> tuple[frozenset[Kind], tuple[Conversion, ...]]:
+    """Kinds and pinned conversions of a route request."""
+    via = tuple(make(name, dict(parameters)) for name, parameters in request["via"])
+    return frozenset(Kind(k) for k in request["kinds"]), via
+
+
+def _blob(point: Any) -> bytes:
+    """The answer as one compressed .npy, parts one after the other (`Problem.point_from_vector` splits them)."""
+    buffer = io.BytesIO()
+    np.save(buffer, np.concatenate(list(point.arrays().values())), allow_pickle=False)
+    return zlib.compress(buffer.getvalue(), 1)
+
+
+def unblob(blob: bytes) -> Any:
+    """The vector in a kept answer."""
+    return np.load(io.BytesIO(zlib.decompress(blob)), allow_pickle=False)

@@ -1,0 +1,298 @@
+"""Runs a plan: one referee, one persistent worker a solver, hard limits, every pair a row.
+
+Problems come in a seeded random order, and within the block of a problem its solvers do: a drift of the machine
+then touches all solvers of a problem alike, and every conversion is done once and shared.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cpbench.bench.referee as referee_process
+import cpbench.bench.worker as worker_process
+from cpbench.bench import wire
+from cpbench.bench.plan import Pair, Request
+from cpbench.bench.process import Child, Died, TimedOut, context
+from cpbench.bench.scratch import Scratch
+from cpbench.bench.store import Store
+from cpbench.errors import CpbenchError
+
+GRACE = 0.5
+"""Seconds after the limit at which a process is killed."""
+STARTUP = 600.0
+"""Seconds a worker may take to import its guest and to compile (once a machine)."""
+LOAD_LIMIT = 120.0
+"""Seconds the loading of a problem may take; no solver is charged for it."""
+
+Progress = Callable[[str, "Pair | None", Mapping[str, Any]], None]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Wall-clock seconds and bytes of memory of one solve, threads, repeats of short solves."""
+
+    seconds: float = 10.0
+    memory: int = 4 * 2**30
+    threads: int = 1
+    repeats: int = 3
+
+
+class Surveyed(CpbenchError):
+    """A file was refused while planning; carries (address, reason)."""
+
+
+class Session:
+    """The processes of one run. Use as a context manager; leaving it kills them all."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self._ctx = context(limits.threads)
+        self._scratch = Scratch()
+        self._referee: Child | None = None
+        self._workers: dict[str, Child] = {}
+        self.versions: dict[str, str] = {}
+        self.unavailable: dict[str, tuple[str, str]] = {}
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for child in (*self._workers.values(), self._referee):
+            if child is not None:
+                child.kill()
+        self._scratch.remove()
+
+    # ----------------------------------------------------------------------------------------- referee
+
+    def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
+        """Send the referee a command; the reply's header and vectors. A referee that dies or hangs is replaced."""
+        if self._referee is None:
+            self._referee = Child(self._ctx, self._scratch.folder, referee_process.main, (str(self._scratch.folder),))
+        try:
+            self._referee.send(wire.pack(header, vectors))
+            return wire.unpack(self._referee.receive(seconds))
+        except (TimedOut, Died) as failure:
+            self._referee.kill()
+            self._referee = None
+            event = "timeout" if isinstance(failure, TimedOut) else "died"
+            message = f"no reply within {seconds:g} s" if isinstance(failure, TimedOut) else str(failure)
+            return {"event": event, "message": f"{header['command']}: {message}"}, {}
+
+    def survey(self, address: str, requests: Sequence[Request], format: str | None = None) -> dict[str, Any]:
+        """Facts of a problem for the plan; raises CpbenchError with the reason a file is refused."""
+        reply, _ = self.ask(
+            LOAD_LIMIT, command="survey", address=address, format=format, requests=[r.header() for r in requests]
+        )
+        if reply["event"] != "surveyed":
+            raise Surveyed(reply.get("message", reply["event"]))
+        return {**reply, "address": address}
+
+    # ----------------------------------------------------------------------------------------- workers
+
+    def start(self, names: Iterable[str], progress: Callable[[str], None] = lambda _: None) -> None:
+        """Start the workers and wait until every one has warmed up, so that none disturbs a measurement."""
+        for name in names:
+            progress(name)
+            self._worker(name)
+
+    def _worker(self, name: str) -> Child | None:
+        if name in self.unavailable:
+            return None
+        if name not in self._workers:
+            child = Child(self._ctx, self._scratch.folder, worker_process.main, (name, self.limits.memory))
+            try:
+                reply, _ = wire.unpack(child.receive(STARTUP))
+            except TimedOut:
+                reply = {"event": "unavailable", "state": "broken", "detail": f"no sign of life within {STARTUP:g} s"}
+            except Died as death:
+                reply = {"event": "unavailable", "state": "broken", "detail": f"{death}: {death.output}"}
+            if reply["event"] != "ready":
+                child.kill()
+                self.unavailable[name] = (reply["state"], reply["detail"])
+                return None
+            self._workers[name] = child
+            self.versions[name] = reply["version"]
+        return self._workers[name]
+
+    def _drop(self, name: str) -> None:
+        child = self._workers.pop(name, None)
+        if child is not None:
+            child.kill()
+
+    # -------------------------------------------------------------------------------------------- pairs
+
+    def prepare(self, pair: Pair, format: str | None = None) -> dict[str, Any]:
+        """Bring the pair's problem to its solver's node; the referee's reply, whatever it is."""
+        reply, _ = self.ask(
+            max(self.limits.seconds, LOAD_LIMIT),
+            command="prepare",
+            address=pair.address,
+            format=format,
+            node=pair.target,
+            request=pair.request.header(),
+            tolerance=pair.tolerance,
+        )
+        return reply
+
+    def run(
+        self, pair: Pair, prepared: Mapping[str, Any], format: str | None = None
+    ) -> tuple[dict[str, Any], bytes | None]:
+        """One row (columns of the store) and the kept answer of one pair. Never raises for a solver's faults."""
+        row = _conversion_row(prepared)
+        if row["status"]:
+            return row, None
+        worker = self._worker(pair.entry.solver)
+        if worker is None:
+            state, detail = self.unavailable[pair.entry.solver]
+            return {**row, "status": "unavailable", "message": f"{state}: {detail}"}, None
+        row["version"] = self.versions[pair.entry.solver]
+        limit = self.limits.seconds
+        try:
+            worker.output()
+            worker.send(
+                wire.pack(
+                    {
+                        "path": prepared["path"],
+                        "budget": {"tolerance": prepared["tolerance"], "seconds": limit},
+                        "options": dict(pair.entry.options),
+                        "repeats": self.limits.repeats,
+                    }
+                )
+            )
+            reply, _ = wire.unpack(worker.receive(LOAD_LIMIT))
+            if reply["event"] == "loaded":
+                row["load"] = reply["load"]
+                reply, vectors = wire.unpack(worker.receive(limit + GRACE))
+                if reply["event"] == "result":
+                    return self._judged(pair, row, reply, vectors, worker, format)
+        except TimedOut:
+            self._drop(pair.entry.solver)
+            return {**row, "status": "timeout", "message": f"killed after {limit:g} s", "solve": limit}, None
+        except Died as death:
+            self._drop(pair.entry.solver)
+            out_of_memory = "bad_alloc" in death.output or "MemoryError" in death.output
+            status = "memout" if out_of_memory else "crash"
+            message = f"{death.cause}: {death.output[-500:]}" if death.output else death.cause
+            return {**row, "status": status, "message": message, "signal": death.signal}, None
+        except wire.WireError as noise:
+            self._drop(pair.entry.solver)
+            return {**row, "status": "error", "message": str(noise)}, None
+        if reply["event"] == "memory":
+            self._drop(pair.entry.solver)  # what is left of its memory is not worth trusting
+            return {**row, "status": "memout", "message": f"over {self.limits.memory} bytes"}, None
+        status = "unsupported" if reply["event"] == "unsupported" else "error"
+        return {**row, "status": status, "message": reply.get("message", reply["event"])}, None
+
+    def _judged(
+        self,
+        pair: Pair,
+        row: dict[str, Any],
+        result: dict[str, Any],
+        vectors: dict[str, Any],
+        worker: Child,
+        format: str | None,
+    ) -> tuple[dict[str, Any], bytes | None]:
+        setups, solves = [result["setup"]], [result["solve"]]
+        if self.limits.repeats > 1 and result["setup"] + result["solve"] < worker_process.SHORT:
+            repeats, _ = wire.unpack(worker.receive(self.limits.repeats * (self.limits.seconds + GRACE)))
+            setups += [t[0] for t in repeats.get("times", [])]
+            solves += [t[1] for t in repeats.get("times", [])]
+        reply, extra = self.ask(
+            max(self.limits.seconds, LOAD_LIMIT),
+            vectors,
+            command="judge",
+            address=pair.address,
+            format=format,
+            node=pair.target,
+            request=pair.request.header(),
+            claim=result["claim"],
+            answered=result["answered"],
+            tolerance=pair.tolerance,
+        )
+        row |= {
+            "claim": result["claim"],
+            "counters": json.dumps(result["counters"]),
+            "setup": statistics.median(setups),
+            "solve": statistics.median(solves),
+            "cpu": result["cpu"],
+            "repeats": len(solves),
+            "solve_min": min(solves),
+            "solve_iqr": _iqr(solves),
+        }
+        if reply["event"] != "judged":
+            message = f"the answer could not be judged: {reply.get('message', reply['event'])}"
+            return {**row, "status": "error", "message": message}, None
+        row |= {
+            "status": reply["status"],
+            "message": "; ".join(filter(None, (reply["message"], result["message"]))),
+            "error": reply["error"],
+            "flags": ",".join(reply["flags"]),
+            "parts": json.dumps(reply["parts"]),
+            "lift": reply["lift"],
+            "verify": reply["verify"],
+        }
+        if result["setup"] + result["solve"] > self.limits.seconds:
+            row |= {"status": "timeout", "message": f"answered after the limit of {self.limits.seconds:g} s"}
+        return row, extra.get("answer")
+
+
+def execute(
+    session: Session,
+    store: Store,
+    planned: Sequence[Pair],
+    seed: int,
+    progress: Progress = lambda event, pair, row: None,
+    format: str | None = None,
+) -> None:
+    """Run every planned pair that the store has not run yet."""
+    pending = store.pending()
+    todo = [p for p in planned if p.key in pending]
+    if not todo:
+        return
+    names = sorted({p.entry.solver for p in todo})
+    session.start(names, lambda name: progress("start", None, {"solver": name}))
+    draw = random.Random(seed)
+    blocks: dict[str, list[Pair]] = {}
+    for pair in sorted(todo, key=lambda p: p.key):
+        blocks.setdefault(pair.address, []).append(pair)
+    addresses = sorted(blocks)
+    draw.shuffle(addresses)
+    for address in addresses:
+        block = blocks[address]
+        draw.shuffle(block)
+        prepared: dict[tuple[str, str], dict[str, Any]] = {}
+        for pair in block:
+            where = (pair.request.name, pair.target)
+            if where not in prepared:
+                prepared[where] = session.prepare(pair, format)
+            progress("solve", pair, {})
+            row, answer = session.run(pair, prepared[where], format)
+            store.finish(pair.key, {**row, "finished": time.strftime("%Y-%m-%dT%H:%M:%S")}, answer)
+            progress("done", pair, row)
+
+
+def _conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of a row that the conversion decides; `status` is empty when a solver may go on."""
+    event = prepared["event"]
+    if event == "prepared":
+        return {
+            "status": "",
+            "route": prepared["route"],
+            "kind": prepared["kind"],
+            "convert": prepared["convert"],
+        }
+    status = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}.get(event, "error")
+    return {"status": status, "message": f"conversion: {prepared.get('message', event)}"}
+
+
+def _iqr(values: Sequence[float]) -> float:
+    if len(values) < 2:
+        return 0.0
+    quartiles = statistics.quantiles(values, n=4, method="inclusive")
+    return quartiles[2] - quartiles[0]

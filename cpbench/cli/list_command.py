@@ -1,0 +1,56 @@
+"""`cpbench list`."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command()
+@click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems"]))
+def command(what: str) -> None:
+    """List formulations, conversions, solvers, formats, or the built-in problems."""
+    for line in {
+        "formulations": _formulations,
+        "conversions": _conversions,
+        "solvers": _solvers,
+        "formats": _formats,
+        "problems": _problems,
+    }[what]():
+        click.echo(line)
+
+
+def _formulations() -> list[str]:
+    from cpbench.formulations import formulations
+
+    return [f"{cls.node:<6} {cls.title} {cls.equation}" for cls in formulations]
+
+
+def _conversions() -> list[str]:
+    from cpbench.graph import edges
+
+    return [f"{e.name:<22} {e.source:>5} -> {e.target:<5} {e.kind:<12} {e.equation}" for e in edges()]
+
+
+def _solvers() -> list[str]:
+    from cpbench.solvers.base import solvers
+
+    rows: list[str] = []
+    for solver in solvers:
+        spec, state = solver.spec, solver.availability()
+        note = "" if state.ok else f"  [{state.state}: {state.detail.splitlines()[-1]}]"
+        rows.append(f"{spec.name:<20} {spec.node:<5} {spec.method}: {spec.summary}{note}")
+    return rows
+
+
+def _formats() -> list[str]:
+    from cpbench.storage import formats
+
+    return [f"{f.name:<18} {', '.join(f.suffixes):<14} {f.summary}" for f in formats]
+
+
+def _problems() -> list[str]:
+    from cpbench import storage
+    from cpbench.generators.collection import builtin_folder
+
+    folder = builtin_folder()
+    return [address.removeprefix(f"{folder}/") for address in storage.problem_files([str(folder)])]

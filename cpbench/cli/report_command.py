@@ -1,0 +1,27 @@
+"""`cpbench report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cpbench.bench.store import Store
+
+
+@click.command()
+@click.argument("results", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder (default: reports/NAME).")
+@click.option("--title", help="Title of the report (default: name of the results file).")
+def command(results: Path, output: Path | None, title: str | None) -> None:
+    """Write the report of a results file: Markdown, figures, CSV."""
+    from cpbench.report.markdown import write_report
+
+    store = Store(results)
+    try:
+        path = write_report(
+            store.table(), store.meta(), output or Path("reports") / results.stem, title or results.stem
+        )
+    finally:
+        store.close()
+    click.echo(f"report: {path}")

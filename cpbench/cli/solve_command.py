@@ -1,0 +1,102 @@
+"""`cpbench solve`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from cpbench import storage
+from cpbench.bench import plan
+from cpbench.bench.referee import unblob
+from cpbench.bench.runner import Limits, Session
+from cpbench.cli.options import Counts, force_option, format_option, limit_options, number, tolerance_option
+from cpbench.errors import NoRoute
+
+
+@click.command()
+@click.argument("problem")
+@click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver (cpbench list solvers).")
+@click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion.")
+@click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
+@click.option("--routes", type=click.Choice(["exact", "all"]), default="exact", show_default=True)
+@tolerance_option
+@limit_options
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the answer (.h5, .npy, .csv).")
+@click.option("--json", "as_json", is_flag=True, help="Print the row as JSON.")
+@format_option
+@force_option
+def command(
+    problem: str,
+    solver: str,
+    via: tuple[str, ...],
+    facets: tuple[int, ...],
+    routes: str,
+    tolerance: float,
+    timeout: float,
+    memory: int,
+    threads: int,
+    output: Path | None,
+    as_json: bool,
+    file_format: str | None,
+    force: bool,
+) -> None:
+    """Solve one problem by one solver, in a process of its own, and say what the answer is worth."""
+    entry = plan.parse_entry(solver)
+    if via:
+        asked = [plan.pinned(via, {"facets": facets[0]})]
+    else:
+        asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
+    with Session(Limits(timeout, memory, threads, repeats=1)) as session:
+        survey = session.survey(problem, asked, file_format)
+        pairs = plan.pairs([survey], [entry], asked, tolerance, threads, relaxations=routes == "all" or not via)
+        if not pairs:
+            raise NoRoute(
+                f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
+            )
+        pair = pairs[0]
+        row, answer = session.run(pair, session.prepare(pair, file_format), file_format)
+    if as_json:
+        click.echo(json.dumps({"problem": pair.problem, "solver": pair.label, **row}))
+    else:
+        _print(pair, row)
+    if answer is not None and output is not None:
+        from cpbench.cli.lift_command import write_answer
+
+        asked_problem = storage.load(problem, format=file_format)
+        point = asked_problem.point_from_vector(unblob(answer))
+        write_answer(
+            point,
+            output,
+            node=pair.node,
+            fingerprint=pair.fingerprint,
+            name=pair.problem,
+            force=force,
+        )
+        click.echo(f"answer: {output}", err=as_json)
+    elif output is not None:
+        click.echo("no answer to write", err=True)
+        sys.exit(1)
+
+
+def _print(pair: plan.Pair, row: dict[str, Any]) -> None:
+    click.echo(f"{pair.problem} ({pair.node}) by {pair.label}: {row['status']}")
+    if row.get("route"):
+        click.echo(f"  route      {row['route']} ({row['kind']})")
+    if row.get("error") is not None:
+        click.echo(f"  error      {number(row['error'])}, asked for {number(pair.tolerance)}; claimed {row['claim']}")
+    if row.get("flags"):
+        click.echo(f"  flags      {row['flags']}")
+    for name, value in json.loads(row.get("parts") or "{}").items():
+        click.echo(f"    {name:<28} {number(value)}")
+    times = {k: row[k] for k in ("load", "convert", "setup", "solve", "lift", "verify") if row.get(k) is not None}
+    if times:
+        click.echo("  seconds    " + ", ".join(f"{k} {number(v)}" for k, v in times.items()))
+    counters = json.loads(row.get("counters") or "{}")
+    if counters:
+        click.echo("  counters   " + ", ".join(f"{k} {v}" for k, v in counters.items()))
+    if row.get("message"):
+        click.echo(f"  message    {row['message']}")
