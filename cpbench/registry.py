@@ -1,34 +1,51 @@
 """One registry class for everything that can be plugged in.
 
 A plugin registers itself when its module is imported. The modules of cpbench's own rooms are imported on
-first use (`pkgutil`), those of other packages through the entry-point group ``cpbench.plugins``. An import
-error is never swallowed: a plugin that is broken says so.
+first use (`pkgutil`), those of other packages through the entry-point group ``cpbench.plugins``, and single
+files through the environment variable ``CPBENCH_PLUGINS`` (paths, separated as in PATH). An import error is
+never swallowed: a plugin that is broken says so.
 """
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import os
 import pkgutil
+import sys
 from collections.abc import Callable, Iterator
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Generic, TypeVar, cast
 
-from cpbench.errors import DuplicateName, UnknownName
+from cpbench.errors import DuplicateName, FormatError, UnknownName
 
 T = TypeVar("T")
 U = TypeVar("U")
 
 PLUGIN_GROUP = "cpbench.plugins"
+PLUGIN_FILES = "CPBENCH_PLUGINS"
 _plugins_loaded = False
 
 
 def load_plugins() -> None:
-    """Import every module that another package names under ``cpbench.plugins``, once."""
+    """Import every module named under ``cpbench.plugins`` and every file in ``CPBENCH_PLUGINS``, once."""
     global _plugins_loaded
     if not _plugins_loaded:
         _plugins_loaded = True
         for entry in entry_points(group=PLUGIN_GROUP):
             entry.load()
+        for path in filter(None, os.environ.get(PLUGIN_FILES, "").split(os.pathsep)):
+            _import_file(Path(path))
+
+
+def _import_file(path: Path) -> None:
+    spec = importlib.util.spec_from_file_location(f"cpbench_plugin_{path.stem}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FormatError(path, "", "is no Python file, but CPBENCH_PLUGINS or --plugin names it")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
 
 
 class Registry(Generic[T]):

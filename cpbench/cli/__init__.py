@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import traceback
 from typing import Any
@@ -11,6 +12,7 @@ import click
 
 from cpbench import __version__
 from cpbench.errors import CpbenchError
+from cpbench.registry import PLUGIN_FILES
 
 COMMANDS = {
     "run": "Run every reachable solver on every problem, judge the answers, write the report.",
@@ -57,11 +59,16 @@ class LazyGroup(click.Group):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="cpbench")
-def cli() -> None:
+@click.option("--plugin", "plugins", multiple=True, metavar="FILE.py", help="Load solvers, conversions, ... from a file.")
+def cli(plugins: tuple[str, ...]) -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 
     `cpbench run` without arguments runs the built-in suite and writes its report to reports/.
     """
+    if plugins:  # through the environment, so that the worker processes load them too
+        before = os.environ.get(PLUGIN_FILES)
+        given = [os.path.abspath(p) for p in plugins]
+        os.environ[PLUGIN_FILES] = os.pathsep.join([*([before] if before else []), *given])
 
 
 def main() -> None:

@@ -1,0 +1,57 @@
+"""Solvers that misbehave in every way the runner must survive; a plugin file, loaded by `--plugin`."""
+
+import ctypes
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+
+from cpbench.formulations import LCPPoint
+from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, register
+
+
+def _faulty(name, misbehave):
+    def solve(self, prepared, budget, options, start=None, record=None):
+        return misbehave(prepared)
+
+    spec = SolverSpec(name=f"faulty-{name}", node="lcp", summary=f"always {name}", method="fault")
+    register(type(f"Faulty{name.title().replace('-', '')}", (Solver,), {"spec": spec, "solve": solve}))
+
+
+def _claim(z):
+    return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z=z))
+
+
+def _hang(problem):
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    while True:
+        time.sleep(3600)
+
+
+def _eat(problem):
+    hoard = []
+    while True:
+        hoard.append(np.ones(2**22))  # 32 MiB that are really written
+
+
+def _children(problem):
+    for _ in range(5):
+        if os.fork() == 0:
+            time.sleep(3600)
+    time.sleep(3600)
+
+
+_faulty("abort", lambda p: os.abort())
+_faulty("segfault", lambda p: ctypes.string_at(0))
+_faulty("exit", lambda p: sys.exit(3))
+_faulty("hang", _hang)
+_faulty("children", _children)
+_faulty("raise", lambda p: 1 / 0)
+_faulty("nan", lambda p: _claim(np.full(p.q.size, np.nan)))
+_faulty("liar", lambda p: _claim(np.zeros(p.q.size)))
+_faulty("short", lambda p: _claim(np.zeros(p.q.size + 1)))
+_faulty("nothing", lambda p: SolverOutput(claim=Claim.SOLVED))
+_faulty("eat", _eat)
+_faulty("noise", lambda p: (os.write(1, b"noise\n" * 1000), _claim(np.linalg.solve(p.M, -p.q)))[1])
