@@ -1,0 +1,179 @@
+"""What all QP backends share: what is refused, how an end becomes a claim and an answer a point."""
+
+from __future__ import annotations
+
+import warnings
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.linalg as sla
+
+from cpbench import matrices
+from cpbench.formulations.qp import QP
+from cpbench.matrices import Matrix
+from cpbench.solvers.adapters.qp_standard_form import StandardForm, standard_form
+from cpbench.solvers.adapters.qp_tolerances import Settings, translate
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, package_version
+
+DENSE_LIMIT = 4000
+"""Most unknowns that a backend with dense storage is given."""
+DENSE_BYTES = 0.5e9
+"""Most memory that its matrices may take."""
+EIGENVALUE_LIMIT = 1000
+"""Most unknowns for which a refusal also computes the least eigenvalue (O(n³), about 0.1 s at 1000)."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a backend returned: its own word for how it ended, x and the multipliers, counters."""
+
+    status: str
+    x: Any | None = None
+    z: Any | None = None
+    y: Any | None = None
+    z_box: Any | None = None
+    counters: Mapping[str, int] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+class QPBackend(Solver):
+    """One QP backend.
+
+    Attributes
+    ----------
+    sparse : True for csc matrices always, False for dense always, None for what the problem has.
+    bounds_as_rows : the backend knows no bounds (or qpsolvers stacks them, infinite ones included).
+    definite : it needs Q positive definite.
+    never_unconstrained : qpsolvers would not call it without a constraint.
+    claims : its own words -> our claims; every other word is FAILED.
+    """
+
+    sparse: ClassVar[bool | None] = True
+    bounds_as_rows: ClassVar[bool] = False
+    definite: ClassVar[bool] = False
+    never_unconstrained: ClassVar[bool] = False
+    claims: ClassVar[Mapping[str, Claim]] = {}
+
+    @abstractmethod
+    def call(self, form: StandardForm, settings: Settings) -> Answer:
+        """Run the backend; its exceptions pass through."""
+
+    def obstacle(self, problem: QP) -> str | None:
+        n = problem.p.size
+        if n == 0:
+            return "has no unknown (n = 0): there is nothing to minimise"
+        if self.sparse is False:
+            bounds = int(np.isfinite(problem.lb).sum() + np.isfinite(problem.ub).sum()) if self.bounds_as_rows else 0
+            size = 8 * n * (n + problem.b.size + problem.d.size + bounds)
+            if n > DENSE_LIMIT or size > DENSE_BYTES:
+                return (
+                    f"keeps dense matrices: n = {n} with {problem.b.size + problem.d.size} constraints takes "
+                    f"{size / 1e9:.1f} GB (at most {DENSE_LIMIT} unknowns and {DENSE_BYTES / 1e9:.1f} GB); "
+                    "use a sparse backend (clarabel, osqp, piqp)"
+                )
+        if not problem.convex:
+            return f"not convex: Q has a negative eigenvalue{_least_eigenvalue(problem.Q)}"
+        if self.definite and not _positive_definite(problem.Q):
+            return (
+                f"needs Q positive definite, Q is singular{_least_eigenvalue(problem.Q)}; "
+                "use clarabel, piqp or proxqp, which take a semidefinite Q"
+            )
+        return None
+
+    def setup(self, problem: QP, budget: Budget, options: Any) -> StandardForm:
+        sparse = self.sparse
+        if sparse is None:
+            sparse = any(matrices.is_sparse(M) for M in (problem.Q, problem.A, problem.C))
+        return standard_form(
+            problem,
+            sparse=sparse,
+            bounds_as_rows=self.bounds_as_rows,
+            never_unconstrained=self.never_unconstrained,
+        )
+
+    def solve(
+        self,
+        prepared: StandardForm,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        answer = self.call(prepared, translate(self.spec.name, budget))
+        claim = self.claims.get(answer.status, Claim.FAILED)
+        point = None
+        # with these claims x is a ray or the last iterate of a proof, not an answer
+        if answer.x is not None and claim not in (Claim.INFEASIBLE, Claim.UNBOUNDED):
+            point = prepared.point(answer.x, answer.z, answer.y, answer.z_box)
+        message = "; ".join((answer.status, *answer.remarks))
+        return SolverOutput(claim=claim, point=point, counters=dict(answer.counters), message=message)
+
+    def warmup(self) -> None:
+        one = np.ones((1, 1))
+        self.run(QP.build(Q=one, p=-np.ones(1), A=one, b=np.zeros(1), C=None, lb=np.zeros(1), ub=2 * np.ones(1)))
+
+    def version(self) -> str:
+        return package_version(self.spec.requires[-1])
+
+
+class QPSolversBackend(QPBackend):
+    """A backend called through the function that qpsolvers has for it."""
+
+    @abstractmethod
+    def guest_function(self) -> Any:
+        """qpsolvers' `<backend>_solve_problem`; importing it imports every backend that is installed."""
+
+    @abstractmethod
+    def status(self, solution: Any, settings: Settings) -> str:
+        """The backend's own word for how it ended."""
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        return {}
+
+    def setup(self, problem: QP, budget: Budget, options: Any) -> StandardForm:
+        form = super().setup(problem, budget, options)
+        assert form.guest is not None  # made here, so that it is not timed as part of the solve
+        return form
+
+    def call(self, form: StandardForm, settings: Settings) -> Answer:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            solution = self.guest_function()(form.guest, **settings)
+        status = self.status(solution, settings)
+        return Answer(
+            status=status,
+            x=solution.x,
+            z=solution.z,
+            y=solution.y,
+            z_box=solution.z_box,
+            counters=self.counters(solution),
+            # qpsolvers warns of every end that is not a solution; what only repeats the status is left out
+            remarks=tuple(
+                text
+                for w in caught
+                if issubclass(w.category, UserWarning) and status.lower() not in (text := str(w.message)).lower()
+            ),
+        )
+
+
+def _positive_definite(Q: Matrix) -> bool:
+    """Whether Q minus rounding (n·eps·max|Q|) still has a Cholesky factorization."""
+    n = Q.shape[0]
+    D = np.array(matrices.dense(Q))
+    D[np.diag_indices(n)] -= n * np.finfo(float).eps * matrices.max_abs(Q)
+    try:
+        sla.cholesky(D, lower=True, overwrite_a=True, check_finite=False)
+    except sla.LinAlgError:
+        return False
+    return True
+
+
+def _least_eigenvalue(Q: Matrix) -> str:
+    n = Q.shape[0]
+    if n > EIGENVALUE_LIMIT:
+        return ""
+    least = float(sla.eigvalsh(matrices.dense(Q), subset_by_index=[0, 0], check_finite=False)[0])
+    return f" (least eigenvalue {least:.1e}, max|Q| = {matrices.max_abs(Q):.1e})"

@@ -1,0 +1,131 @@
+"""The one table that turns our budget into the settings of each QP backend.
+
+Our tolerance ε asks every judged number of a QP answer (stationarity, primal and dual violation, duality gap, in
+the ∞-norm, on the problem as it was asked) for min(absolute, relative) ≤ ε, that is error ≤ ε·max(1, scale).
+No backend is left at its default; what a backend lacks (a time limit, a tolerance) is said in its row.
+
+A criterion error ≤ a + r·scale with a = r = ε/2 implies ours. The factors below are smaller where a backend's
+scale differs from ours (a norm of the whole of Aᵀλ + Cᵀμ + ν instead of its terms, a 2-norm, a preconditioned
+problem) and extra accuracy is cheap.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from cpbench.solvers.base import Budget
+
+Settings: TypeAlias = dict[str, Any]
+
+
+def translate(backend: str, budget: Budget) -> Settings:
+    """Settings of `backend` for `budget`; raises KeyError on a backend that is not in the table."""
+    return TABLE[backend](budget)
+
+
+def _limits(budget: Budget, iterations: str, default: int, seconds: str = "") -> Settings:
+    """The iteration limit, and the time limit where the backend has one and the budget's is finite."""
+    limits: Settings = {iterations: default if budget.iterations is None else budget.iterations}
+    if seconds and math.isfinite(budget.seconds):
+        limits[seconds] = budget.seconds
+    return limits
+
+
+def _clarabel(budget: Budget) -> Settings:
+    """Residuals relative to max(1, norms of data and iterates), gap absolute or relative: a tenth of ε, at the
+    price of one more iteration of the quadratic end phase."""
+    e = 0.1 * budget.tolerance
+    return {"tol_feas": e, "tol_gap_abs": e, "tol_gap_rel": e} | _limits(budget, "max_iter", 200, "time_limit")
+
+
+def _piqp(budget: Budget) -> Settings:
+    """error ≤ eps_abs + eps_rel·scale, in the ∞-norm, gap likewise. No time limit."""
+    e = 0.1 * budget.tolerance
+    gap = {"check_duality_gap": True, "eps_duality_gap_abs": e, "eps_duality_gap_rel": e}
+    return {"eps_abs": e, "eps_rel": e} | gap | _limits(budget, "max_iter", 250)
+
+
+def _cvxopt(budget: Budget) -> Settings:
+    """2-norm residuals relative to max(1, ‖data‖), gap absolute or relative. No time limit."""
+    e = 0.1 * budget.tolerance
+    return {"feastol": e, "abstol": e, "reltol": e} | _limits(budget, "maxiters", 200)
+
+
+def _ecos(budget: Budget) -> Settings:
+    """On the second-order cone form ‖(x, t)‖ a gap δ leaves a stationarity of order √δ: the gap gets ε², not below
+    1e-14 where it only stalls. No time limit."""
+    gap = max(budget.tolerance**2, 1e-14)
+    return {"feastol": 0.1 * budget.tolerance, "abstol": gap, "reltol": gap} | _limits(budget, "max_iters", 200)
+
+
+def _osqp(budget: Budget) -> Settings:
+    """error ≤ eps_abs + eps_rel·scale in the ∞-norm; the scale of the dual residual is a norm of the sum
+    Aᵀλ + Cᵀμ + ν: a quarter of ε. The gap is only checked when asked for. ADMM may need many cheap iterations."""
+    e = 0.25 * budget.tolerance
+    return {"eps_abs": e, "eps_rel": e, "check_dualgap": True, "raise_error": False} | _limits(
+        budget, "max_iter", 200_000, "time_limit"
+    )
+
+
+def _scs(budget: Budget) -> Settings:
+    """As OSQP, gap included; eps_infeas decides when a certificate counts."""
+    e = 0.25 * budget.tolerance
+    return {"eps_abs": e, "eps_rel": e, "eps_infeas": min(e, 1e-7)} | _limits(
+        budget, "max_iters", 200_000, "time_limit_secs"
+    )
+
+
+def _proxqp(budget: Budget) -> Settings:
+    """Absolute residuals only (eps_rel = 0); the gap, checked when asked for, absolute or relative. The signs of
+    the multipliers are no part of its test. No time limit."""
+    e = 0.1 * budget.tolerance
+    gap = {"check_duality_gap": True, "eps_duality_gap_abs": e, "eps_duality_gap_rel": e}
+    return {"eps_abs": e, "eps_rel": 0.0} | gap | _limits(budget, "max_iter", 10_000)
+
+
+def _qpalm(budget: Budget) -> Settings:
+    """error ≤ eps_abs + eps_rel·scale, no gap: a tenth of ε."""
+    e = 0.1 * budget.tolerance
+    return {"eps_abs": e, "eps_rel": e} | _limits(budget, "max_iter", 10_000, "time_limit")
+
+
+def _daqp(budget: Budget) -> Settings:
+    """Active set: the primal violation that ends it gets a tenth of ε; its multipliers keep their sign to 1e-12.
+    A singular Q is regularised by proximal steps of 1e-6, only where needed (that is what the minus says): a
+    size that follows ε was measured to be no better."""
+    return {"primal_tol": 0.1 * budget.tolerance, "dual_tol": 1e-12, "eps_prox": -1e-6} | _limits(
+        budget, "iter_limit", 10_000, "time_limit"
+    )
+
+
+def _highs(budget: Budget) -> Settings:
+    """Absolute feasibilities, 1e-10 at least (HiGHS refuses less). The regularization of the Hessian is the real
+    limit: it leaves a stationarity of its size times |z|, and a singular Q fails when it is made too small."""
+    e = max(0.1 * budget.tolerance, 1e-10)
+    return {
+        "primal_feasibility_tolerance": e,
+        "dual_feasibility_tolerance": e,
+        "qp_regularization_value": min(0.1 * budget.tolerance, 1e-7),
+    } | _limits(budget, "qp_iteration_limit", 100_000, "time_limit")
+
+
+def _quadprog(budget: Budget) -> Settings:
+    """Exact active set in machine precision: it has no tolerance, no iteration limit and no time limit."""
+    return {}
+
+
+TABLE: Mapping[str, Callable[[Budget], Settings]] = {
+    "clarabel": _clarabel,
+    "cvxopt": _cvxopt,
+    "daqp": _daqp,
+    "ecos": _ecos,
+    "highs": _highs,
+    "osqp": _osqp,
+    "piqp": _piqp,
+    "proxqp": _proxqp,
+    "qpalm": _qpalm,
+    "quadprog": _quadprog,
+    "scs": _scs,
+}

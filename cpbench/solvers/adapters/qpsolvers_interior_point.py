@@ -1,0 +1,159 @@
+"""Interior-point QP backends, called through qpsolvers: clarabel, cvxopt, ecos, piqp."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cpbench.solvers.adapters.qp_backend import QPSolversBackend
+from cpbench.solvers.adapters.qp_tolerances import Settings
+from cpbench.solvers.base import Claim, SolverSpec, Trait, register
+
+
+@register
+class Clarabel(QPSolversBackend):
+    spec = SolverSpec(
+        name="clarabel",
+        node="qp",
+        summary="interior point on the homogeneous embedding, sparse, in Rust",
+        method="interior point",
+        citation="Goulart and Chen, Clarabel: an interior-point solver for conic programs, arXiv 2405.12762",
+        requires=("qpsolvers", "clarabel"),
+        install="pip install qpsolvers clarabel",
+        licence="Apache-2.0",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+    )
+    bounds_as_rows = True
+    never_unconstrained = True
+    claims = {
+        "Solved": Claim.SOLVED,
+        "AlmostSolved": Claim.INACCURATE,
+        "PrimalInfeasible": Claim.INFEASIBLE,
+        "AlmostPrimalInfeasible": Claim.INFEASIBLE,
+        "DualInfeasible": Claim.UNBOUNDED,
+        "AlmostDualInfeasible": Claim.UNBOUNDED,
+        "MaxIterations": Claim.MAX_ITER,
+        "MaxTime": Claim.MAX_ITER,
+    }
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.clarabel_ import clarabel_solve_problem
+
+        return clarabel_solve_problem
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        return str(solution.extras["status"])
+
+
+@register
+class Cvxopt(QPSolversBackend):
+    spec = SolverSpec(
+        name="cvxopt",
+        node="qp",
+        summary="primal-dual path following with Nesterov-Todd scaling, dense and sparse",
+        method="interior point",
+        citation="Vandenberghe, The CVXOPT linear and quadratic cone program solvers, 2010",
+        requires=("qpsolvers", "cvxopt"),
+        install="pip install cpbench[gpl]",
+        licence="GPL-3.0-or-later",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+    )
+    sparse = None
+    bounds_as_rows = True
+    claims = {"optimal": Claim.SOLVED, "iteration limit": Claim.MAX_ITER}
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.cvxopt_ import cvxopt_solve_problem
+
+        return cvxopt_solve_problem
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        # "unknown" is all it says of a singular KKT matrix and of the iteration limit alike
+        stopped = solution.extras.get("iterations", 0) >= settings["maxiters"]
+        return "iteration limit" if stopped and not solution.found else solution.extras["status"]
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        return {"iterations": int(solution.extras["iterations"])} if "iterations" in solution.extras else {}
+
+
+@register
+class Ecos(QPSolversBackend):
+    spec = SolverSpec(
+        name="ecos",
+        node="qp",
+        summary="interior point on the second-order cone form of the QP, Q positive definite",
+        method="interior point",
+        citation="Domahidi, Chu and Boyd, ECOS: an SOCP solver for embedded systems, ECC 2013",
+        requires=("qpsolvers", "ecos"),
+        install="pip install cpbench[gpl]",
+        licence="GPL-3.0-only",
+        traits=frozenset({Trait.DETERMINISTIC}),
+    )
+    sparse = False  # qpsolvers factors Q as a dense matrix
+    bounds_as_rows = True
+    definite = True
+    words = {
+        0: "optimal",
+        1: "primal infeasible",
+        2: "dual infeasible",
+        10: "inacc_offset",
+        11: "pinf_inacc",
+        12: "dinf_inacc",
+        -1: "maxit",
+        -2: "numerics",
+        -3: "outcone",
+    }
+    claims = {
+        "optimal": Claim.SOLVED,
+        "inacc_offset": Claim.INACCURATE,
+        "primal infeasible": Claim.INFEASIBLE,
+        "pinf_inacc": Claim.INFEASIBLE,
+        "dual infeasible": Claim.UNBOUNDED,
+        "dinf_inacc": Claim.UNBOUNDED,
+        "maxit": Claim.MAX_ITER,
+    }
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.ecos_ import ecos_solve_problem
+
+        return ecos_solve_problem
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        flag = int(solution.extras["exitFlag"])
+        return self.words.get(flag, f"exit flag {flag}")
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        return {"iterations": int(solution.extras["iter"])}
+
+
+@register
+class Piqp(QPSolversBackend):
+    spec = SolverSpec(
+        name="piqp",
+        node="qp",
+        summary="interior point with the proximal method of multipliers, dense and sparse",
+        method="interior point",
+        citation="Schwan, Jiang, Kuhn and Jones, PIQP: a proximal interior-point QP solver, CDC 2023",
+        requires=("qpsolvers", "piqp"),
+        install="pip install qpsolvers piqp",
+        licence="BSD-2-Clause",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+    )
+    sparse = None
+    claims = {
+        "PIQP_SOLVED": Claim.SOLVED,
+        "PIQP_PRIMAL_INFEASIBLE": Claim.INFEASIBLE,
+        "PIQP_DUAL_INFEASIBLE": Claim.UNBOUNDED,
+        "PIQP_MAX_ITER_REACHED": Claim.MAX_ITER,
+    }
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.piqp_ import piqp_solve_problem
+
+        return piqp_solve_problem
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        return solution.extras["info"].status.name
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        return {"iterations": int(solution.extras["info"].iter)}

@@ -1,0 +1,41 @@
+"""quadprog, called through qpsolvers: the dual active set of Goldfarb and Idnani."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from cpbench.solvers.adapters.qp_backend import QPSolversBackend
+from cpbench.solvers.adapters.qp_tolerances import Settings
+from cpbench.solvers.base import Claim, SolverSpec, Trait, register
+
+
+@register
+class Quadprog(QPSolversBackend):
+    spec = SolverSpec(
+        name="quadprog",
+        node="qp",
+        summary="dual active set of Goldfarb and Idnani, dense, Q positive definite",
+        method="dual active set",
+        citation="Goldfarb and Idnani, Math. Programming 27 (1983)",
+        requires=("qpsolvers", "quadprog"),
+        install="pip install cpbench[gpl]",
+        licence="GPL-2.0-or-later",
+        traits=frozenset({Trait.DETERMINISTIC}),
+    )
+    sparse = False
+    bounds_as_rows = True
+    definite = True
+    claims = {"solved": Claim.SOLVED, "no solution": Claim.INFEASIBLE}
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.quadprog_ import quadprog_solve_problem
+
+        return quadprog_solve_problem
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        # quadprog only ever raises "constraints are inconsistent, no solution"; qpsolvers turns it into found=False
+        return "solved" if solution.found else "no solution"
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        return {"iterations": int(solution.extras["iterations"][0])} if solution.found else {}
