@@ -1,0 +1,175 @@
+"""Error measures: against Siconos' own functions (run in its interpreter), and on answers made to fool them."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import verification
+from cpbench.formulations import (
+    LCP,
+    MLCP,
+    QP,
+    FCPoint,
+    FrictionContact,
+    GFCPoint,
+    GlobalFrictionContact,
+    LCPPoint,
+    MLCPPoint,
+    QPPoint,
+)
+from cpbench.verification import Status, judge, status
+
+SYSTEM_PYTHON = Path("/usr/bin/python3")
+
+
+def _siconos(cases: list[dict]) -> list[float]:
+    script = Path(__file__).with_name("siconos_errors.py")
+    probe = SYSTEM_PYTHON.exists() and subprocess.run(
+        [SYSTEM_PYTHON, "-c", "import siconos.numerics"], capture_output=True
+    )
+    if not probe or probe.returncode:
+        pytest.skip("needs Siconos in the system's Python: apt-get install python3-siconos")
+    done = subprocess.run([SYSTEM_PYTHON, script], input=json.dumps(cases), capture_output=True, text=True, check=True)
+    return json.loads(done.stdout.split("VALUES")[1])
+
+
+def test_natural_residuals_agree_with_siconos(rng: np.random.Generator) -> None:
+    """lcp_compute_error, fc3d_compute_error and mlcp_compute_error on random points, to 1e-12."""
+    cases, ours = [], []
+    for n in (1, 2, 7, 30):
+        M, q, z = rng.standard_normal((n, n)), rng.standard_normal(n), rng.standard_normal(n)
+        cases.append({"kind": "lcp", "M": M.tolist(), "q": q.tolist(), "z": z.tolist()})
+        ours.append(LCP(M=M, q=q).residuals(LCPPoint(z=z)).judged["natural"])
+    for nc, scale in ((1, 1.0), (4, 1e-3), (12, 1e4)):
+        A = rng.standard_normal((3 * nc, 3 * nc))
+        W, q, r = A @ A.T, rng.standard_normal(3 * nc), scale * rng.standard_normal(3 * nc)
+        mu = rng.uniform(0, 1, nc)
+        cases.append({"kind": "fc3d", "W": W.tolist(), "q": q.tolist(), "mu": mu.tolist(), "r": r.tolist()})
+        ours.append(FrictionContact(W=W, q=q, mu=mu, dimension=3).residuals(FCPoint(r=r)).judged["natural"])
+    for n, m in ((1, 1), (2, 2), (4, 4)):  # Siconos 4.4 corrupts memory when the two sizes differ
+        M, q, z = rng.standard_normal((n + m, n + m)), rng.standard_normal(n + m), rng.standard_normal(n + m)
+        cases.append({"kind": "mlcp", "n": n, "M": M.tolist(), "q": q.tolist(), "z": z.tolist()})
+        problem = MLCP(A=M[:n, :n], C=M[:n, n:], D=M[n:, :n], B=M[n:, n:], a=q[:n], b=q[n:])
+        ours.append(problem.residuals(MLCPPoint(u=z[:n], v=z[n:])).parts["siconos_mlcp"])
+    theirs = _siconos(cases)
+    for case, mine, reference in zip(cases, ours, theirs, strict=True):
+        assert mine == pytest.approx(reference, rel=1e-12, abs=1e-14), case["kind"]
+
+
+def _sliding(q_t: float, angle: float) -> tuple[FrictionContact, np.ndarray]:
+    """One contact, W = I, μ = 0.5, pressed with 1 and dragged with q_t in direction `angle`; the exact r."""
+    direction = np.array([math.cos(angle), math.sin(angle)])
+    problem = FrictionContact(W=np.eye(3), q=np.concatenate([[-1.0], q_t * direction]), mu=[0.5], dimension=3)
+    return problem, np.concatenate([[1.0], -0.5 * direction])
+
+
+def test_a_wrong_direction_is_flagged() -> None:
+    """Four facets at 44°: the nearest vertices are 44° and 46° off, and at speed the scaled error hides it."""
+    angle = math.radians(44.0)
+    problem, exact = _sliding(5000.0, angle)
+    facet = np.array([1.0, -0.5, 0.0])
+    right, wrong = judge(problem, FCPoint(r=exact), 1e-4), judge(problem, FCPoint(r=facet), 1e-4)
+    assert right.solved
+    assert "direction" not in right.flags
+    assert wrong.error == pytest.approx(2 * 0.5 * math.sin(angle / 2) / 5000, rel=0.02)  # the chord over the speed
+    assert wrong.solved
+    assert wrong.flags == ("direction",)
+    assert wrong.parts["slip_angle [deg]"] == pytest.approx(44.0, abs=1e-6)
+    assert right.parts["slip_angle [deg]"] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "name", ["Confeti-ex03-Fc3D-SBM.dat", "Confeti-ex13-Fc3D-SBM.dat", "Confeti-ex13-4contact-Fc3D-SBM.dat"]
+)
+def test_twice_the_answer_is_not_solved(shared_data: Path, name: str) -> None:
+    """2r* scores 1e-5 in the natural residual of these files; the energy norm does not let it pass."""
+    from cpbench import storage
+    from cpbench.solvers import Budget, solvers
+
+    problem = storage.load(shared_data / "fc3d_local" / name, format="siconos-fc3d")
+    answer = solvers.get("nsgs").run(problem, Budget(tolerance=1e-8)).point
+    assert judge(problem, answer, 1e-7).solved
+    twice = judge(problem, FCPoint(r=2 * answer.r), 1e-4)
+    assert twice.judged["natural"] <= 1e-4
+    assert not twice.solved
+    assert "scale" in twice.flags
+    assert status(twice, "solved") == Status.INACCURATE
+
+
+def test_energy_error_does_not_change_with_units(rng: np.random.Generator) -> None:
+    """r in other units: W → W/s, r → s·r; the energy norm stays, the natural map does not."""
+    A = rng.standard_normal((6, 6))
+    W, q, mu, r = A @ A.T, rng.standard_normal(6), np.array([0.3, 0.7]), rng.standard_normal(6)
+    s = 1e5
+    one = FrictionContact(W=W, q=q, mu=mu, dimension=3).residuals(FCPoint(r=r)).judged
+    other = FrictionContact(W=W / s, q=q, mu=mu, dimension=3).residuals(FCPoint(r=s * r)).judged
+    assert other["energy"] == pytest.approx(one["energy"], rel=1e-10)
+    assert abs(other["natural"] - one["natural"]) > 1e-3
+
+
+def test_local_and_global_contact_errors_agree(rng: np.random.Generator) -> None:
+    """With v = M⁻¹(Hr + f) the global problem's contact errors are those of its Delassus form."""
+    n, nc = 9, 2
+    A = rng.standard_normal((n, n))
+    M, H = A @ A.T + np.eye(n), rng.standard_normal((n, 3 * nc))
+    f, w, mu, r = rng.standard_normal(n), rng.standard_normal(3 * nc), np.array([0.2, 0.6]), rng.standard_normal(6)
+    whole = GlobalFrictionContact(M=M, H=H, f=f, w=w, mu=mu, dimension=3)
+    W = H.T @ np.linalg.solve(M, H)
+    local = FrictionContact(W=W, q=H.T @ np.linalg.solve(M, f) + w, mu=mu, dimension=3)
+    v = np.linalg.solve(M, H @ r + f)
+    ours, theirs = whole.residuals(GFCPoint(v=v, r=r)).judged, local.residuals(FCPoint(r=r)).judged
+    assert ours["dynamics"] < 1e-12
+    assert ours["natural"] == pytest.approx(theirs["natural"], rel=1e-9)
+    assert ours["energy"] == pytest.approx(theirs["energy"], rel=1e-9)
+
+
+def test_nan_is_infinity() -> None:
+    problem = LCP(M=np.eye(2), q=[-1.0, -1.0])
+    verdict = judge(problem, LCPPoint(z=[np.nan, 1.0]), 1e-6)
+    assert verdict.error == math.inf
+    assert not verdict.solved
+    assert status(verdict, "solved") == Status.WRONG
+
+
+def test_qp_components_take_the_smaller_of_absolute_and_relative() -> None:
+    problem = QP.build(np.eye(1) * 1e6, np.array([-1e6]))
+    point = QPPoint(z=[1.0 + 1e-9], lam=[], mu=[], nu=[0.0])
+    residuals = problem.residuals(point)
+    assert residuals.parts["stationarity_absolute"] == pytest.approx(1e-3, rel=1e-3)
+    assert residuals.judged["stationarity"] == pytest.approx(1e-9, rel=1e-3)
+
+
+def test_a_stationary_point_of_a_nonconvex_qp_is_not_called_solved() -> None:
+    """min −½z² on [−1, 1]: z = 0 is stationary (a maximum), and the status says no more."""
+    problem = QP.build(-np.eye(1), np.zeros(1), lb=[-1.0], ub=[1.0])
+    verdict = judge(problem, QPPoint(z=[0.0], lam=[], mu=[], nu=[0.0]), 1e-6)
+    assert verdict.solved
+    assert status(verdict, "solved") == Status.STATIONARY
+
+
+def test_farkas_certificate() -> None:
+    """Pang's isolated solution (Cottle, Pang, Stone) perturbed: w₁ = −z₂ − z₃ − 1e-4 < 0 for every z ≥ 0."""
+    M = np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]])
+    infeasible = LCP(M=M, q=[-1e-4, -1, 1])
+    assert infeasible.certifies_infeasibility(np.array([1.0, 0, 0]))
+    assert not infeasible.certifies_infeasibility(np.array([0.0, 1, 0]))
+    assert not LCP(M=M, q=[0.0, -1, 1]).certifies_infeasibility(np.array([1.0, 0, 0]))
+    assert judge(LCP(M=M, q=[0.0, -1, 1]), LCPPoint(z=[1.0, 0, 0]), 1e-12).solved
+
+
+def test_status_keeps_claim_and_verdict_apart() -> None:
+    far = verification.Verdict(1e-6, False, 1e-1)
+    near = verification.Verdict(1e-6, False, 5e-6)
+    assert status(far, "solved") == Status.WRONG
+    assert status(near, "solved") == Status.INACCURATE
+    assert status(far, "max_iter") == Status.MAX_ITER
+    assert status(far, "failed") == Status.FAILED
+    assert status(far, "infeasible") == Status.FAILED, "infeasible without a checked proof"
+    assert status(far, "infeasible", proven_infeasible=True) == Status.INFEASIBLE
+    assert status(verification.Verdict(1e-6, True, 1e-9), "failed") == Status.SOLVED, "what counts is what is measured"
