@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 
 @click.command()
-@click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems"]))
-def command(what: str) -> None:
-    """List formulations, conversions, solvers, formats, or the built-in problems."""
+@click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems", "readme"]))
+@click.option(
+    "--write", type=click.Path(path_type=Path, exists=True), help="With readme: bring the tables in FILE up to date."
+)
+def command(what: str, write: Path | None) -> None:
+    """List formulations, conversions, solvers, formats or the built-in problems; readme: the tables in Markdown."""
+    if write is not None:
+        from cpbench.report.registry_tables import registry_tables, replace_between_marks
+
+        write.write_text(replace_between_marks(write.read_text(), registry_tables()))
+        return
     for line in {
         "formulations": _formulations,
         "conversions": _conversions,
         "solvers": _solvers,
         "formats": _formats,
         "problems": _problems,
+        "readme": _readme,
     }[what]():
         click.echo(line)
 
@@ -46,6 +57,12 @@ def _formats() -> list[str]:
     from cpbench.storage import formats
 
     return [f"{f.name:<18} {', '.join(f.suffixes):<14} {f.summary}" for f in formats]
+
+
+def _readme() -> list[str]:
+    from cpbench.report.registry_tables import registry_tables
+
+    return registry_tables().splitlines()
 
 
 def _problems() -> list[str]:

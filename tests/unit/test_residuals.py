@@ -80,7 +80,7 @@ def test_a_wrong_direction_is_flagged() -> None:
     assert wrong.error == pytest.approx(2 * 0.5 * math.sin(angle / 2) / 5000, rel=0.02)  # the chord over the speed
     assert wrong.solved
     assert wrong.flags == ("direction",)
-    assert wrong.parts["slip_angle [deg]"] == pytest.approx(44.0, abs=1e-6)
+    assert wrong.parts["slip_angle [deg]"] == pytest.approx(44.0, abs=0.01)
     assert right.parts["slip_angle [deg]"] == pytest.approx(0.0, abs=1e-6)
 
 
