@@ -38,7 +38,7 @@ SINGULAR_RCOND = 1e-13
 def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> Vector:
     """A read-only 1-D float64 copy of `value`; raises ProblemError on another shape, NaN or infinity."""
     try:
-        array = np.array(value, dtype=np.float64, order="C")
+        array = _native(np.array(value, dtype=np.float64, order="C"))
     except (TypeError, ValueError) as cause:
         raise ProblemError(label, f"not a vector of numbers ({cause})") from None
     if array.ndim != 1:
@@ -53,16 +53,23 @@ def matrix(value: Any, label: str = "matrix") -> Matrix:
     if sp.issparse(value):
         csr = sp.csr_array(value, dtype=np.float64, copy=True)
         csr.sum_duplicates()
+        csr.data = _native(csr.data)
         _require_finite(csr.data, label)
         return freeze_sparse(csr)
     try:
-        array = np.array(value, dtype=np.float64, order="C")
+        array = _native(np.array(value, dtype=np.float64, order="C"))
     except (TypeError, ValueError) as cause:
         raise ProblemError(label, f"not a matrix of numbers ({cause})") from None
     if array.ndim != 2:
         raise ProblemError(label, f"must be a matrix, has shape {array.shape}")
     _require_finite(array, label)
     return freeze(array)
+
+
+def _native(array: NDArray[Any]) -> NDArray[Any]:
+    """The same numbers under the plain dtype: arrays from files may keep a '<f8' that equals float64, but whose
+    buffer some guests (CVXOPT) refuse."""
+    return array.view(np.float64)
 
 
 def freeze(array: NDArray[Any]) -> NDArray[Any]:
