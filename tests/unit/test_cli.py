@@ -1,0 +1,251 @@
+"""The command line: what it says, what it writes, how it ends."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from cpbench import storage
+from cpbench.cli import COMMANDS, main
+from cpbench.formulations import LCP, MLCP, FrictionContact
+
+
+def cpbench(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    """Exit code of the command line, run in this process."""
+    monkeypatch.setattr(sys, "argv", ["cpbench", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as leave:
+        return int(leave.code or 0)
+    return 0
+
+
+@pytest.fixture
+def lcp(tmp_path: Path) -> Path:
+    """z = (4/3, 7/3) solves it: deudeu of the Siconos collection."""
+    path = tmp_path / "deudeu.h5"
+    storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=[-5.0, -6.0], name="deudeu"), path)
+    return path
+
+
+@pytest.fixture
+def contact(tmp_path: Path) -> Path:
+    """Two contacts in 3D, one sliding, one open; W = I."""
+    path = tmp_path / "contact.hdf5"
+    q = np.array([-1.0, 3, 4, 2, 0, 0])
+    storage.save(FrictionContact(W=np.eye(6), q=q, mu=[0.5, 0.3], dimension=3, name="contact"), path)
+    return path
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(monkeypatch, capsys, name) -> None:
+    assert cpbench(monkeypatch, name, "--help") == 0
+    assert "Usage" in capsys.readouterr().out
+
+
+def test_help_loads_no_numpy() -> None:
+    code = "import cpbench.cli, sys; cpbench.cli.cli(['--help'], standalone_mode=False); print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("False\n")
+
+
+def _damaged(tmp_path: Path) -> dict[str, tuple[list[object], str]]:
+    """Bad input by name: the arguments, and a word that the one line must hold."""
+    good = tmp_path / "good.hdf5"
+    problem = FrictionContact(W=np.eye(6), q=-np.ones(6), mu=[0.5, 0.5], dimension=3)
+    storage.save(problem, good)
+
+    def broken(name: str, change) -> Path:
+        path = tmp_path / f"{name}.hdf5"
+        path.write_bytes(good.read_bytes())
+        with h5py.File(path, "r+") as file:
+            change(file["fclib_local"])
+        return path
+
+    def replace(group, name, value):
+        del group[name]
+        group[name] = value
+
+    text = tmp_path / "text.hdf5"
+    text.write_text("this is not HDF5")
+    cut = tmp_path / "cut.hdf5"
+    cut.write_bytes(good.read_bytes()[: good.stat().st_size // 2])
+    pointer = tmp_path / "pointer.hdf5"
+    pointer.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0000\nsize 27172252\n")
+    dat = tmp_path / "lcp.dat"
+    dat.write_text("2\n0\n2\n2\n2 2\n2 1\n1 2\n-5 -6\n")
+    q, mu = np.full(6, -1.0), np.array([0.5, -0.1])
+    q[3] = np.nan
+    return {
+        "not HDF5": ([text], "HDF5"),
+        "truncated": ([cut], "cut.hdf5"),
+        "git-lfs": ([pointer], "git lfs pull"),
+        "wrong format": ([dat, "--format", "siconos-fc3d"], "lcp.dat"),
+        "unknown format": ([dat, "--format", "siconos-fc4d"], "siconos-fc3d"),
+        "mis-sized W": ([broken("missized", lambda g: replace(g["W"], "m", np.array([5], "i4")))], "W"),
+        "NaN in q": ([broken("nan", lambda g: replace(g["vectors"], "q", q))], "q"),
+        "negative mu": ([broken("negative", lambda g: replace(g["vectors"], "mu", mu))], "mu"),
+        "no such file": ([tmp_path / "absent.hdf5"], "absent.hdf5"),
+    }
+
+
+@pytest.mark.parametrize(
+    "case",
+    ["not HDF5", "truncated", "git-lfs", "wrong format", "unknown format", "mis-sized W", "NaN in q", "negative mu",
+     "no such file"],
+)  # fmt: skip
+@pytest.mark.parametrize("command", ["info", "convert", "solve"])
+def test_bad_input_is_one_line(monkeypatch, capsys, tmp_path, case, command) -> None:
+    arguments, word = _damaged(tmp_path)[case]
+    before = set(tmp_path.iterdir())
+    extra = {"info": [], "convert": [tmp_path / "out.h5", "--to", "lcp"], "solve": ["-s", "nsgs"]}[command]
+    assert cpbench(monkeypatch, command, arguments[0], *extra, *arguments[1:]) == 2
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1, said.err
+    assert word in said.err
+    assert said.out == ""
+    assert set(tmp_path.iterdir()) == before, "nothing is written"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["convert", "{lcp}", "out.h5", "--to", "mclp"], "mlcp"),
+        (["solve", "{lcp}", "-s", "lemka"], "lemke"),
+        (["solve", "{lcp}", "-s", "psor[omga=1.2]"], "omega"),
+        (["run", "{lcp}", "-s", "lemka"], "lemke"),
+        (["convret", "{lcp}"], "convert"),
+        (["convert", "{contact}", "out.h5", "--to", "lcp", "--via", "inne"], "inner"),
+        (["run", "{lcp}", "--timeout", "soon"], "10s"),
+    ],
+)
+def test_unknown_names_offer_the_nearest(monkeypatch, capsys, lcp, contact, arguments, word) -> None:
+    monkeypatch.chdir(lcp.parent)
+    before = set(lcp.parent.iterdir())
+    assert cpbench(monkeypatch, *[a.format(lcp=lcp, contact=contact) for a in arguments]) == 2
+    said = capsys.readouterr().err
+    assert word in said
+    assert said.count("\n") == 1
+    assert set(lcp.parent.iterdir()) == before
+
+
+def test_no_route_names_the_obstacle_and_the_approximate_routes(monkeypatch, capsys, contact) -> None:
+    assert cpbench(monkeypatch, "convert", contact, contact.parent / "o.h5", "--to", "lcp") == 2
+    said = capsys.readouterr().err
+    assert "fc-lcp-2d" in said
+    assert "--routes all" in said
+    assert "fc-lcp-inner" in said
+    assert not (contact.parent / "o.h5").exists()
+
+
+def test_convert_solve_lift_verify_in_four_processes(contact) -> None:
+    """The faceted LCP, solved by Lemke, lifted elsewhere, measured on the contact problem."""
+    folder = contact.parent
+
+    def run(*arguments: str) -> str:
+        command = [sys.executable, "-m", "cpbench", *arguments]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    run("convert", "contact.hdf5", "lcp.h5", "--to", "lcp", "--via", "inner", "--facets", "64")
+    assert "solved" in run("solve", "lcp.h5", "-s", "lemke", "-o", "z.h5")
+    run("lift", "z.h5", "--problem", "lcp.h5", "-o", "r.npy")
+    told = run("verify", "contact.hdf5", "--answer", "r.npy", "-t", "0.1", "--strict")
+    assert "passes" in told
+    r = np.load(folder / "r.npy")
+    np.testing.assert_allclose(r[3:], 0, atol=1e-12)
+    assert np.hypot(r[1], r[2]) == pytest.approx(0.5 * r[0], rel=2e-3)  # sliding, on the polygon
+
+
+def test_verify_takes_plain_vectors(monkeypatch, capsys, lcp, tmp_path) -> None:
+    answer = np.array([4 / 3, 7 / 3])
+    np.save(tmp_path / "z.npy", answer)
+    np.savetxt(tmp_path / "z.csv", answer, fmt="%.17g")
+    for name in ("z.npy", "z.csv"):
+        assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / name, "--strict", "-t", "1e-12") == 0
+    np.save(tmp_path / "bad.npy", -answer)
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "bad.npy", "--strict") == 1
+    np.save(tmp_path / "long.npy", np.ones(3))
+    capsys.readouterr()
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "long.npy") == 2
+    assert "3 numbers, expected 2" in capsys.readouterr().err
+
+
+def test_existing_output_needs_force(monkeypatch, capsys, lcp, tmp_path) -> None:
+    out = tmp_path / "out.h5"
+    assert cpbench(monkeypatch, "convert", lcp, out, "--to", "mlcp") == 0
+    before = out.read_bytes()
+    assert cpbench(monkeypatch, "convert", lcp, out, "--to", "qp") == 2
+    assert "--force" in capsys.readouterr().err
+    assert out.read_bytes() == before
+    assert cpbench(monkeypatch, "convert", lcp, out, "--to", "qp", "--force") == 0
+    assert storage.load(out).node == "qp"
+
+
+def test_pack(monkeypatch, tmp_path) -> None:
+    import scipy.io
+    import scipy.sparse as sp
+
+    M, q = np.array([[2.0, 1], [1, 2]]), np.array([-5.0, -6])
+    np.save(tmp_path / "M.npy", M)
+    np.savetxt(tmp_path / "q.csv", q)
+    assert cpbench(monkeypatch, "pack", tmp_path / "lcp.h5", "--lcp", tmp_path / "M.npy", tmp_path / "q.csv") == 0
+    assert storage.load(tmp_path / "lcp.h5").fingerprint == LCP(M=M, q=q).fingerprint
+
+    one, zero = np.eye(1), np.zeros(1)
+    for name, value in {"A": one, "B": one, "C": one, "D": one, "a": zero, "b": zero}.items():
+        np.save(tmp_path / f"{name}.npy", value)
+    files = [tmp_path / f"{n}.npy" for n in "ABCDab"]
+    assert cpbench(monkeypatch, "pack", tmp_path / "mlcp.h5", "--mlcp", *files) == 0
+    assert (
+        storage.load(tmp_path / "mlcp.h5").fingerprint == MLCP(A=one, B=one, C=one, D=one, a=zero, b=zero).fingerprint
+    )
+
+    W, q3, mu = np.diag([1.0, 2, 3]), np.array([1.0, 2, 3]), np.array([0.5])
+    scipy.io.mmwrite(tmp_path / "W.mtx", sp.coo_array(W))
+    np.save(tmp_path / "q3.npy", q3)
+    np.save(tmp_path / "mu.npy", mu)
+    files = [tmp_path / "W.mtx", tmp_path / "q3.npy", tmp_path / "mu.npy"]
+    assert cpbench(monkeypatch, "pack", tmp_path / "fc.hdf5", "--fc", *files, "--axes", "TTN") == 0
+    packed = storage.load(tmp_path / "fc.hdf5")
+    assert packed.q.tolist() == [3.0, 1.0, 2.0], "the normal comes first"
+    assert packed.W.toarray().diagonal().tolist() == [3.0, 1.0, 2.0]
+
+
+def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> None:
+    """A small run in a process of its own, its rows as JSON, its answers again under another measure."""
+    folder = lcp.parent
+    command = [sys.executable, "-m", "cpbench", "run", "deudeu.h5", "contact.hdf5", "-s", "lemke", "-s", "nsgs"]
+    done = subprocess.run(
+        [*command, "--routes", "all", "--facets", "8", "-o", "r.sqlite"], cwd=folder, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert (folder / "reports" / "r" / "report.md").exists()
+    monkeypatch.chdir(folder)
+    assert cpbench(monkeypatch, "export", "r.sqlite", "--rows", "rows.json", "--answers", "answers.h5") == 0
+    rows = {(r["problem"], r["label"]): r for r in json.loads((folder / "rows.json").read_text())}
+    assert rows["deudeu", "lemke"]["status"] == "solved"
+    assert rows["contact", "nsgs"]["status"] == "solved"
+    facets = rows["contact", "lemke@inner8"]
+    assert facets["kind"] == "approximate"
+    assert facets["status"] != "solved", "eight facets do not meet 1e-6 on the exact law"
+    with h5py.File(folder / "answers.h5") as file:
+        assert sum(len(group) for group in file.values()) == len(rows)
+    capsys.readouterr()
+    assert cpbench(monkeypatch, "verify", "--rejudge", "r.sqlite", "-t", "0.2") == 0
+    assert "lemke@inner8: wrong -> solved" in capsys.readouterr().out
+
+
+def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
+    monkeypatch.chdir(lcp.parent)
+    before = set(lcp.parent.iterdir())
+    assert cpbench(monkeypatch, "run", "deudeu.h5", "-s", "lemke", "-s", "pgs", "--dry-run") == 0
+    assert capsys.readouterr().out.count("\n") == 2
+    assert set(lcp.parent.iterdir()) == before
