@@ -59,7 +59,9 @@ class LazyGroup(click.Group):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="cpbench")
-@click.option("--plugin", "plugins", multiple=True, metavar="FILE.py", help="Load solvers, conversions, ... from a file.")
+@click.option(
+    "--plugin", "plugins", multiple=True, metavar="FILE.py", help="Load solvers, conversions, ... from a file."
+)
 def cli(plugins: tuple[str, ...]) -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 

@@ -55,9 +55,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Store:
     folder = tmp_path_factory.mktemp("faults")
     problems = [_problem(folder, f"p{n}", n) for n in (3, 8)]
     chosen = [a for name in EXPECTED for a in ("-s", name)]
-    done = _run(
-        folder, *map(str, problems), *chosen, "--timeout", f"{LIMIT}s", "--memory", "512M", "-o", "r.sqlite"
-    )
+    done = _run(folder, *map(str, problems), *chosen, "--timeout", f"{LIMIT}s", "--memory", "512M", "-o", "r.sqlite")
     assert done.returncode == 0, done.stderr
     return Store(folder / "r.sqlite")
 
@@ -120,7 +118,21 @@ def test_kill_and_resume(tmp_path: Path) -> None:
     """kill -9 half way; the same command goes on; each pair is there once, with its answer."""
     for n in range(2, 42):
         _problem(tmp_path, f"p{n:02}", n)
-    arguments = [".", "-s", "lemke", "-s", "bpp", "-s", "pgs", "-s", "newton-min", "--no-report", "-q", "-o", "r.sqlite"]
+    arguments = [
+        ".",
+        "-s",
+        "lemke",
+        "-s",
+        "bpp",
+        "-s",
+        "pgs",
+        "-s",
+        "newton-min",
+        "--no-report",
+        "-q",
+        "-o",
+        "r.sqlite",
+    ]
     command = [sys.executable, "-m", "cpbench", "run", *arguments]
     running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     deadline = time.monotonic() + 240
