@@ -1,4 +1,4 @@
-"""Arrays read from files keep a '<f8' dtype that equals float64; problem data must not (CVXOPT refuses such buffers)."""
+"""Arrays read from files keep a "<f8" dtype that equals float64; problem data must not (CVXOPT refuses it)."""
 
 from __future__ import annotations
 

@@ -47,14 +47,14 @@ class QPBackend(Solver):
     sparse : True for csc matrices always, False for dense always, None for what the problem has.
     bounds_as_rows : the backend knows no bounds (or qpsolvers stacks them, infinite ones included).
     definite : it needs Q positive definite.
-    never_unconstrained : qpsolvers would not call it without a constraint.
+    needs_inequality : without one the backend is not called, or does not iterate (each says why).
     claims : its own words -> our claims; every other word is FAILED.
     """
 
     sparse: ClassVar[bool | None] = True
     bounds_as_rows: ClassVar[bool] = False
     definite: ClassVar[bool] = False
-    never_unconstrained: ClassVar[bool] = False
+    needs_inequality: ClassVar[bool] = False
     claims: ClassVar[Mapping[str, Claim]] = {}
 
     @abstractmethod
@@ -91,7 +91,7 @@ class QPBackend(Solver):
             problem,
             sparse=sparse,
             bounds_as_rows=self.bounds_as_rows,
-            never_unconstrained=self.never_unconstrained,
+            needs_inequality=self.needs_inequality,
         )
 
     def solve(

@@ -64,13 +64,10 @@ class StandardForm:
         return QPPoint(z=np.asarray(x), lam=lam, mu=mu, nu=nu)
 
 
-def standard_form(
-    problem: QP, *, sparse: bool, bounds_as_rows: bool, never_unconstrained: bool = False
-) -> StandardForm:
+def standard_form(problem: QP, *, sparse: bool, bounds_as_rows: bool, needs_inequality: bool = False) -> StandardForm:
     """`problem` for a backend: csc or dense writable copies, bounds apart or as rows.
 
-    `never_unconstrained` adds the void row 0ᵀx ≤ 1 to a problem without constraints: qpsolvers would otherwise
-    answer with SciPy's LSQR in the backend's name.
+    `needs_inequality` gives a problem without inequalities the void row 0ᵀx ≤ 1.
     """
     n, m, k = problem.p.size, problem.b.size, problem.d.size
     lower, upper, fixed = (np.zeros(0, dtype=int) for _ in range(3))
@@ -97,7 +94,7 @@ def standard_form(
     h = np.concatenate([-problem.b, -problem.lb[lower], problem.ub[upper]])
     A = stack([problem.C, unit(fixed, 1.0)])
     b = np.concatenate([problem.d, problem.lb[fixed]])
-    if never_unconstrained and G is None and A is None and lb is None:
+    if needs_inequality and G is None and lb is None:
         G, h = _store(np.zeros((1, n)), sparse), np.ones(1)
     return StandardForm(
         P=_store(problem.Q, sparse),

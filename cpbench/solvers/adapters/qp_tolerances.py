@@ -19,6 +19,10 @@ from cpbench.solvers.base import Budget
 
 Settings: TypeAlias = dict[str, Any]
 
+INFEASIBILITY = 1e-7
+"""Largest tolerance on a proof of infeasibility or unboundedness, whatever ε: OSQP's default 1e-4 calls PRIMALC1
+unbounded, which it is not."""
+
 
 def translate(backend: str, budget: Budget) -> Settings:
     """Settings of `backend` for `budget`; raises KeyError on a backend that is not in the table."""
@@ -33,11 +37,19 @@ def _limits(budget: Budget, iterations: str, default: int, seconds: str = "") ->
     return limits
 
 
+def _proofs(primal: str, dual: str, e: float) -> Settings:
+    return {primal: min(e, INFEASIBILITY), dual: min(e, INFEASIBILITY)}
+
+
 def _clarabel(budget: Budget) -> Settings:
     """Residuals relative to max(1, norms of data and iterates), gap absolute or relative: a tenth of ε, at the
     price of one more iteration of the quadratic end phase."""
     e = 0.1 * budget.tolerance
-    return {"tol_feas": e, "tol_gap_abs": e, "tol_gap_rel": e} | _limits(budget, "max_iter", 200, "time_limit")
+    return (
+        {"tol_feas": e, "tol_gap_abs": e, "tol_gap_rel": e}
+        | _proofs("tol_infeas_abs", "tol_infeas_rel", e)
+        | _limits(budget, "max_iter", 200, "time_limit")
+    )
 
 
 def _piqp(budget: Budget) -> Settings:
@@ -64,15 +76,19 @@ def _osqp(budget: Budget) -> Settings:
     """error ≤ eps_abs + eps_rel·scale in the ∞-norm; the scale of the dual residual is a norm of the sum
     Aᵀλ + Cᵀμ + ν: a quarter of ε. The gap is only checked when asked for. ADMM may need many cheap iterations."""
     e = 0.25 * budget.tolerance
-    return {"eps_abs": e, "eps_rel": e, "check_dualgap": True, "raise_error": False} | _limits(
-        budget, "max_iter", 200_000, "time_limit"
+    gap = {"check_dualgap": True, "raise_error": False}
+    return (
+        {"eps_abs": e, "eps_rel": e}
+        | gap
+        | _proofs("eps_prim_inf", "eps_dual_inf", e)
+        | _limits(budget, "max_iter", 200_000, "time_limit")
     )
 
 
 def _scs(budget: Budget) -> Settings:
-    """As OSQP, gap included; eps_infeas decides when a certificate counts."""
+    """As OSQP, gap included."""
     e = 0.25 * budget.tolerance
-    return {"eps_abs": e, "eps_rel": e, "eps_infeas": min(e, 1e-7)} | _limits(
+    return ({"eps_abs": e, "eps_rel": e, "eps_infeas": min(e, INFEASIBILITY)}) | _limits(
         budget, "max_iters", 200_000, "time_limit_secs"
     )
 
@@ -86,9 +102,13 @@ def _proxqp(budget: Budget) -> Settings:
 
 
 def _qpalm(budget: Budget) -> Settings:
-    """error ≤ eps_abs + eps_rel·scale, no gap: a tenth of ε."""
-    e = 0.1 * budget.tolerance
-    return {"eps_abs": e, "eps_rel": e} | _limits(budget, "max_iter", 10_000, "time_limit")
+    """error ≤ eps_abs + eps_rel·scale, no gap: a hundredth of ε (a tenth left gaps of 2e-4 at ε = 1e-6)."""
+    e = 0.01 * budget.tolerance
+    return (
+        {"eps_abs": e, "eps_rel": e}
+        | _proofs("eps_prim_inf", "eps_dual_inf", e)
+        | _limits(budget, "max_iter", 10_000, "time_limit")
+    )
 
 
 def _daqp(budget: Budget) -> Settings:

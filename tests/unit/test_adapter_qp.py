@@ -1,0 +1,327 @@
+"""QP backends on planted problems: judged by our residuals, never by what the backend says.
+
+A planted QP chooses z, the multipliers and the active set first and computes p, b, d and the bounds from them, so
+the KKT conditions hold by construction. Failures that were measured stand in `spec.known_failures` and are strict:
+a backend that stops failing fails the test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.io import loadmat
+
+from cpbench.formulations.qp import QP, QPPoint
+from cpbench.solvers import Budget, Claim, SolverOutput, Trait, solvers
+from cpbench.solvers.adapters.qp_backend import DENSE_LIMIT
+from cpbench.solvers.adapters.qp_standard_form import standard_form
+from cpbench.solvers.adapters.qp_tolerances import TABLE, translate
+from cpbench.verification import Status, judge, no_answer, status
+
+BACKENDS = sorted(TABLE)
+
+
+def planted(
+    n: int,
+    m: int,
+    k: int,
+    seed: int,
+    *,
+    rank: int | None = None,
+    bounds: bool = True,
+    degenerate: bool = False,
+    fixed: int = 0,
+    sparse: bool = False,
+) -> tuple[QP, QPPoint]:
+    """A QP with a known KKT point; bounds are a mix of none, one-sided, two-sided, active at either end, equal."""
+    rng = np.random.default_rng(seed)
+    F = rng.normal(size=(n, n if rank is None else rank))
+    Q = F @ F.T / n
+    A, C, z = rng.normal(size=(m, n)), rng.normal(size=(k, n)), rng.normal(size=n)
+    lam = np.where(rng.random(m) < 0.5, rng.random(m) + 0.1, 0.0)
+    mu, nu = rng.normal(size=k), np.zeros(n)
+    lb, ub = np.full(n, -np.inf), np.full(n, np.inf)
+    if bounds:
+        kind = rng.integers(0, 6, n)
+        lb = np.select([kind == 0, kind == 1, kind == 4], [z, z - 1.0, z - 0.5], -np.inf)
+        ub = np.select([kind == 2, kind == 3, kind == 4], [z, z + 1.0, z + 0.5], np.inf)
+        nu = np.select([kind == 0, kind == 2], [rng.random(n) + 0.1, -rng.random(n) - 0.1], 0.0)
+        lb[:fixed] = ub[:fixed] = z[:fixed]
+        nu[:fixed] = rng.normal(size=fixed)
+    slack = np.where((lam > 0) | degenerate, 0.0, rng.random(m) + 0.1)
+    p = -(Q @ z) + A.T @ lam + C.T @ mu + nu
+    M: Callable[[Any], Any] = sp.csr_array if sparse else np.asarray
+    problem = QP.build(Q=M(Q), p=p, A=M(A), b=A @ z - slack, C=M(C), d=C @ z, lb=lb, ub=ub)
+    return problem, QPPoint(z=z, lam=lam, mu=mu, nu=nu)
+
+
+CASES: dict[str, tuple[QP, QPPoint]] = {
+    "mixed": planted(12, 8, 3, 1),
+    "sparse": planted(12, 8, 3, 1, sparse=True),
+    "n60": planted(60, 20, 5, 2),
+    "psd": planted(12, 10, 2, 3, rank=6),
+    "lp": planted(6, 14, 2, 4, rank=0),
+    "unconstrained": planted(8, 0, 0, 5, bounds=False),
+    "unconstrained-psd": planted(8, 0, 0, 12, rank=4, bounds=False),
+    "box": planted(10, 0, 0, 6),
+    "box-psd": planted(20, 0, 0, 13, rank=6),
+    "one-unknown": planted(1, 2, 0, 7),
+    "degenerate": planted(8, 14, 1, 8, degenerate=True),
+    "equalities": planted(8, 0, 3, 9, bounds=False),
+    "inequalities": planted(8, 9, 0, 10, bounds=False),
+    "fixed": planted(10, 6, 2, 11, fixed=3),
+}
+
+
+def lcp_as_qp(seed: int, n: int = 60, rank: int = 20) -> QP:
+    """min ½zᵀMz + qᵀz, z ≥ 0 for a solvable LCP(M, q) with M PSD of that rank: convex, bounded, solvable."""
+    rng = np.random.default_rng(seed)
+    F = rng.normal(size=(n, rank))
+    M = F @ F.T
+    z = np.where(rng.random(n) < 0.5, rng.random(n), 0.0)
+    w = np.where(z > 0, 0.0, rng.random(n))
+    return QP.build(Q=M, p=w - M @ z, lb=np.zeros(n))
+
+
+@pytest.fixture(params=BACKENDS)
+def backend(request: pytest.FixtureRequest) -> Any:
+    solver = solvers.get(request.param)
+    if not solver.availability().ok:
+        pytest.skip(f"{request.param} is {solver.availability().state}")
+    return solver
+
+
+def error_of(solver: Any, problem: QP, tolerance: float) -> float:
+    """The judged error of the backend's answer, ∞ when it raises or has none."""
+    try:
+        output = solver.run(problem, Budget(tolerance=tolerance))
+    except Exception:
+        return np.inf
+    return judge(problem, output.point, tolerance).error if output.point is not None else np.inf
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_planted_point_solves_the_problem(name: str) -> None:
+    problem, point = CASES[name]
+    assert problem.residuals(point).error < 1e-13
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_planted(backend: Any, name: str) -> None:
+    problem, _ = CASES[name]
+    if why := backend.obstacle(problem):
+        assert backend.spec.name in ("quadprog", "ecos")
+        assert "positive definite" in why
+        assert "least eigenvalue" in why
+        return
+    failure = backend.spec.known_failures.get(f"planted-{name}")
+    error = error_of(backend, problem, 1e-6)
+    assert (error > 1e-6) == (failure is not None), f"error {error:.1e}; known failure: {failure}"
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8])
+def test_the_error_follows_the_tolerance(backend: Any, tolerance: float) -> None:
+    missed = {}
+    for name, (problem, _) in CASES.items():
+        if backend.obstacle(problem) is None and f"planted-{name}" not in backend.spec.known_failures:
+            error = error_of(backend, problem, tolerance)
+            if error > tolerance:
+                missed[name] = f"{error:.1e}"
+    failure = backend.spec.known_failures.get(f"tolerance-{tolerance:.0e}")
+    assert bool(missed) == (failure is not None), f"missed: {missed}; known failure: {failure}"
+
+
+def test_solving_twice_gives_the_same_answer(backend: Any) -> None:
+    """Repeats share what `setup` made: a backend that writes into its input would spoil them."""
+    problem, _ = CASES["mixed"]
+    budget = Budget()
+    prepared = backend.setup(problem, budget, None)
+    first, second = (backend.solve(prepared, budget, None).point.z for _ in range(2))
+    # ADMM with an adaptive step length may differ in the last digits
+    assert np.abs(first - second).max() <= (0.0 if Trait.DETERMINISTIC in backend.spec.traits else 1e-6)
+
+
+def test_counters_are_plain_counts(backend: Any) -> None:
+    counters = backend.run(CASES["mixed"][0]).counters
+    assert all(type(v) is int and v >= 0 for v in counters.values())
+    assert backend.spec.name == "clarabel" or counters["iterations"] > 0  # qpsolvers drops Clarabel's count
+
+
+# ------------------------------------------------------------------------------------------- claims
+
+_I = np.eye(2)
+INFEASIBLE = {
+    "rows": QP.build(Q=_I, p=np.zeros(2), A=np.array([[1.0, 0], [-1.0, 0]]), b=np.array([1.0, 0.0])),
+    "equalities": QP.build(Q=_I, p=np.zeros(2), C=np.ones((2, 2)), d=np.array([1.0, 2.0])),
+    "box": QP.build(Q=_I, p=np.zeros(2), A=np.ones((1, 2)), b=np.array([5.0]), lb=np.zeros(2), ub=np.ones(2)),
+}
+UNBOUNDED = {
+    "qp": QP.build(Q=np.diag([1.0, 0.0]), p=np.array([0.0, -1.0]), lb=np.zeros(2)),
+    "lp": QP.build(Q=np.zeros((2, 2)), p=-np.ones(2), A=np.array([[1.0, -1.0]]), b=np.zeros(1), lb=np.zeros(2)),
+}
+HONEST = (Claim.MAX_ITER, Claim.FAILED)
+
+
+def claim_of(solver: Any, problem: QP) -> SolverOutput:
+    """The output; an exception is an honest end too (the runner records it as `error` with its message)."""
+    try:
+        return solver.run(problem)
+    except Exception as cause:
+        assert str(cause)
+        return SolverOutput(claim=Claim.FAILED)
+
+
+@pytest.mark.parametrize("name", INFEASIBLE)
+def test_infeasible_is_never_claimed_solved(backend: Any, name: str) -> None:
+    output = claim_of(backend, INFEASIBLE[name])
+    assert output.claim in (Claim.INFEASIBLE, *HONEST)
+    assert output.claim is not Claim.INFEASIBLE or output.point is None
+
+
+@pytest.mark.parametrize("name", UNBOUNDED)
+def test_unbounded_is_never_claimed_solved(backend: Any, name: str) -> None:
+    if backend.obstacle(UNBOUNDED[name]) is None:
+        assert claim_of(backend, UNBOUNDED[name]).claim in (Claim.UNBOUNDED, *HONEST)
+
+
+def test_an_iteration_limit_is_no_solution(backend: Any) -> None:
+    if backend.spec.name == "quadprog":
+        pytest.skip("quadprog has no iteration limit")
+    problem, _ = CASES["n60"]
+    output = backend.run(problem, Budget(tolerance=1e-9, iterations=1))
+    assert output.claim in (Claim.MAX_ITER, Claim.FAILED, Claim.INACCURATE)
+
+
+def test_the_false_unbounded_of_highs_comes_out_as_its_claim() -> None:
+    """Seed 3: HiGHS calls a convex QP with a known solution unbounded (measured, HiGHS 1.15.1)."""
+    highs, problem = solvers.get("highs"), lcp_as_qp(3)
+    if not highs.availability().ok:
+        pytest.skip("highspy is missing")
+    output = highs.run(problem)
+    assert "planted-psd-lcp" in highs.spec.known_failures
+    assert output.claim is Claim.UNBOUNDED
+    assert output.point is None
+    assert status(no_answer(1e-6), str(output.claim)) is Status.FAILED
+    if solvers.get("clarabel").availability().ok:
+        assert error_of(solvers.get("clarabel"), problem, 1e-6) <= 1e-6
+
+
+# --------------------------------------------------------------------------------------- obstacles
+
+
+@pytest.mark.parametrize("name", BACKENDS)
+def test_refusals(name: str) -> None:
+    solver = solvers.get(name)
+    indefinite = QP.build(Q=np.diag([1.0, -2.0]), p=np.zeros(2))
+    assert "not convex: Q has a negative eigenvalue (least eigenvalue -2.0e+00" in str(solver.obstacle(indefinite))
+    assert "n = 0" in str(solver.obstacle(QP.build(Q=np.zeros((0, 0)), p=np.zeros(0))))
+    n = DENSE_LIMIT + 1
+    large = QP.build(Q=sp.csr_array(sp.eye_array(n)), p=np.zeros(n))
+    refused = solver.obstacle(large)
+    assert (refused is None) == (Trait.SPARSE in solver.spec.traits)
+    if refused:
+        assert f"n = {n}" in refused
+        assert " GB" in refused
+
+
+@pytest.mark.parametrize("name", ["quadprog", "ecos"])
+def test_a_singular_q_is_refused_with_its_eigenvalue(name: str) -> None:
+    why = str(solvers.get(name).obstacle(QP.build(Q=np.diag([1.0, 0.0]), p=np.zeros(2))))
+    assert "positive definite" in why
+    assert "least eigenvalue 0.0e+00" in why
+
+
+# ----------------------------------------------------------------------------- form and settings
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("rows", [False, True])
+def test_multipliers_survive_the_way_to_standard_form_and_back(sparse: bool, rows: bool) -> None:
+    problem, point = planted(10, 6, 2, 11, fixed=3, sparse=True)
+    form = standard_form(problem, sparse=sparse, bounds_as_rows=rows)
+    lower, upper, fixed = (getattr(form, name) for name in ("lower", "upper", "fixed"))
+    z = np.concatenate([point.lam, np.maximum(point.nu[lower], 0), np.maximum(-point.nu[upper], 0)])
+    y = np.concatenate([-point.mu, -point.nu[fixed]])
+    z_box = -point.nu if not rows else np.zeros(0)
+    gradient = form.P @ point.z + form.q + form.G.T @ z + form.A.T @ y + (z_box if not rows else 0.0)
+    assert np.abs(gradient).max() < 1e-13
+    assert (form.G @ point.z <= form.h + 1e-13).all()
+    assert np.abs(form.A @ point.z - form.b).max() < 1e-13
+    back = form.point(point.z, z, y, z_box)
+    for part, value in back.arrays().items():
+        assert np.array_equal(value, getattr(point, part)), part
+
+
+@pytest.mark.parametrize("name", BACKENDS)
+def test_settings_follow_the_budget(name: str) -> None:
+    loose, tight = (translate(name, Budget(tolerance=t)) for t in (1e-3, 1e-9))
+    assert name == "quadprog" or loose != tight
+    timed = translate(name, Budget(seconds=2.5))
+    assert (2.5 in timed.values()) == (name in ("clarabel", "daqp", "highs", "osqp", "qpalm", "scs"))
+    assert name == "quadprog" or 7 in translate(name, Budget(iterations=7)).values()
+
+
+def test_a_time_limit_reaches_the_backend(backend: Any) -> None:
+    assert error_of(backend, CASES["mixed"][0], 1e-6) <= 1e-6  # the settings are accepted
+    output = backend.run(CASES["mixed"][0], Budget(seconds=100.0))
+    assert output.claim is Claim.SOLVED
+
+
+# -------------------------------------------------------------------------------- published problems
+
+MAROS_MESZAROS = {  # published optimal values (Maros and Mészáros 1999), the constant r included
+    "HS35": 1.11111111e-01,
+    "HS76": -4.68181818e00,
+    "HS118": 6.64820452e02,
+    "HS268": 5.73107049e-07,
+    "HS52": 5.32664756e00,
+    "DUAL4": 7.46090842e-01,
+    "QAFIRO": -1.59078179e00,
+    "CVXQP2_S": 8.12094048e03,
+    "ZECEVIC2": -4.12500000e00,
+}
+
+
+def read_maros_meszaros(path: Path) -> tuple[QP, float]:
+    """min ½xᵀPx + qᵀx + r, l ≤ Ax ≤ u, the last n rows of A being the identity (bounds); |1e20| is infinite."""
+    data = loadmat(path)
+    n = data["P"].shape[0]
+    # small integers are stored as unsigned bytes, which must not be negated as such
+    l, u = (np.ravel(data[key]).astype(float) for key in "lu")
+    A = sp.csr_array(data["A"], dtype=float)
+    assert abs(A[-n:] - sp.eye_array(n)).max() == 0
+    l[l <= -1e20], u[u >= 1e20] = -np.inf, np.inf
+    rows, low, up = A[:-n], l[:-n], u[:-n]
+    equal = low == up
+    below, above = np.isfinite(low) & ~equal, np.isfinite(up) & ~equal
+    problem = QP.build(
+        Q=sp.csr_array(data["P"], dtype=float),
+        p=np.ravel(data["q"]).astype(float),
+        A=sp.csr_array(sp.vstack([rows[below], -rows[above]])),
+        b=np.concatenate([low[below], -up[above]]),
+        C=rows[equal],
+        d=low[equal],
+        lb=l[-n:],
+        ub=u[-n:],
+    )
+    return problem, float(data["r"].item())
+
+
+@pytest.mark.parametrize("name", MAROS_MESZAROS)
+def test_maros_meszaros(backend: Any, name: str, shared_data: Path) -> None:
+    problem, constant = read_maros_meszaros(shared_data / "qp" / f"{name}.mat")
+    if backend.obstacle(problem):
+        return
+    failure = backend.spec.known_failures.get(f"maros-meszaros-{name}")
+    error = error_of(backend, problem, 1e-6)
+    assert (error > 1e-6) == (failure is not None), f"error {error:.1e}; known failure: {failure}"
+    if failure is None:
+        z = backend.run(problem).point.z
+        # relative to the terms of the objective: those of HS268 cancel to 1e-6 of themselves
+        scale = max(1.0, abs(MAROS_MESZAROS[name]), abs(problem.p @ z), abs(constant))
+        assert abs(problem.objective(z) + constant - MAROS_MESZAROS[name]) <= 1e-6 * scale
