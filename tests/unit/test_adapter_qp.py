@@ -172,8 +172,7 @@ def claim_of(solver: Any, problem: QP) -> SolverOutput:
     try:
         return solver.run(problem)
     except Exception as cause:
-        assert str(cause)
-        return SolverOutput(claim=Claim.FAILED)
+        return SolverOutput(claim=Claim.FAILED, message=f"{type(cause).__name__}: {cause}")
 
 
 @pytest.mark.parametrize("name", INFEASIBLE)
@@ -292,11 +291,12 @@ def read_maros_meszaros(path: Path) -> tuple[QP, float]:
     data = loadmat(path)
     n = data["P"].shape[0]
     # small integers are stored as unsigned bytes, which must not be negated as such
-    l, u = (np.ravel(data[key]).astype(float) for key in "lu")
+    low, up = (np.ravel(data[key]).astype(float) for key in "lu")
+    low[low <= -1e20], up[up >= 1e20] = -np.inf, np.inf
     A = sp.csr_array(data["A"], dtype=float)
     assert abs(A[-n:] - sp.eye_array(n)).max() == 0
-    l[l <= -1e20], u[u >= 1e20] = -np.inf, np.inf
-    rows, low, up = A[:-n], l[:-n], u[:-n]
+    rows, lb, ub = A[:-n], low[-n:], up[-n:]
+    low, up = low[:-n], up[:-n]
     equal = low == up
     below, above = np.isfinite(low) & ~equal, np.isfinite(up) & ~equal
     problem = QP.build(
@@ -306,8 +306,8 @@ def read_maros_meszaros(path: Path) -> tuple[QP, float]:
         b=np.concatenate([low[below], -up[above]]),
         C=rows[equal],
         d=low[equal],
-        lb=l[-n:],
-        ub=u[-n:],
+        lb=lb,
+        ub=ub,
     )
     return problem, float(data["r"].item())
 

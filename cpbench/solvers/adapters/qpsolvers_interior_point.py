@@ -93,7 +93,7 @@ class Ecos(QPSolversBackend):
         licence="GPL-3.0-only",
         traits=frozenset({Trait.DETERMINISTIC}),
         known_failures={
-            "tolerance-1e-08": "stops at inacc_offset with errors of 2e-8 to 4e-7: the cone form squares the accuracy needed",
+            "tolerance-1e-08": "stops at inacc_offset with errors of 2e-8 to 4e-7: on its cone form the gap must be ε²",
         },
     )
     sparse = False  # qpsolvers factors Q as a dense matrix
