@@ -1,0 +1,168 @@
+"""Answers: candidates that stand in a problem file, and files of their own. None is believed, all are measured.
+
+An answer file is HDF5 with `/solution`: the parts of the point, the slacks as they follow from it (FCLIB's u),
+and the attributes solver, claim, verdict, residual, tolerance, cpbench_version, node and fingerprint of the
+problem it answers. Bare vectors (.npy, .npz, .csv, .txt) are the parts one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from cpbench import __version__
+from cpbench.errors import FormatError, PointError
+from cpbench.formulations.base import Point, Problem, formulations
+from cpbench.storage.arrays import read_npz, read_vector
+from cpbench.storage.base import read_head, split_address, write_atomic
+from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem
+from cpbench.storage.hdf5_tree import SIGNATURE, Tree, new_file, open_tree, put_array, put_attribute
+
+
+def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:
+    """The candidate in `/solution` of a problem file, or an answer file's point, with its attributes.
+
+    None when the file has none (text and NumPy formats never do). Raises FormatError when it does not have the
+    shape of its problem's answers.
+    """
+    path, member = split_address(address)
+    if not _is_hdf5(path):
+        return None
+    with open_tree(path) as root:
+        if not members_of(root):
+            if "solution" not in root:
+                return None
+            return _answer(root.child("solution"))
+        parent, _ = locate(root, member)
+        if "solution" not in parent:
+            return None
+        problem, tree = read_problem(root, member), parent.child("solution")
+        return _read_point(tree, problem), tree.attributes()
+
+
+def guesses(address: str | Path) -> list[Any]:
+    """The starting points in `/guesses`, in order; [] when the file has none. Raises FormatError."""
+    path, member = split_address(address)
+    if not _is_hdf5(path):
+        return []
+    with open_tree(path) as root:
+        parent, _ = locate(root, member)
+        if "guesses" not in parent:
+            return []
+        problem, tree = read_problem(root, member), parent.child("guesses")
+        count = tree.integer("number_of_guesses")
+        present = len(tree.names()) - 1
+        if not 0 <= count <= present:
+            raise tree.error("number_of_guesses", f"is {count}, the file holds {present}")
+        return [_read_point(tree.child(str(k)), problem) for k in range(1, count + 1)]
+
+
+def save_answer(
+    path: str | Path, problem: Problem, point: Point, attrs: Mapping[str, Any], *, force: bool = False
+) -> None:
+    """Write an answer file for `problem`; raises PointError on an answer of the wrong shape, FormatError."""
+    problem.check_point(point)
+    slacks = {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}
+    known = {"name": problem.name, **attrs}
+    _save(path, point, slacks, node=problem.node, fingerprint=problem.fingerprint, attrs=known, force=force)
+
+
+def save_point(
+    path: str | Path, point: Point, *, node: str, fingerprint: str, attrs: Mapping[str, Any], force: bool = False
+) -> None:
+    """Write an answer file for a problem that is not at hand, known by its node and fingerprint."""
+    _save(path, point, {}, node=node, fingerprint=fingerprint, attrs=attrs, force=force)
+
+
+def load_answer(path: str | Path, problem: Problem) -> Any:
+    """The answer to `problem` in a file; raises FormatError when it is of another problem or not of its shape."""
+    file, member = split_address(path)
+    if _is_hdf5(file):
+        return _load_hdf5(file, member, problem)
+    try:
+        if file.suffix.lower() == ".npz":
+            arrays = read_npz(file)
+            sizes = problem.point_sizes
+            if set(sizes) <= set(arrays):
+                point = problem.point_type(**{name: arrays[name] for name in sizes})
+                problem.check_point(point)
+                return point
+            if len(arrays) != 1:
+                raise FormatError(file, "", f"holds {', '.join(arrays)}: expected one array, or {', '.join(sizes)}")
+        return problem.point_from_vector(read_vector(file))
+    except PointError as cause:
+        raise FormatError(file, "", str(cause)) from None
+
+
+def _is_hdf5(path: Path) -> bool:
+    return read_head(path).startswith(SIGNATURE) or path.suffix.lower() in SUFFIXES
+
+
+def _load_hdf5(path: Path, member: str, problem: Problem) -> Any:
+    with open_tree(path) as root:
+        parent = root if not members_of(root) else locate(root, member)[0]
+        if "solution" not in parent:
+            raise root.error("solution", "is missing: the file holds no answer")
+        tree = parent.child("solution")
+        said = tree.attributes()
+        node, fingerprint = said.get("node"), said.get("fingerprint")
+        if fingerprint is None and members_of(root):
+            other = read_problem(root, member)
+            node, fingerprint = other.node, other.fingerprint
+        if node is not None and node != problem.node:
+            raise tree.error(
+                "@node", f"is the answer to a problem of type {node}, asked was one of type {problem.node}"
+            )
+        if fingerprint is not None and fingerprint != problem.fingerprint:
+            raise tree.error(
+                "@fingerprint",
+                f"is the answer to another problem ({fingerprint[:12]}), asked was {problem.name or problem.node} "
+                f"({problem.fingerprint[:12]})",
+            )
+        return _read_point(tree, problem)
+
+
+def _read_point(tree: Tree, problem: Problem) -> Any:
+    point = _point(tree, problem.point_type, list(problem.point_sizes))
+    try:
+        problem.check_point(point)
+    except PointError as cause:
+        raise tree.error("", str(cause)) from None
+    return point
+
+
+def _answer(tree: Tree) -> tuple[Any, dict[str, Any]]:
+    said = tree.attributes()
+    node = str(said.get("node", ""))
+    if node not in formulations:
+        raise tree.error("@node", f"is '{node}', expected the formulation that is answered")
+    kind = formulations.get(node).point_type
+    return _point(tree, kind, list(kind.__dataclass_fields__)), said
+
+
+def _point(tree: Tree, kind: type[Point], names: list[str]) -> Any:
+    return kind(**{name: tree.array(name) for name in names})
+
+
+def _save(
+    path: str | Path,
+    point: Point,
+    slacks: Mapping[str, Any],
+    *,
+    node: str,
+    fingerprint: str,
+    attrs: Mapping[str, Any],
+    force: bool,
+) -> None:
+    with new_file() as (root, image):
+        group: h5py.Group = root.create_group("solution")
+        for name, value in {**slacks, **point.arrays()}.items():
+            put_array(group, name, value, compress=True)
+        said = {**attrs, "cpbench_version": __version__, "node": node, "fingerprint": fingerprint}
+        for name, value in said.items():
+            put_attribute(group, name, value if isinstance(value, int | float | bool) else str(value))
+    write_atomic(Path(path), image[0], force=force)

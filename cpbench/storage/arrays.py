@@ -1,0 +1,207 @@
+"""Bare matrices and vectors: .npy, .npz, Matrix Market, and text. Nothing is ever unpickled."""
+
+from __future__ import annotations
+
+import io
+import pickletools
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from cpbench.errors import FormatError
+from cpbench.matrices import Matrix, Vector
+from cpbench.storage.base import read_head, read_text
+
+_SPARSE_KEYS = frozenset({"data", "indices", "indptr", "shape"})
+_EXPANSION = 1100
+"""Deflate cannot expand by more than 1032."""
+
+
+def read_matrix(path: str | Path) -> Matrix:
+    """A matrix from .npy, .npz (scipy.sparse, or one array), .mtx or text; raises FormatError."""
+    file = Path(path)
+    value: Any = _read(file)
+    if value.ndim != 2:
+        raise FormatError(file, "", f"has shape {value.shape}, expected a matrix")
+    return value
+
+
+def read_vector(path: str | Path) -> Vector:
+    """A vector from .npy, .npz (one array), .mtx or text; one row or one column will do. Raises FormatError."""
+    file = Path(path)
+    value = _read(file)
+    value = value.toarray() if sp.issparse(value) else value
+    if value.ndim == 2 and 1 in value.shape:
+        value = value.reshape(-1)
+    if value.ndim != 1:
+        raise FormatError(file, "", f"has shape {value.shape}, expected a vector")
+    return value
+
+
+def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, NDArray[Any]]:
+    """The arrays of an .npz by name; raises FormatError on anything that is not plain numbers or text.
+
+    An entry of `optional` that holds a pickled None (NumPy's way to write an absent array) is left out: its
+    pickle is compared with that of None, opcode by opcode, and never run.
+    """
+    read_head(path)
+    arrays: dict[str, NDArray[Any]] = {}
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for entry in archive.infolist():
+                name = entry.filename.removesuffix(".npy")
+                if entry.file_size > _EXPANSION * max(entry.compress_size, 1):
+                    raise FormatError(path, name, f"declares {entry.file_size} bytes from {entry.compress_size}")
+                array = _read_npy(path, name, archive.read(entry), may_be_none=name in optional)
+                if array is not None:
+                    arrays[name] = array
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError, EOFError) as cause:
+        raise FormatError(path, "", f"is not a readable .npz archive ({cause})") from None
+    return arrays
+
+
+def npz_names(path: Path) -> set[str]:
+    """Names of the arrays in an .npz; empty when it is not one."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {name.removesuffix(".npy") for name in archive.namelist()}
+    except (zipfile.BadZipFile, OSError):
+        return set()
+
+
+def sparse_from_parts(path: Path, where: str, parts: dict[str, NDArray[Any]]) -> sp.csr_array:
+    """CSR (or CSC, where `format` says so) from data, indices, indptr, shape; raises FormatError."""
+    shape = tuple(int(s) for s in np.ravel(parts["shape"]))
+    kind = bytes(np.ravel(parts["format"])[0]).decode() if "format" in parts else "csr"
+    if len(shape) != 2 or kind not in ("csr", "csc"):
+        raise FormatError(path, where, f"is a {kind} matrix of shape {shape}, expected csr or csc with two dimensions")
+    data, indices, indptr = (np.ravel(parts[k]) for k in ("data", "indices", "indptr"))
+    major, minor = shape if kind == "csr" else shape[::-1]
+    if indices.dtype.kind not in "iu" or indptr.dtype.kind not in "iu":
+        raise FormatError(path, where, "has indices that are not whole numbers")
+    if indptr.size != major + 1 or indptr[0] != 0 or (np.diff(indptr.astype(np.int64)) < 0).any():
+        raise FormatError(path, f"{where}indptr", f"is no list of {major + 1} increasing pointers from 0")
+    if not data.size == indices.size == indptr[-1]:
+        raise FormatError(path, f"{where}data", f"has {data.size} numbers, expected {int(indptr[-1])}")
+    if indices.size and (indices.min() < 0 or indices.max() >= minor):
+        raise FormatError(path, f"{where}indices", f"hold {int(indices.max())}, expected 0 to {minor - 1}")
+    if kind == "csc" and major * 1000 + 10**6 < minor:
+        raise FormatError(path, where, f"has shape {shape} and {indices.size} entries: not believed")
+    triple: Any = (data.astype(np.float64), indices, indptr)
+    return sp.csr_array(triple, shape=shape) if kind == "csr" else sp.csr_array(sp.csc_array(triple, shape=shape))
+
+
+def _read(path: Path) -> Any:
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        read_head(path)
+        return _numbers(path, "", _read_npy(path, "", path.read_bytes()))
+    if suffix == ".npz":
+        arrays = read_npz(path)
+        if set(arrays) >= _SPARSE_KEYS:
+            return sparse_from_parts(path, "", arrays)
+        if len(arrays) != 1:
+            raise FormatError(
+                path, "", f"holds {', '.join(arrays) or 'nothing'}: expected one array or a sparse matrix"
+            )
+        return _numbers(path, *next(iter(arrays.items())))
+    if suffix == ".mtx":
+        return _read_mtx(path)
+    return _read_rows(path)
+
+
+def _numbers(path: Path, name: str, array: NDArray[Any] | None) -> NDArray[Any]:
+    if array is None or array.dtype.kind not in "biuf":
+        raise FormatError(path, name, f"holds {'nothing' if array is None else array.dtype}, expected numbers")
+    return array.astype(np.float64)
+
+
+def _read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) -> NDArray[Any] | None:
+    """One array in NumPy's format; the size in its header is compared with the bytes before reading."""
+    stream = io.BytesIO(data)
+    try:
+        version = npy.read_magic(stream)
+        header = npy.read_array_header_1_0(stream) if version == (1, 0) else npy.read_array_header_2_0(stream)
+    except ValueError as cause:
+        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({cause})") from None
+    shape, fortran, dtype = header
+    if dtype.hasobject:
+        if may_be_none and shape == () and _is_pickled_none(data[stream.tell() :]):
+            return None
+        raise FormatError(path, name, "holds Python objects: they are never loaded, expected numbers")
+    body = data[stream.tell() :]
+    declared = int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if declared != len(body):
+        raise FormatError(path, name, f"declares {declared} bytes, the file holds {len(body)} of them")
+    return np.frombuffer(body, dtype).reshape(shape, order="F" if fortran else "C").copy()
+
+
+def _is_pickled_none(data: bytes) -> bool:
+    """Whether a pickle is that of ``np.array(None, dtype=object)``, by reading its opcodes only."""
+    import pickle
+
+    try:
+        opcodes = _opcodes(data)
+    except (ValueError, IndexError):
+        return False
+    return any(opcodes == _opcodes(pickle.dumps(np.array(None, dtype=object), protocol)) for protocol in (2, 3, 4))
+
+
+def _opcodes(data: bytes) -> list[tuple[str, Any]]:
+    """Opcodes with their arguments, but for framing, memo numbers and the two names of NumPy's core."""
+    kept: list[tuple[str, Any]] = []
+    for opcode, argument, _ in pickletools.genops(data):
+        if opcode.name in ("PROTO", "FRAME", "MEMOIZE") or "PUT" in opcode.name:
+            continue
+        kept.append(
+            (opcode.name, argument.replace("numpy._core", "numpy.core") if isinstance(argument, str) else argument)
+        )
+    return kept
+
+
+def _read_mtx(path: Path) -> Any:
+    import scipy.io
+
+    head = read_head(path)
+    try:
+        rows, cols, entries, _, field, _ = scipy.io.mminfo(path)
+        stored = path.stat().st_size
+        if entries > stored or max(rows, cols) > stored + 10**7 or not head.startswith(b"%%MatrixMarket"):
+            raise ValueError(f"declares {rows}x{cols} with {entries} entries in {stored} bytes")
+        value = scipy.io.mmread(path, spmatrix=False)
+    except (ValueError, OSError, TypeError, OverflowError) as cause:
+        raise FormatError(path, "", f"is not a readable Matrix Market file ({cause})") from None
+    if field == "complex":
+        raise FormatError(path, "", "holds complex numbers, expected real ones")
+    return sp.csr_array(value).astype(np.float64) if sp.issparse(value) else np.asarray(value, np.float64)
+
+
+def _read_rows(path: Path) -> NDArray[Any]:
+    """Rows of numbers between commas, semicolons or blanks; '#' comments and a first line of titles are skipped."""
+    lines = [line.split("#")[0].replace(",", " ").replace(";", " ").split() for line in read_text(path).splitlines()]
+    rows = [line for line in lines if line]
+    if rows and not _is_number(rows[0][0]):
+        rows = rows[1:]
+    if not rows:
+        raise FormatError(path, "", "holds no numbers")
+    width = len(rows[0])
+    for k, row in enumerate(rows):
+        if len(row) != width:
+            raise FormatError(path, f"row {k + 1}", f"has {len(row)} numbers, expected {width} as in the first row")
+    try:
+        return np.array([list(map(float, row)) for row in rows])
+    except ValueError as cause:
+        raise FormatError(path, "", f"holds something that is no number ({cause})") from None
+
+
+def _is_number(token: str) -> bool:
+    try:
+        float(token)
+    except ValueError:
+        return False
+    return True

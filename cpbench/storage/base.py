@@ -1,0 +1,178 @@
+"""Contract of the file formats, and what all of them share: addresses, first look at a file, atomic writing.
+
+A file is data: a format reads it without running anything in it, checks every declared size against what the
+file holds before it allocates, and answers bad input with one :class:`~cpbench.errors.FormatError`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from cpbench.errors import FormatError, ProblemError
+from cpbench.formulations.base import Problem
+from cpbench.registry import Registry
+
+SEPARATOR = "::"
+"""Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
+_HEAD_BYTES = 512
+
+
+class Format(ABC):
+    """One way to write problems to a file.
+
+    Attributes
+    ----------
+    name : what ``--format`` takes. summary : one line for tables.
+    suffixes : of files that may be in this format, lower case. writes : nodes it can write.
+    keeps_provenance : whether an answer to a written file can be lifted.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    suffixes: ClassVar[tuple[str, ...]]
+    writes: ClassVar[frozenset[str]] = frozenset()
+    keeps_provenance: ClassVar[bool] = False
+
+    @abstractmethod
+    def recognises(self, path: Path, head: bytes) -> bool:
+        """Whether a file with these first bytes may be in this format (cheap, may be wrong)."""
+
+    def in_folder(self, path: Path, head: bytes) -> bool:
+        """Whether a file met while a folder is searched should be listed."""
+        return self.recognises(path, head)
+
+    @abstractmethod
+    def load(self, path: Path, member: str) -> Problem:
+        """The problem `member` of the file; raises FormatError."""
+
+    def members(self, path: Path) -> list[str]:
+        """Names of the problems in the file; [""] when the file is one problem."""
+        return [""]
+
+    def encode(self, problem: Problem, *, compress: bool) -> bytes:
+        """The whole file that holds `problem`."""
+        raise FormatError(
+            problem.name or problem.node, "", f"cannot be written as {self.name}: that format is read only"
+        )
+
+    def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
+        """The problem of a file that `self` and `others` recognise; a family of formats decides by content."""
+        if others:
+            names = ", ".join(sorted(f.name for f in (self, *others)))
+            raise FormatError(path, "", f"may be any of {names}: say which with --format")
+        return self.load(path, member)
+
+
+formats: Registry[Format] = Registry("format", "cpbench.storage")
+
+
+def no_member(path: Path, member: str) -> None:
+    """Raises FormatError when a member of a file without members is asked for."""
+    if member:
+        raise FormatError(path, "", f"is one problem, it has no member '{member}'")
+
+
+def split_address(address: str | Path) -> tuple[Path, str]:
+    """File and member of ``file::member``.
+
+    >>> split_address("pack.h5::murty-8")[1]
+    'murty-8'
+    """
+    text = str(address)
+    if SEPARATOR in text and not os.path.exists(text):
+        file, _, member = text.rpartition(SEPARATOR)
+        return Path(file), member
+    return Path(text), ""
+
+
+def stem(path: Path) -> str:
+    """Name of a problem whose file gives none: the file's without suffixes (Siconos has ``x.hdf5.dat``)."""
+    return path.stem.removesuffix(".hdf5")
+
+
+def read_head(path: Path) -> bytes:
+    """The first bytes of a file; raises FormatError when it is missing, a folder, empty or a Git-LFS pointer."""
+    try:
+        with open(path, "rb", buffering=0) as file:
+            head = file.read(_HEAD_BYTES) or b""
+    except FileNotFoundError:
+        raise FormatError(path, "", "no such file") from None
+    except IsADirectoryError:
+        raise FormatError(path, "", "is a folder, expected a file") from None
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be opened ({cause.strerror or cause})") from None
+    if not head:
+        raise FormatError(path, "", "is empty (0 bytes)")
+    if head.startswith(b"version https://git-lfs"):
+        raise FormatError(path, "", "is a Git-LFS pointer, not the data: run 'git lfs pull' where it came from")
+    return head
+
+
+def read_text(path: Path) -> str:
+    """The file as text; raises FormatError when it is binary. Latin-1, so that any comment is readable."""
+    read_head(path)
+    data = path.read_bytes()
+    if b"\0" in data:
+        raise FormatError(path, "", f"is not a text file (byte 0 at {data.index(0)})")
+    return data.decode("latin-1")
+
+
+def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
+    """`cls(**parts)`, with a refusal that names the file and the place in it."""
+    try:
+        return cls(**parts)
+    except ProblemError as cause:
+        field = cause.field.rpartition(".")[2]
+        shapes = {f.name: f.metadata["shape"] for f in cls._data_fields()}
+        inside = "vectors/" if where and len(shapes.get(field, ())) == 1 else ""
+        raise FormatError(path, f"{where}/{inside}{field}" if where else field, cause.cause) from None
+
+
+def write_atomic(path: Path, data: bytes, *, force: bool) -> None:
+    """Put `data` at `path` in one step: complete or not at all, even if the process is killed meanwhile.
+
+    The bytes go to a file without a name (Linux) or with a temporary one beside the target, which then takes
+    the target's name. Raises FormatError when the target exists (unless `force`) or cannot be written.
+    """
+    if path.is_dir():
+        raise FormatError(path, "", "is a folder, cannot be written as a file")
+    if not force and path.exists():
+        raise FormatError(path, "", "exists already: --force replaces it")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
+    try:
+        with _nameless(path.parent) as fd:
+            if fd is None:
+                with open(temporary, "xb") as file:
+                    file.write(data)
+            else:
+                with open(fd, "wb", closefd=False) as file:
+                    file.write(data)
+                # with a src_dir_fd (unused: the path is absolute) Python calls linkat, which follows the link
+                os.link(f"/proc/self/fd/{fd}", temporary, src_dir_fd=fd, follow_symlinks=True)
+            os.replace(temporary, path)
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+
+
+@contextlib.contextmanager
+def _nameless(folder: Path) -> Any:
+    """Descriptor of a file without a name in `folder`, which vanishes with the process; None where there is none."""
+    flag = getattr(os, "O_TMPFILE", 0)
+    try:
+        fd = os.open(folder, os.O_WRONLY | flag, 0o666) if flag and os.path.isdir("/proc/self/fd") else None
+    except OSError:  # this file system has none
+        fd = None
+    try:
+        yield fd
+    finally:
+        if fd is not None:
+            os.close(fd)

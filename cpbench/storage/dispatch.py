@@ -1,0 +1,120 @@
+"""Which format a file is in, and the four verbs on problems: load, members, save, find."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from cpbench.errors import FormatError
+from cpbench.formulations.base import Problem
+from cpbench.storage.base import SEPARATOR, Format, formats, read_head, split_address, write_atomic
+
+logger = logging.getLogger("cpbench.storage")
+_TEXT_NODES = {"lcp": "siconos-lcp", "mlcp": "siconos-mlcp", "fc": "siconos-fc{}d", "gfc": "siconos-gfc{}d"}
+
+
+def load(path: str | Path, *, format: str | None = None) -> Problem:
+    """The problem at `path`, which may be ``file::member``; `format` is a name in `formats`, None: by content.
+
+    Raises FormatError when the file is not readable as a problem, UnknownName on a format nobody knows.
+    """
+    file, member = split_address(path)
+    if format is not None:
+        wanted = formats.get(format)
+        read_head(file)
+        return wanted.load(file, member)
+    first, *others = _candidates(file)
+    return first.load_any(others, file, member)
+
+
+def members(path: str | Path, format: str | None = None) -> list[str]:
+    """Names of the problems in a file; [""] when the file is one problem. Raises FormatError."""
+    file, _ = split_address(path)
+    if format is not None:
+        return formats.get(format).members(file)
+    return _candidates(file)[0].members(file)
+
+
+def save(
+    problem: Problem, path: str | Path, *, format: str | None = None, force: bool = False, compress: bool = True
+) -> None:
+    """Write `problem` to `path`, completely or not at all; `format` None: by suffix (.h5, .hdf5, .dat, .npz).
+
+    Raises FormatError when the file exists (unless `force`), or when the format cannot hold the problem.
+    """
+    file = Path(path)
+    chosen = formats.get(format) if format is not None else _by_suffix(problem, file)
+    if problem.node not in chosen.writes:
+        able = ", ".join(sorted(chosen.writes)) or "nothing"
+        raise FormatError(file, "", f"the format {chosen.name} writes {able}, not a problem of type {problem.node}")
+    if not force and file.exists():
+        raise FormatError(file, "", "exists already: --force replaces it")
+    if problem.provenance and not chosen.keeps_provenance:
+        logger.warning("%s: %s keeps no provenance: answers to it cannot be lifted (.h5 can)", file, chosen.name)
+    write_atomic(file, chosen.encode(problem, compress=compress), force=force)
+
+
+def save_pack(problems: Mapping[str, Problem], path: str | Path, *, force: bool = False) -> None:
+    """Write several problems into one HDF5 file, each under its name; raises FormatError as `save` does."""
+    from cpbench.storage.hdf5_files import SUFFIXES, encode_pack
+
+    file = Path(path)
+    if file.suffix.lower() not in SUFFIXES:
+        raise FormatError(file, "", f"a pack is HDF5: expected a name that ends in {' or '.join(SUFFIXES)}")
+    write_atomic(file, encode_pack(problems), force=force)
+
+
+def problem_files(paths: Iterable[str | Path]) -> list[str]:
+    """Addresses of the problems in files, packs and folders (searched recursively, in sorted order).
+
+    A file that is named is always listed, so that loading it says what is wrong with it. In a folder, files
+    that no format recognises are passed over, and so are answer files.
+    """
+    found: list[str] = []
+    for path in paths:
+        file, member = split_address(path)
+        if file.is_dir():
+            inside = sorted(p for p in file.rglob("*") if p.is_file() and not p.name.startswith("."))
+            found += [address for p in inside if _known(p) for address in _addresses(p)]
+        else:
+            found += [str(path)] if member else _addresses(file)
+    return list(dict.fromkeys(found))
+
+
+def _addresses(file: Path) -> list[str]:
+    try:
+        names = members(file)
+    except FormatError:
+        return [str(file)]  # loading it gives the reason
+    return [f"{file}{SEPARATOR}{name}" if name else str(file) for name in names]
+
+
+def _known(file: Path) -> bool:
+    try:
+        head = read_head(file)
+    except FormatError:
+        head = b""
+    return any(f.in_folder(file, head) for f in formats)
+
+
+def _candidates(file: Path) -> list[Format]:
+    head = read_head(file)
+    found = [f for f in formats if f.recognises(file, head)]
+    if not found:
+        known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
+        raise FormatError(file, "", f"is in no known format (suffixes {known}): name it with --format")
+    return found
+
+
+def _by_suffix(problem: Problem, file: Path) -> Format:
+    suffix = file.suffix.lower()
+    if suffix in (".h5", ".hdf5"):
+        return formats.get("native")
+    if suffix == ".dat" and problem.node in _TEXT_NODES:
+        return formats.get(_TEXT_NODES[problem.node].format(getattr(problem, "dimension", "")))
+    if suffix == ".npz" and problem.node == "qp":
+        return formats.get("qp-npz")
+    raise FormatError(
+        file, "", f"no format writes a problem of type {problem.node} to a name that ends in '{suffix}': use .h5"
+    )

@@ -1,0 +1,154 @@
+"""HDF5 files: one problem in the root, or a pack with a problem in every child group; FCLIB's and our own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import h5py
+
+from cpbench.errors import FormatError
+from cpbench.formulations.base import Problem
+from cpbench.storage import fclib, native
+from cpbench.storage.base import SEPARATOR, Format, formats, stem
+from cpbench.storage.hdf5_tree import SIGNATURE, Tree, new_file, open_tree
+
+SUFFIXES = (".hdf5", ".h5")
+_PARTS = {"local": fclib.LOCAL, "global": fclib.GLOBAL, "rolling": fclib.ROLLING}
+"""Names of the members of a file that holds a local and a global problem side by side."""
+
+
+def members_of(root: Tree) -> list[str]:
+    """Names of the problems under the root: [""] for a root problem; empty when there is none."""
+    side_by_side = [name for name, group in _PARTS.items() if group in root]
+    if "cpbench" in root or len(side_by_side) == 1:
+        return [""]
+    if side_by_side:
+        return side_by_side
+    return [name for name in root.names() if root.is_group(name) and _is_problem(root.child(name))]
+
+
+def locate(root: Tree, member: str) -> tuple[Tree, str]:
+    """Group of the problem `member`, and its FCLIB group ("" for a native one); raises FormatError."""
+    found = members_of(root)
+    if not found:
+        raise root.error("", _nothing(root))
+    if not member:
+        if len(found) > 1:
+            shown = ", ".join(found[:4]) + (", ..." if len(found) > 4 else "")
+            raise root.error(
+                "", f"holds {len(found)} problems ({shown}): name one, as in {root.path}{SEPARATOR}{found[0]}"
+            )
+        member = found[0]
+    elif member not in found:
+        what = "is one problem, it has no members" if found == [""] else f"has the members {', '.join(found[:8])}"
+        raise root.error("", f"has no member '{member}': it {what}")
+    if member in _PARTS and _PARTS[member] in root:
+        return root, _PARTS[member]
+    parent = root.child(member) if member else root
+    if "cpbench" in parent:
+        return parent, ""
+    return parent, next(group for group in _PARTS.values() if group in parent)
+
+
+def read_problem(root: Tree, member: str) -> Problem:
+    """The problem `member` of an open file; raises FormatError."""
+    parent, group = locate(root, member)
+    name = member or stem(root.path)
+    return fclib.read(parent, group, name) if group else native.read(parent, name)
+
+
+def encode_pack(problems: Mapping[str, Problem], *, compress: bool = True) -> bytes:
+    """A pack: every problem a group of its own; raises FormatError on a name that cannot be one."""
+    with new_file() as (root, image):
+        for name, problem in problems.items():
+            if not name or "/" in name or SEPARATOR in name or name in (".", ".."):
+                raise FormatError(
+                    name or "''", "", f"is no name for a member: it may not be empty or hold '/' or '{SEPARATOR}'"
+                )
+            _write(root.create_group(name), problem, compress=compress)
+    return image[0]
+
+
+class HDF5(Format):
+    """What the native and the FCLIB format share: they are told apart by content."""
+
+    suffixes = SUFFIXES
+    keeps_provenance = True
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return head.startswith(SIGNATURE) or path.suffix.lower() in self.suffixes
+
+    def in_folder(self, path: Path, head: bytes) -> bool:
+        if not self.recognises(path, head):
+            return False
+        try:
+            with open_tree(path) as root:
+                return bool(members_of(root)) or "solution" not in root
+        except FormatError:
+            return True
+
+    def members(self, path: Path) -> list[str]:
+        with open_tree(path) as root:
+            found = members_of(root)
+            if not found:
+                raise root.error("", _nothing(root))
+            return found
+
+    def load(self, path: Path, member: str) -> Problem:
+        with open_tree(path) as root:
+            self._require(*locate(root, member))
+            return read_problem(root, member)
+
+    def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
+        with open_tree(path) as root:
+            return read_problem(root, member)
+
+    def encode(self, problem: Problem, *, compress: bool) -> bytes:
+        with new_file() as (root, image):
+            _write(root, problem, compress=compress)
+        return image[0]
+
+    def _require(self, parent: Tree, group: str) -> None:
+        """Raises FormatError when the problem is not in this format."""
+
+
+class Native(HDF5):
+    name = "native"
+    summary = "cpbench's own HDF5: any formulation, with provenance, sequence and contact geometry"
+    writes = frozenset({"lcp", "mlcp", "qp", "fc", "gfc"})
+
+    def _require(self, parent: Tree, group: str) -> None:
+        if group:
+            raise parent.error("cpbench", f"is missing, expected a native problem: this is one of FCLIB ({group})")
+
+
+class FCLIB(HDF5):
+    name = "fclib"
+    summary = "FCLIB's HDF5: frictional contact, local and global"
+    writes = frozenset({"fc", "gfc"})
+
+    def _require(self, parent: Tree, group: str) -> None:
+        if not group and not any(name in parent for name in _PARTS.values()):
+            raise parent.error("fclib_local", "is missing, and so is fclib_global: expected a problem of FCLIB")
+
+
+formats.add("native", Native())
+formats.add("fclib", FCLIB())
+
+
+def _write(group: h5py.Group, problem: Problem, *, compress: bool) -> None:
+    try:
+        native.write(group, problem, compress=compress)
+    except OverflowError as cause:
+        raise FormatError(problem.name or problem.node, "", str(cause)) from None
+
+
+def _is_problem(tree: Tree) -> bool:
+    return "cpbench" in tree or any(group in tree for group in _PARTS.values())
+
+
+def _nothing(root: Tree) -> str:
+    if "solution" in root:
+        return "holds an answer, not a problem"
+    return "holds no problem: expected a group cpbench, fclib_local or fclib_global"

@@ -1,0 +1,232 @@
+"""HDF5 groups read with suspicion: hard links only, nothing outside the file, no size believed unless it is stored.
+
+Reading goes through h5py's low-level interface, which opens a small file in a third of the time of the
+high-level one. Writing builds the whole file in memory (HDF5's core driver); `base.write_atomic` puts it down.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5d, h5f, h5g, h5l, h5o, h5p, h5s, h5z  # pyright: ignore[reportAttributeAccessIssue]
+from numpy.typing import NDArray
+
+from cpbench.errors import FormatError
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+COMPRESS_ABOVE = 64 * 1024
+"""Arrays above this many bytes are compressed (gzip and shuffle) where compression is asked for."""
+_EXPANSION = 1100
+"""Deflate cannot expand by more than 1032; a data set that claims more than this is not believed."""
+_LARGEST_UNWRITTEN = 1 << 24
+"""Data sets that were created and never written hold HDF5's fill value, 0: FCLIB files have such solutions."""
+_LARGEST_ATTRIBUTE = 1 << 20
+
+
+class Tree:
+    """One group of an open file, and where it stands in it."""
+
+    __slots__ = ("gid", "path", "where")
+
+    def __init__(self, path: Path, gid: Any, where: str = "") -> None:
+        self.path, self.gid, self.where = path, gid, where
+
+    def error(self, name: str, cause: str) -> FormatError:
+        place = "/".join(part for part in (self.where, name) if part)
+        return FormatError(self.path, place, cause)
+
+    def names(self) -> list[str]:
+        return sorted(name.decode("utf-8", "replace") for name in self.gid)
+
+    def __contains__(self, name: str) -> bool:
+        return bool(self.gid.links.exists(name.encode()))
+
+    def _open(self, name: str, kind: type, expected: str) -> Any:
+        raw = name.encode()
+        if not self.gid.links.exists(raw):
+            raise self.error(name, f"is missing, expected {expected}")
+        if self.gid.links.get_info(raw).type != h5l.TYPE_HARD:
+            raise self.error(name, "is a soft or external link: links are not followed, expected the data itself")
+        found = h5o.open(self.gid, raw)
+        if not isinstance(found, kind):
+            what = "group" if isinstance(found, h5g.GroupID) else "data set"
+            raise self.error(name, f"is a {what}, expected {expected}")
+        return found
+
+    def child(self, name: str) -> Tree:
+        """The group `name`; raises FormatError when it is missing, a data set or a link."""
+        return Tree(self.path, self._open(name, h5g.GroupID, "a group"), f"{self.where}/{name}" if self.where else name)
+
+    def is_group(self, name: str) -> bool:
+        """Whether `name` is a group; a link is none."""
+        raw = name.encode()
+        return (
+            self.gid.links.exists(raw)
+            and self.gid.links.get_info(raw).type == h5l.TYPE_HARD
+            and isinstance(h5o.open(self.gid, raw), h5g.GroupID)
+        )
+
+    def array(self, name: str, dtype: Any = np.float64, ndim: int | None = 1) -> NDArray[Any]:
+        """A numeric data set as `dtype` (None: as stored); raises FormatError before allocating what is not there."""
+        data = self._open(name, h5d.DatasetID, "a data set")
+        shape, stored = data.shape, data.dtype
+        if stored.kind not in ("biu" if dtype == np.int64 else "biuf"):
+            wanted = "whole numbers" if dtype == np.int64 else "numbers"
+            raise self.error(name, f"holds {_type_name(stored)}, expected {wanted}")
+        if ndim is not None and len(shape) != ndim:
+            raise self.error(name, f"has shape {shape}, expected {ndim} dimension{'s' * (ndim != 1)}")
+        self._require_stored(name, data)
+        out = np.empty(shape, stored.newbyteorder("=") if dtype is None else dtype)
+        if out.size:
+            self._fill(name, data, out)
+        return out
+
+    def _require_stored(self, name: str, data: Any) -> None:
+        """Refuse data that are elsewhere, packed by an unknown filter, or fewer than declared."""
+        plist = data.get_create_plist()
+        if plist.get_external_count() or plist.get_layout() not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED):
+            raise self.error(name, "keeps its numbers in another file, expected them in this one")
+        filters = plist.get_nfilters()
+        for i in range(filters):
+            code, _, _, label = plist.get_filter(i)
+            if not h5z.filter_avail(code):
+                known = label.decode("ascii", "replace") or f"number {code}"
+                raise self.error(name, f"is packed with the HDF5 filter {known}, which is not built in: use gzip")
+        declared = int(np.prod(data.shape, dtype=object)) * data.dtype.itemsize
+        stored = data.get_storage_size()
+        unwritten = stored == 0 and declared <= _LARGEST_UNWRITTEN
+        if declared > stored * (_EXPANSION if filters else 1) and not unwritten:
+            raise self.error(name, f"declares {declared} bytes, the file holds {stored} of them")
+
+    def _fill(self, name: str, data: Any, out: NDArray[Any]) -> None:
+        try:
+            data.read(h5s.ALL, h5s.ALL, out)
+        except (OSError, TypeError, ValueError) as cause:
+            raise self.error(name, f"cannot be read ({_first_line(cause)})") from None
+
+    def integer(self, name: str) -> int:
+        """A whole number: data set of shape (1,), or a scalar one."""
+        value = self.array(name, np.int64, None)
+        if value.size != 1:
+            raise self.error(name, f"has shape {value.shape}, expected one whole number")
+        return int(value.reshape(-1)[0])
+
+    def text(self, name: str) -> str:
+        """A string data set, "" when there is none; bytes that are not UTF-8 come back as U+FFFD."""
+        if name not in self:
+            return ""
+        data = self._open(name, h5d.DatasetID, "a string")
+        if data.dtype.kind not in "SO" or data.shape not in ((), (1,)):
+            raise self.error(name, f"holds {_type_name(data.dtype)} of shape {data.shape}, expected one string")
+        self._require_stored(name, data)
+        out = np.empty(data.shape, data.dtype)
+        self._fill(name, data, out)
+        return _string(out.reshape(-1)[0])
+
+    def attributes(self) -> dict[str, Any]:
+        """Attributes by name: strings as str, numbers as NumPy scalars or arrays."""
+        return _attributes(self.gid)
+
+    def marks(self, name: str) -> dict[str, Any]:
+        """Attributes of the data set `name`."""
+        return _attributes(self._open(name, h5d.DatasetID, "a data set"))
+
+
+@contextlib.contextmanager
+def open_tree(path: Path) -> Generator[Tree]:
+    """The root group of a file, open for reading; damage met while reading becomes a FormatError."""
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    try:
+        file = h5f.open(str(path).encode(), h5f.ACC_RDONLY, access)
+    except (OSError, ValueError) as cause:
+        raise FormatError(path, "", _unopened(path, cause)) from None
+    try:
+        yield Tree(path, h5g.open(file, b"/"))
+    except (OSError, RuntimeError, KeyError) as cause:
+        raise FormatError(path, "", f"is a damaged HDF5 file ({_first_line(cause)})") from None
+    finally:
+        file.close()
+
+
+@contextlib.contextmanager
+def new_file() -> Generator[tuple[h5py.Group, list[bytes]]]:
+    """A file in memory: its root group, and a list that holds the finished bytes after the block."""
+    image: list[bytes] = []
+    with h5py.File(f"memory-{id(image)}", "w", driver="core", backing_store=False, track_order=False) as file:
+        yield file, image
+        file.flush()
+        image.append(file.id.get_file_image())
+
+
+def put_array(group: h5py.Group, name: str, value: NDArray[Any], *, compress: bool) -> None:
+    """Write an array, compressed when it is large."""
+    packed = compress and value.nbytes > COMPRESS_ABOVE
+    group.create_dataset(name, data=value, **({"compression": "gzip", "shuffle": True} if packed else {}))
+
+
+def put_integer(group: h5py.Group, name: str, value: int) -> None:
+    """Write a whole number the way FCLIB does: an int32 data set of shape (1,), int64 when it must be."""
+    group.create_dataset(name, data=np.array([value], np.int32 if abs(value) < 2**31 else np.int64))
+
+
+def fixed_string(text: str) -> NDArray[Any]:
+    """A UTF-8 string of fixed length, NUL terminated: what a C reader can take."""
+    raw = text.encode("utf-8", "surrogateescape")
+    return np.array(raw, dtype=h5py.string_dtype("utf-8", len(raw) + 1))
+
+
+def put_text(group: h5py.Group, name: str, text: str) -> None:
+    group.create_dataset(name, data=fixed_string(text), dtype=fixed_string(text).dtype)
+
+
+def put_attribute(group: h5py.Group, name: str, value: Any) -> None:
+    """Write an attribute: strings as fixed UTF-8, numbers as they are."""
+    if isinstance(value, str):
+        raw = fixed_string(value)
+        group.attrs.create(name, raw, dtype=raw.dtype)
+    else:
+        group.attrs[name] = value
+
+
+def _attributes(owner: Any) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for i in range(h5a.get_num_attrs(owner)):
+        attribute = h5a.open(owner, index=i)
+        name = attribute.name.decode("utf-8", "replace")
+        count = int(np.prod(attribute.shape, dtype=object)) if attribute.shape else 1
+        if attribute.dtype.kind not in "biufSO" or count * attribute.dtype.itemsize > _LARGEST_ATTRIBUTE:
+            continue  # nothing of ours
+        value = np.empty(attribute.shape or (), attribute.dtype)
+        if count:
+            attribute.read(value)
+        found[name] = _string(value[()]) if value.dtype.kind in "SO" and not value.shape else value[()]
+    return found
+
+
+def _string(value: Any) -> str:
+    if isinstance(value, bytes):
+        return value.split(b"\0")[0].decode("utf-8", "replace")
+    return str(value).split("\0")[0]
+
+
+def _type_name(dtype: np.dtype[Any]) -> str:
+    return {"S": "strings", "O": "strings or references", "V": "compound data"}.get(dtype.kind, str(dtype))
+
+
+def _first_line(cause: BaseException) -> str:
+    return str(cause.args[0] if cause.args else cause).split("\n")[0].strip("'\" ")
+
+
+def _unopened(path: Path, cause: BaseException) -> str:
+    with open(path, "rb") as file:
+        signed = file.read(8) == SIGNATURE
+    if not signed:
+        return "is not an HDF5 file (its first bytes are not the HDF5 signature)"
+    text = _first_line(cause)
+    return f"is a truncated HDF5 file ({text})" if "truncated" in text else f"is a damaged HDF5 file ({text})"

@@ -1,0 +1,127 @@
+"""The native schema: any node whose data are matrices and vectors, under the group `cpbench` of a problem.
+
+    <problem>/cpbench            attributes format_version = 1, node, name (and `fields`: further scalars, JSON)
+    <problem>/cpbench/<M>        sparse: a group as in FCLIB; dense: a 2-D float64 data set
+    <problem>/cpbench/vectors/*  float64 data sets
+
+Contact problems (fc, gfc) keep FCLIB's own group beside `cpbench`, which then holds the name, the geometry and
+which matrices were dense. A new node needs no code here: its fields are read from its class.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any, cast
+
+import h5py
+
+from cpbench import matrices
+from cpbench.errors import UnknownName
+from cpbench.formulations.base import Info, Problem, formulations
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.storage import fclib
+from cpbench.storage.annotations import (
+    read_info,
+    read_place,
+    read_provenance,
+    write_info,
+    write_place,
+    write_provenance,
+)
+from cpbench.storage.base import build
+from cpbench.storage.hdf5_matrices import read_matrix, write_matrix
+from cpbench.storage.hdf5_tree import Tree, put_array, put_attribute
+
+VERSION = 1
+_ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
+
+
+def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
+    """Write `problem` into the group `parent`; raises OverflowError where FCLIB cannot count that far."""
+    own = parent.create_group("cpbench")
+    put_attribute(own, "format_version", VERSION)
+    put_attribute(own, "node", problem.node)
+    if problem.name:
+        put_attribute(own, "name", problem.name)
+    contact = isinstance(problem, FrictionContact | GlobalFrictionContact)
+    if contact:
+        fclib.write(parent, problem, compress=compress)
+        dense = [name for name, value in problem.data().items() if value.ndim == 2 and not matrices.is_sparse(value)]
+        if dense:
+            put_attribute(own, "dense", " ".join(dense))
+    else:
+        _write_data(own, problem, compress=compress)
+    write_place(own, problem, compress=compress)
+    write_info(parent, problem.info, texts=not contact)
+    write_provenance(parent, problem.provenance, compress=compress)
+
+
+def read(parent: Tree, name: str) -> Problem:
+    """The problem whose `cpbench` group stands in `parent`; `name` when none is stored. Raises FormatError."""
+    own = parent.child("cpbench")
+    said = own.attributes()
+    node = _node(own, said)
+    for group, contact_node in fclib.NODES.items():
+        if node == contact_node:
+            return fclib.read(parent, group, name)
+    cls = formulations.get(node)
+    vectors = own.child("vectors")
+    parts: dict[str, Any] = {}
+    sizes: dict[str, int] = {}
+    declared = [(f.name, f.metadata["shape"]) for f in cls._data_fields()]
+    for field, shape in declared:
+        if len(shape) == 1:
+            parts[field] = vectors.array(field)
+            sizes.setdefault(shape[0], parts[field].size)
+    for field, shape in declared:
+        if len(shape) == 2:
+            parts[field] = read_matrix(own, field, (sizes.get(shape[0]), sizes.get(shape[1])))
+    parts |= _read_fields(own, said, cls)
+    parts |= read_place(own)
+    info = read_info(parent, parent.child("info")) if "info" in parent else Info()
+    stored = str(said.get("name", "")) or name
+    return build(own.path, cls, own.where, name=stored, info=info, provenance=read_provenance(parent), **parts)
+
+
+def _node(own: Tree, said: dict[str, Any]) -> str:
+    version = said.get("format_version")
+    if version != VERSION:
+        raise own.error("@format_version", f"is {version}, this version of cpbench reads {VERSION}")
+    node = said.get("node")
+    if not isinstance(node, str):
+        raise own.error("@node", "is missing, expected the name of a formulation")
+    try:
+        formulations.get(node)
+    except UnknownName as cause:
+        raise own.error("@node", str(cause)) from None
+    return node
+
+
+def _scalar_fields(cls: type[Problem]) -> list[str]:
+    data = {f.name for f in cls._data_fields()}
+    return [f.name for f in dataclasses.fields(cls) if f.name not in data | _ANNOTATIONS]
+
+
+def _write_data(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
+    vectors = own.create_group("vectors")
+    for name, value in problem.data().items():
+        if value.ndim == 1:
+            put_array(vectors, name, matrices.dense(value), compress=compress)
+        else:
+            write_matrix(own, name, value, compress=compress)
+    scalars = {name: getattr(problem, name) for name in _scalar_fields(type(problem))}
+    if scalars:
+        put_attribute(own, "fields", json.dumps(scalars))
+
+
+def _read_fields(own: Tree, said: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:
+    names = _scalar_fields(cls)
+    if not names:
+        return {}
+    try:
+        stored = cast("dict[str, Any]", json.loads(said.get("fields", "{}")))
+        return {name: stored[name] for name in names if name in stored}
+    except (TypeError, ValueError) as cause:
+        raise own.error("@fields", f"is not a JSON object ({cause})") from None
