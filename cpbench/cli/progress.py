@@ -32,7 +32,7 @@ class Display:
         already = len(planned) - self._total
         if not self._quiet:
             resumed = f", {already} done before" if already else ""
-            click.echo(f"{len(planned)} pairs to run{resumed}", err=True)
+            click.echo(f"{len(planned)} pairs{resumed}", err=True)
         if self._terminal and self._total:
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn

@@ -48,6 +48,10 @@ class Conversion(ABC):
         """The target answer of a source answer (warm starts, tests); raises NotApplicable where there is none."""
         raise NotApplicable(self.label, "has no push: target answers cannot be made from source answers")
 
+    def tolerance(self, tolerance: float) -> float:
+        """What to ask of an answer to the target so that the lifted answer meets `tolerance` on the source."""
+        return tolerance
+
     @property
     def parameters(self) -> dict[str, Any]:
         """The knobs by name."""
@@ -105,3 +109,18 @@ def make(name: str, parameters: dict[str, Any] | None = None) -> Conversion:
 def lift_step(step: Step, point: Any) -> Any:
     """Undo one recorded step of a problem's provenance."""
     return make(step.conversion, dict(step.parameters)).lift(point, step.trace)
+
+
+def find_via(text: str) -> list[str]:
+    """Conversions that `text` names: a full name, or the last part of one (`inner`, `schur`).
+
+    Raises UnknownName with the nearest names.
+    """
+    names = conversions.names()
+    if text in names:
+        return [text]
+    found = [name for name in names if name.split("-", 2)[2:] == [text]]
+    if not found:
+        ends = {name.split("-", 2)[2] for name in names if name.count("-") >= 2}
+        raise UnknownName("conversion", text, {*names, *ends})
+    return found
