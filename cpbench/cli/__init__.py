@@ -57,20 +57,30 @@ class LazyGroup(click.Group):
             ctx.fail(f"no command '{args[0]}': {hint}")
 
 
+def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[str, ...]) -> None:
+    """Put the files into the environment while options are parsed: before a command's modules are imported (they
+    discover the solvers), and where worker processes inherit them."""
+    if files:
+        before = os.environ.get(PLUGIN_FILES)
+        given = [os.path.abspath(path) for path in files]
+        os.environ[PLUGIN_FILES] = os.pathsep.join([*([before] if before else []), *given])
+
+
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="cpbench")
 @click.option(
-    "--plugin", "plugins", multiple=True, metavar="FILE.py", help="Load solvers, conversions, ... from a file."
+    "--plugin",
+    multiple=True,
+    metavar="FILE.py",
+    expose_value=False,
+    callback=_name_plugins,
+    help="Load solvers, conversions, ... from a file.",
 )
-def cli(plugins: tuple[str, ...]) -> None:
+def cli() -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 
     `cpbench run` without arguments runs the built-in suite and writes its report to reports/.
     """
-    if plugins:  # through the environment, so that the worker processes load them too
-        before = os.environ.get(PLUGIN_FILES)
-        given = [os.path.abspath(p) for p in plugins]
-        os.environ[PLUGIN_FILES] = os.pathsep.join([*([before] if before else []), *given])
 
 
 def main() -> None:
