@@ -1,0 +1,90 @@
+"""Where compiled kernels are kept, and how several processes share them.
+
+numba writes its cache beside the source. Where that is not writable (a system-wide installation, a read-only
+image) the user's cache directory is taken. One process compiles at a time: the others wait and then read what
+it wrote, instead of compiling the same code and racing for the index.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+VARIABLE = "NUMBA_CACHE_DIR"
+_PACKAGE = Path(__file__).resolve().parent
+
+
+@cache
+def ensure_cache_dir() -> Path:
+    """The directory of the compiled kernels; sets ``NUMBA_CACHE_DIR`` unless the default place is writable.
+
+    Called before numba is imported. A setting of the user is left alone. Where neither the package's nor the
+    user's cache directory can be written, a private temporary one serves this process and its children.
+    """
+    given = os.environ.get(VARIABLE)
+    if given:
+        return Path(given)
+    beside = _PACKAGE / "__pycache__"
+    if _writable(beside):
+        return beside
+    import platformdirs
+
+    chosen = Path(platformdirs.user_cache_dir("cpbench", appauthor=False)) / "numba"
+    if not _writable(chosen):
+        # mkdtemp, not a fixed name: a cache is code, and nobody else may be able to put it there
+        chosen = Path(tempfile.mkdtemp(prefix="cpbench-numba-"))
+    os.environ[VARIABLE] = str(chosen)
+    numba = sys.modules.get("numba")
+    if numba is not None:  # imported by somebody else before us: it has read the environment already
+        numba.config.reload_config()
+    return chosen
+
+
+def load(name: str) -> ModuleType:
+    """The kernel module `name`, compiled on the first call on this machine and read from the cache later."""
+    full = f"cpbench.solvers.kernels.{name}"
+    loaded = sys.modules.get(full)
+    if loaded is not None and hasattr(loaded, "READY"):
+        return loaded
+    directory = ensure_cache_dir()
+    importlib.import_module("numba")  # slow, and needs no lock
+    with _one_at_a_time(directory / "cpbench-kernels.lock"):
+        return importlib.import_module(full)
+
+
+def _writable(directory: Path) -> bool:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            return True
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def _one_at_a_time(path: Path) -> Iterator[None]:
+    """Hold the lock file while compiling; the system frees it when the holder dies.
+
+    Without lock files (no fcntl, a file system that refuses) numba's own atomic renames have to do.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    try:
+        handle = path.open("w")
+    except OSError:
+        yield
+        return
+    with handle:
+        with contextlib.suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield

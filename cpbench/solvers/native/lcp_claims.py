@@ -1,0 +1,114 @@
+"""What the LCP solvers share: the data scaled to size one, one step of refinement, and the last word on a claim."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from scipy.linalg import lapack
+
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.matrices import Matrix, Vector, dense, max_abs
+from cpbench.solvers.base import Budget, Claim, SolverOutput
+
+CLOSE = 100.0
+"""A method that ended regularly within this factor of the tolerance claims `inaccurate`, beyond it `failed`."""
+DENSE_BYTES = 4e9
+"""The largest dense matrix a solver that needs one takes on."""
+
+
+@dataclass(frozen=True)
+class ScaledLCP:
+    """The LCP of M/m and q/p, m = max|M|, p = max|q|, so that pivot tolerances have a meaning; z is p/m times its z.
+
+    Attributes
+    ----------
+    problem : the LCP that was asked. M : (n, n). q : (n,). z_unit : p/m.
+    """
+
+    problem: LCP
+    M: Matrix
+    q: Vector
+    z_unit: float
+
+
+def scale(problem: LCP, *, keep_sparse: bool = False) -> ScaledLCP:
+    """The scaled data, M dense unless `keep_sparse`."""
+    m = max_abs(problem.M) or 1.0
+    p = max_abs(problem.q) or 1.0
+    M = problem.M if keep_sparse else dense(problem.M)
+    return ScaledLCP(problem, M / m, problem.q / p, p / m)
+
+
+def dense_obstacle(problem: LCP) -> str | None:
+    """Why a dense copy of M is out of the question, else None."""
+    n = problem.q.size
+    size = 8.0 * n * n
+    if size <= DENSE_BYTES:
+        return None
+    return f"needs a dense {n}x{n} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use a sparse solver"
+
+
+def solve_linear(A: Matrix, b: Vector) -> Vector | None:
+    """A⁻¹b by LU, None when a pivot is exactly zero or the result is not finite."""
+    if b.size == 0:
+        return b
+    if sp.issparse(A):
+        try:
+            x = spla.splu(sp.csc_array(A)).solve(b)
+        except RuntimeError:
+            return None
+    else:
+        _, _, x, info = lapack.dgesv(A, b)
+        if info != 0:
+            return None
+    return x if np.isfinite(x).all() else None
+
+
+def principal(M: Matrix, active: np.ndarray[Any, Any]) -> Matrix:
+    """M_FF for the indices F in `active`."""
+    return M[active][:, active] if sp.issparse(M) else M[np.ix_(active, active)]
+
+
+def refined(M: Matrix, q: Vector, z: Vector, active: np.ndarray[Any, Any]) -> Vector:
+    """One step of iterative refinement of M_FF z_F = -q_F, F = `active`; z itself where M_FF is singular."""
+    better = np.zeros_like(z)
+    better[active] = z[active]
+    step = solve_linear(principal(M, active), -(M @ better + q)[active])
+    if step is None:
+        return z
+    better[active] += step
+    return np.maximum(better, 0.0)
+
+
+def error_of(problem: LCP, z: Vector) -> float:
+    """The judged error, infinite for an answer that is not finite."""
+    return problem.residuals(LCPPoint(z)).error if np.isfinite(z).all() else np.inf
+
+
+def conclude(
+    problem: LCP,
+    z: Vector,
+    budget: Budget,
+    counters: Mapping[str, int],
+    *,
+    otherwise: Claim | None = None,
+    message: str = "",
+) -> SolverOutput:
+    """Solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
+
+    Without `otherwise` the method has ended regularly: inaccurate when the error is close, failed when not.
+    """
+    if not np.isfinite(z).all():
+        return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
+    error = error_of(problem, z)
+    if error <= budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z), counters=counters)
+    if otherwise is None:
+        otherwise = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
+        message = message or f"ended at error {error:.1e}, asked for {budget.tolerance:.0e}"
+    return SolverOutput(claim=otherwise, point=LCPPoint(z), counters=counters, message=message)

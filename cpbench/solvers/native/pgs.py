@@ -1,0 +1,152 @@
+"""Projected Gauss–Seidel and projected SOR on an LCP: z_i ← max(0, z_i - ω w_i/M_ii), one component after the other."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.lcp import LCP
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.lcp_claims import conclude, dense_obstacle, error_of
+from cpbench.solvers.native.progress import Progress
+
+CHUNK = 256
+"""The most sweeps between two looks at the clock and the history; w is recomputed as often."""
+
+
+@dataclass(frozen=True)
+class PGSOptions:
+    """`max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+
+    max_iterations: int = 100_000
+    stall_window: int = 5000
+
+
+@dataclass(frozen=True)
+class PSOROptions(PGSOptions):
+    """`omega` : over-relaxation, in ]0, 2[."""
+
+    omega: float = 1.3
+
+
+@dataclass(frozen=True)
+class Columns:
+    """M by columns. Dense: row j of `values` is column j. Sparse: values[start[j]:start[j+1]] are in `rows`."""
+
+    problem: LCP
+    diagonal: Vector
+    values: np.ndarray[Any, np.dtype[np.float64]]
+    start: np.ndarray[Any, np.dtype[np.int64]] | None = None
+    rows: np.ndarray[Any, np.dtype[np.int64]] | None = None
+
+
+class _Splitting(Solver):
+    """What the two registered methods share; they differ by their ω."""
+
+    def obstacle(self, problem: LCP) -> str | None:
+        if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
+            return why
+        diagonal = problem.M.diagonal()
+        bad = np.flatnonzero(~(diagonal > 0))
+        if bad.size == 0:
+            return None
+        i = int(bad[0])
+        return (
+            f"needs a positive diagonal, M[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size}): "
+            "use lemke or newton-min"
+        )
+
+    def setup(self, problem: LCP, budget: Budget, options: PGSOptions) -> Columns:
+        diagonal = np.array(problem.M.diagonal())
+        if sp.issparse(problem.M):
+            csc = sp.csc_array(problem.M)
+            return Columns(problem, diagonal, csc.data, csc.indptr.astype(np.int64), csc.indices.astype(np.int64))
+        return Columns(problem, diagonal, np.ascontiguousarray(problem.M.T))
+
+    def warmup(self) -> None:
+        M, q = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, -1.0])
+        self.run(LCP(M=M, q=q))
+        self.run(LCP(M=sp.csr_array(M), q=q))
+
+    def solve(
+        self,
+        prepared: Columns,
+        budget: Budget,
+        options: PGSOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        from cpbench.solvers.kernels.cache import load
+
+        kernel = load("splitting")
+        problem, q = prepared.problem, prepared.problem.q
+        omega = options.omega if isinstance(options, PSOROptions) else 1.0
+        z = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0)
+        limit = budget.iterations or options.max_iterations
+        deadline = time.monotonic() + budget.seconds
+        progress = Progress(options.stall_window)
+        sweeps, products, chunk = 0, 1, 4
+        error = error_of(problem, z)
+        claim, message = Claim.MAX_ITER, f"{limit} sweeps"
+        # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
+        while error > budget.tolerance and sweeps < limit:
+            w = problem.M @ z + q
+            errors = np.empty(min(chunk, limit - sweeps))
+            rest = (prepared.diagonal, q, z, w, omega, budget.tolerance, errors)
+            if prepared.start is None:
+                done = kernel.sweeps_dense(prepared.values, *rest)
+            else:
+                done = kernel.sweeps_sparse(prepared.start, prepared.rows, prepared.values, *rest)
+            if record is not None:
+                for k in range(done):
+                    record(sweeps + k + 1, float(errors[k]))
+            sweeps, products, chunk = sweeps + done, products + 1, min(2 * chunk, CHUNK)
+            error = float(errors[done - 1])
+            why = progress.trouble(sweeps, error)
+            if why is None and time.monotonic() > deadline:
+                why = f"out of time after {sweeps} sweeps"
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+            if error <= budget.tolerance:
+                error, products = error_of(problem, z), products + 1
+        counters = {"iterations": sweeps, "matrix_vector_products": products, "projections": sweeps * q.size}
+        return conclude(problem, z, budget, counters, otherwise=claim, message=message)
+
+
+_TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
+
+
+@register
+class PGS(_Splitting):
+    """Converges for symmetric positive definite and for H-matrices with positive diagonal."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="pgs",
+        node="lcp",
+        summary="projected Gauss-Seidel",
+        method="splitting",
+        citation="Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
+        traits=_TRAITS,
+        options=PGSOptions,
+    )
+
+
+@register
+class PSOR(_Splitting):
+    """Over-relaxed by ω: faster on some problems, divergent on others."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="psor",
+        node="lcp",
+        summary="projected successive over-relaxation",
+        method="splitting",
+        citation="Cryer 1971; Mangasarian 1977",
+        traits=_TRAITS,
+        options=PSOROptions,
+    )
