@@ -105,7 +105,12 @@ def dense(M: Matrix) -> Dense:
 
 def sparse(M: Matrix) -> Sparse:
     """`M` as CSR (itself when it is one already)."""
-    return M if sp.issparse(M) else sp.csr_array(M)  # pyright: ignore
+    return M if isinstance(M, sp.csr_array) else sp.csr_array(M)  # pyright: ignore
+
+
+def transpose(M: Matrix) -> Matrix:
+    """Mᵀ: a view when dense, CSR when sparse."""
+    return sp.csr_array(M.T) if sp.issparse(M) else M.T
 
 
 def block(rows: list[list[Matrix | None]]) -> Matrix:
@@ -193,6 +198,22 @@ def is_psd(M: Matrix, tolerance: float = PSD_TOLERANCE) -> bool:
     except sla.LinAlgError:
         return False
     return True
+
+
+def least_eigenvalue(M: Matrix) -> float:
+    """Least eigenvalue of (M + Mᵀ)/2, for messages; a bound from above by Lanczos where M is sparse and large."""
+    S = (M + M.T) * 0.5
+    if S.shape[0] == 0:
+        return 0.0
+    if not sp.issparse(S) or S.shape[0] <= 300:
+        return float(np.linalg.eigvalsh(dense(S))[0])
+    start = np.random.default_rng(0).standard_normal(S.shape[0])  # the message must not change from run to run
+    try:
+        values = spla.eigsh(S, k=1, which="SA", v0=start, tol=1e-2, maxiter=300, return_eigenvectors=False)
+        return float(values[0])
+    except spla.ArpackNoConvergence as partial:
+        x: Vector = np.real(partial.eigenvectors[:, 0]) if len(partial.eigenvalues) else start
+        return float(x @ (S @ x)) / float(x @ x)
 
 
 def rank(M: Matrix) -> int:

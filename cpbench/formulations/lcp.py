@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
+from cpbench import matrices
 from cpbench.formulations.base import (
     Point,
     Problem,
@@ -46,6 +48,16 @@ class LCP(Problem):
     @property
     def point_sizes(self) -> dict[str, int]:
         return {"z": self.q.size}
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """M = Mᵀ (matrices.is_symmetric)."""
+        return matrices.is_symmetric(self.M)
+
+    @cached_property
+    def monotone(self) -> bool:
+        """M + Mᵀ positive semidefinite (matrices.is_psd): the solution set is convex, and not empty if feasible."""
+        return matrices.is_psd(self.M)
 
     def slacks(self, point: LCPPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.z + self.q}

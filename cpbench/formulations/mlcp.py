@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from cpbench.formulations.base import (
     vector_field,
 )
 from cpbench.formulations.lcp import unit_free_complementarity
-from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.matrices import Factorization, Matrix, Vector, max_abs, norm
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,11 @@ class MLCP(Problem):
     @property
     def point_sizes(self) -> dict[str, int]:
         return {"u": self.a.size, "v": self.b.size}
+
+    @cached_property
+    def factorization(self) -> Factorization:
+        """LU of A, shared by the test for singularity, the Schur complement and its lift."""
+        return Factorization(self.A)
 
     def slacks(self, point: MLCPPoint) -> dict[str, Vector]:
         return {"w": self.D @ point.u + self.B @ point.v + self.b}
