@@ -1,0 +1,78 @@
+"""Frictional contact → MLCP by a circumscribed polygon, outer facets given by their sides (equations (42)-(46)).
+
+Source  u = Wr + q, Coulomb's law with the disk of radius μ r_N.
+Target  r_T free; v = (r_N, κ ∈ ℝ^ν) a contact; the sides have the normals c_i at angle + 2πi/ν, C = [c_1 … c_ν]:
+        u_T + Cκ = 0,  0 ≤ r_N ⟂ u_N ≥ 0,  0 ≤ κ ⟂ μ r_N e − Cᵀr_T ≥ 0.
+Lift    r = (r_N, r_T).        Push  r_T projected on the polygon, κ on the two normals that enclose −u_T.
+Kind    approximate: radius too large by up to 1/cos(π/ν) − 1, sliding direction off by up to 180°/ν.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench.conversions import facets as polygon
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.matrices import Dense
+
+
+@conversions.register("fc-mlcp-outer")
+@dataclass(frozen=True)
+class FCtoMLCPOuter(Conversion):
+    """`facets` sides, the first touching the circle at `angle` [rad]. Trace: `W`, `q`, `mu`, for `push`."""
+
+    name = "fc-mlcp-outer"
+    source = "fc"
+    target = "mlcp"
+    equation = "(42)-(46)"
+    kind = Kind.APPROXIMATE
+    cost = 4.0
+
+    facets: int = 8
+    angle: float = 0.0
+
+    @property
+    def normals(self) -> Dense:
+        """c_i as columns, shape (2, ν)."""
+        return polygon.directions(self.facets, self.angle)
+
+    def obstacle(self, problem: FrictionContact) -> str | None:
+        return polygon.obstacle(problem, self.facets, self.angle)
+
+    def apply(self, problem: FrictionContact) -> tuple[MLCP, Trace]:
+        self.require(problem)
+        W, q, mu, nc, count = problem.W, problem.q, problem.mu, problem.nc, self.facets
+        tangential = polygon.repeat(np.eye(3)[:, 1:], nc)  # r = tangential r_T + normal v
+        first = np.zeros((3, count + 1))
+        first[0, 0] = 1.0
+        normal = polygon.repeat(first, nc)
+        sides = polygon.repeat(np.hstack([np.zeros((2, 1)), self.normals]), nc)
+        friction = np.zeros((count + 1, count + 1))
+        friction[1:, 0] = 1.0
+        target = MLCP(
+            A=polygon.congruence(tangential, W, tangential),
+            B=polygon.plus(polygon.congruence(normal, W, normal), polygon.repeat(friction, nc, mu)),
+            C=polygon.plus(polygon.congruence(tangential, W, normal), sides),
+            D=polygon.plus(polygon.congruence(normal, W, tangential), -sides.T),
+            a=tangential.T @ q,
+            b=normal.T @ q,
+        )
+        return target, {"W": W, "q": q, "mu": mu}
+
+    def lift(self, point: MLCPPoint, trace: Trace) -> FCPoint:
+        normal = point.v.reshape(-1, self.facets + 1)[:, 0]
+        return FCPoint(r=np.column_stack([normal, point.u.reshape(-1, 2)]).ravel())
+
+    def push(self, point: FCPoint, trace: Trace) -> MLCPPoint:
+        normal, r_T, velocity = polygon.split(point, trace, 3)
+        half = math.pi / self.facets
+        vertices = polygon.directions(self.facets, self.angle + half) / math.cos(half)
+        inside = polygon.coordinates(r_T, vertices, trace["mu"] * normal) @ vertices.T
+        kappa = polygon.coordinates(-velocity[:, 1:], self.normals)
+        return MLCPPoint(u=inside.ravel(), v=np.column_stack([normal, kappa]).ravel())

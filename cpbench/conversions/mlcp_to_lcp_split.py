@@ -1,0 +1,148 @@
+"""MLCP → LCP by splitting the free unknowns, for any A (equation (14)).
+
+Source  Au + Cv + a = 0,  0 ≤ v ⟂ Du + Bv + b ≥ 0.
+Target  z = (u⁺, u⁻, v),  M = [[A, −A, C], [−A, A, −C], [D, −D, B]],  q = (a, −a, b).
+        M is positive semidefinite, which pivoting and interior methods want, when [[A, C], [D, B]] is. The order
+        and the signs of the equalities are arbitrary, so they are replaced by P times them first, P monomial (a
+        permutation with scales), where PC = −Dᵀ or PC = Dᵀ makes the whole semidefinite.
+Lift    u = u⁺ − u⁻,  v.        Push  u⁺ = max(u, 0), u⁻ = max(−u, 0), v.
+Kind    equivalent; P changes the equalities, not their solutions. The solutions of the target form rays along
+        u⁺ = u⁻, its matrix is singular: no target for an interior point or a plain Newton method.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from cpbench import matrices
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.matrices import Dense, Matrix, Sparse, Vector
+
+
+@conversions.register("mlcp-lcp-split")
+@dataclass(frozen=True)
+class MLCPtoLCPSplit(Conversion):
+    """Free unknowns as differences of nonnegative ones. Trace: `n`, their number."""
+
+    name = "mlcp-lcp-split"
+    source = "mlcp"
+    target = "lcp"
+    equation = "(14)"
+    kind = Kind.EQUIVALENT
+    cost = 3.0
+
+    def apply(self, problem: MLCP) -> tuple[LCP, Trace]:
+        P = semidefinite_transform(problem)
+        A, C, a = problem.A, problem.C, problem.a
+        if P is not None:
+            A, C, a = P @ A, P @ C, P @ a
+        B, D, b = problem.B, problem.D, problem.b
+        M = matrices.block([[A, -A, C], [-A, A, -C], [D, -D, B]])
+        return LCP(M=M, q=np.concatenate([a, -a, b])), {"n": problem.a.size}
+
+    def lift(self, point: LCPPoint, trace: Trace) -> MLCPPoint:
+        n = trace["n"]
+        return MLCPPoint(u=point.z[:n] - point.z[n : 2 * n], v=point.z[2 * n :])
+
+    def push(self, point: MLCPPoint, trace: Trace) -> LCPPoint:
+        return LCPPoint(z=np.concatenate([np.maximum(point.u, 0.0), np.maximum(-point.u, 0.0), point.v]))
+
+
+def semidefinite_transform(problem: MLCP) -> Sparse | None:
+    """A monomial P for which [[PA, PC], [D, B]] is positive semidefinite; None when none is needed or none is found.
+
+    Row i of the equalities may stand at place j when it is a multiple p of −(Dᵀ)_j (or of (Dᵀ)_j) on v. Where
+    several may, those are taken that give PA the largest diagonal: a semidefinite matrix has no negative one.
+    """
+    A, B, C, D = problem.A, problem.B, problem.C, problem.D
+    if problem.a.size == 0 or not matrices.is_psd(B) or matrices.is_psd(matrices.block([[A, C], [D, B]])):
+        return None
+    equalities, wanted = matrices.sparse(C), matrices.sparse(matrices.transpose(D))
+    for sign in (-1.0, 1.0):  # skew first: it leaves PA and B to be semidefinite each for itself
+        P = _match(matrices.sparse(A), equalities, matrices.sparse(wanted * sign))
+        if P is not None and matrices.is_psd(matrices.block([[P @ A, P @ C], [D, B]])):
+            return P
+    return None
+
+
+def _match(A: Sparse, C: Sparse, wanted: Sparse) -> Sparse | None:
+    """P with PC = wanted, row by row, from groups of parallel rows; None when the rows cannot be paired."""
+    groups = _parallel_rows(C), _parallel_rows(wanted)
+    if {k: len(v) for k, v in groups[0].items()} != {k: len(v) for k, v in groups[1].items()}:
+        return None
+    n = A.shape[0]
+    scale, source = np.ones(n), np.full(n, -1)
+    # rows that v does not enter come last: their scale is free, and is read off from the rows placed before them
+    for key in sorted(groups[0], key=lambda k: k == _ZERO):
+        rows, places = np.array(groups[0][key]), np.array(groups[1][key])
+        block = matrices.dense(A[rows][:, places])
+        if key == _ZERO:
+            factor, score = _free_scales(A, block, rows, places, scale, source)
+        else:
+            factor = _leading(wanted, places)[None, :] / _leading(C, rows)[:, None]
+            score = factor * block
+        chosen, at = linear_sum_assignment(score, maximize=True)
+        source[places[at]] = rows[chosen]
+        scale[places[at]] = factor[chosen, at]
+    return sp.csr_array((scale, (np.arange(n), source)), shape=(n, n))
+
+
+def _free_scales(
+    A: Sparse, block: Dense, rows: NDArray[Any], places: NDArray[Any], scale: Vector, source: NDArray[Any]
+) -> tuple[Dense, Dense]:
+    """Scales and scores of the pairs (row, place) of rows that v does not enter.
+
+    A nonzero diagonal entry is made positive. A zero one in a semidefinite matrix needs a skew row and column:
+    the row, over the columns placed before, must be minus what stands in its own column there.
+    """
+    placed = np.flatnonzero(source >= 0)
+    factor = np.where(block < 0, -1.0, 1.0)
+    score = np.abs(block)
+    if placed.size:
+        across = matrices.dense(A[rows][:, placed])
+        down = scale[placed][:, None] * matrices.dense(A[source[placed]][:, places])
+        product = -across @ down
+        length = np.einsum("ij,ij->i", across, across)[:, None] * np.ones(places.size)
+        skew = (block == 0.0) & (product != 0.0) & (length > 0.0)
+        factor[skew] = product[skew] / length[skew]
+        alignment = np.abs(product) / np.sqrt(length * np.einsum("ij,ij->j", down, down) + np.finfo(float).tiny)
+        score[skew] = alignment[skew]
+    return factor, score
+
+
+_ZERO = (b"", b"")
+
+
+def _parallel_rows(M: Sparse) -> dict[tuple[bytes, bytes], list[int]]:
+    """Rows by direction: pattern, and values over the first one to ten digits."""
+    groups: dict[tuple[bytes, bytes], list[int]] = defaultdict(list)
+    for i, (columns, values) in enumerate(_rows(M)):
+        direction = np.round(values / values[0], 10) + 0.0 if values.size else values
+        groups[columns.astype(np.int64).tobytes(), direction.tobytes()].append(i)
+    return dict(groups)
+
+
+def _leading(M: Sparse, rows: NDArray[Any]) -> Vector:
+    """First nonzero entry of each of the rows."""
+    parts = list(_rows(sp.csr_array(M[rows])))
+    return np.array([values[0] for _, values in parts])
+
+
+def _rows(M: Matrix) -> Iterator[tuple[NDArray[Any], Vector]]:
+    """Columns and values of the nonzero entries, row by row."""
+    M = sp.csr_array(M, copy=True)
+    M.sum_duplicates()
+    M.eliminate_zeros()
+    for start, stop in zip(M.indptr[:-1], M.indptr[1:], strict=True):
+        yield M.indices[start:stop], M.data[start:stop]
