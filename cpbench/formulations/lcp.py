@@ -34,7 +34,8 @@ class LCP(Problem):
     """0 ≤ z ⟂ Mz + q ≥ 0.
 
     Residuals (both judged): `natural` = ‖min(z, w)‖₂/‖q‖₂, Siconos' lcp_compute_error, and `unit_free` =
-    ‖min(z/‖z‖∞, w/max(‖q‖∞, ‖Mz‖∞))‖₂, which does not change with the units of z or w.
+    ‖min(z/max(‖z‖∞, ‖q‖∞/max|M|), w/max(‖q‖∞, ‖Mz‖∞))‖₂, which does not change with the units of z or w. Without
+    ‖q‖∞/max|M|, the size of a z that could balance q, an answer a rounding error away from z = 0 would have error 1.
     """
 
     node: ClassVar[str] = "lcp"
@@ -48,6 +49,11 @@ class LCP(Problem):
     @property
     def point_sizes(self) -> dict[str, int]:
         return {"z": self.q.size}
+
+    @cached_property
+    def z_unit(self) -> float:
+        """‖q‖∞/max|M|, the least size of a z that can balance q (‖q‖∞ for M = 0)."""
+        return max_abs(self.q) / (max_abs(self.M) or 1.0)
 
     @cached_property
     def symmetric(self) -> bool:
@@ -71,7 +77,9 @@ class LCP(Problem):
             return Residuals(
                 judged={
                     "natural": scaled(natural, norm(self.q)),
-                    "unit_free": unit_free_complementarity(z, w, max(max_abs(self.q), max_abs(Mz))),
+                    "unit_free": unit_free_complementarity(
+                        z, w, max(max_abs(z), self.z_unit), max(max_abs(self.q), max_abs(Mz))
+                    ),
                 },
                 parts={
                     "natural_absolute": natural,
@@ -93,7 +101,6 @@ class LCP(Problem):
         return bool(My.max() <= slack and self.q @ y < -1e-9 * max(max_abs(self.q), 1e-300))
 
 
-def unit_free_complementarity(z: Vector, w: Vector, w_scale: float) -> float:
-    """‖min(z/‖z‖∞, w/w_scale)‖₂ with 0/0 = 0."""
-    z_scale = max_abs(z)
+def unit_free_complementarity(z: Vector, w: Vector, z_scale: float, w_scale: float) -> float:
+    """‖min(z/z_scale, w/w_scale)‖₂ with 0/0 = 0."""
     return norm(np.minimum(z / z_scale if z_scale > 0 else z, w / w_scale if w_scale > 0 else w))

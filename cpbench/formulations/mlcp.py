@@ -56,6 +56,12 @@ class MLCP(Problem):
         return {"u": self.a.size, "v": self.b.size}
 
     @cached_property
+    def v_unit(self) -> float:
+        """The least size of a v that can balance the data: max(‖b‖∞/max|B|, ‖a‖∞/max|C|) over nonzero B and C."""
+        pairs = ((self.b, self.B), (self.a, self.C))
+        return max((max_abs(x) / max_abs(X) for x, X in pairs if max_abs(X) > 0), default=max_abs(self.b))
+
+    @cached_property
     def factorization(self) -> Factorization:
         """LU of A, shared by the test for singularity, the Schur complement and its lift."""
         return Factorization(self.A)
@@ -76,7 +82,9 @@ class MLCP(Problem):
             return Residuals(
                 judged={
                     "natural": scaled(natural, data),
-                    "unit_free": unit_free_complementarity(v, w, max(max_abs(self.b), max_abs(Du), max_abs(Bv))),
+                    "unit_free": unit_free_complementarity(
+                        v, w, max(max_abs(v), self.v_unit), max(max_abs(self.b), max_abs(Du), max_abs(Bv))
+                    ),
                     "equality": scaled(norm(equality), norm(self.a), norm(Au), norm(Cv)),
                 },
                 parts={

@@ -173,3 +173,25 @@ def test_status_keeps_claim_and_verdict_apart() -> None:
     assert status(far, "infeasible") == Status.FAILED, "infeasible without a checked proof"
     assert status(far, "infeasible", proven_infeasible=True) == Status.INFEASIBLE
     assert status(verification.Verdict(1e-6, True, 1e-9), "failed") == Status.SOLVED, "what counts is what is measured"
+
+
+@pytest.mark.parametrize("node", ["lcp", "mlcp"])
+def test_a_rounding_error_beside_zero_is_no_wrong_answer(node: str) -> None:
+    """z = 0 solves 0 ≤ z ⟂ z + 1 ≥ 0, and z = 1e-9 does so to 1e-9: it must not be measured on its own size."""
+    tiny = np.array([1e-9])
+    if node == "lcp":
+        error = LCP(M=np.eye(1), q=[1.0]).residuals(LCPPoint(z=tiny)).error
+    else:
+        one = np.eye(1)
+        problem = MLCP(A=one, B=one, C=0 * one, D=0 * one, a=[-1.0], b=[1.0])
+        error = problem.residuals(MLCPPoint(u=[1.0], v=tiny)).error
+    assert error == pytest.approx(1e-9, rel=1e-6)
+
+
+@pytest.mark.parametrize("s", [1e-6, 1e6])
+def test_the_unit_free_error_of_an_lcp_has_no_units(rng: np.random.Generator, s: float) -> None:
+    """z in other units (M → M/s, z → sz) and w in other units (M → sM, q → sq)."""
+    M, q, z = rng.standard_normal((5, 5)), rng.standard_normal(5), rng.uniform(0, 1, 5)
+    error = LCP(M=M, q=q).residuals(LCPPoint(z=z)).judged["unit_free"]
+    assert LCP(M=M / s, q=q).residuals(LCPPoint(z=s * z)).judged["unit_free"] == pytest.approx(error, rel=1e-9)
+    assert LCP(M=s * M, q=s * q).residuals(LCPPoint(z=z)).judged["unit_free"] == pytest.approx(error, rel=1e-9)

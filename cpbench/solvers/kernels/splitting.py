@@ -16,7 +16,8 @@ VECTOR = float64[::1]
 
 @njit(float64(DATA, DATA, DATA), cache=True, fastmath=FAST, error_model="numpy")
 def judged(q, z, w):
-    """max(natural, unit_free) of `cpbench.formulations.lcp`, with Mz = w - q; NaN when anything is."""
+    """max(natural, unit_free) of `cpbench.formulations.lcp` for data of size one (max|M| = max|q| = 1, or q = 0),
+    with Mz = w - q; NaN when anything is."""
     n = q.size
     natural = 0.0
     q_square = 0.0
@@ -28,6 +29,8 @@ def judged(q, z, w):
         q_square += q[i] * q[i]
         z_top = max(z_top, abs(z[i]))
         w_top = max(w_top, max(abs(q[i]), abs(w[i] - q[i])))
+    if q_square > 0.0:
+        z_top = max(z_top, 1.0)
     z_scale = 1.0 / z_top if z_top > 0.0 else 1.0
     w_scale = 1.0 / w_top if w_top > 0.0 else 1.0
     unit_free = 0.0
