@@ -1,0 +1,184 @@
+"""The sections of a report about one group: a formulation at one tolerance, start and number of threads."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+from cpbench.analysis import profiles, summary
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.table import Group
+from cpbench.report import figures
+from cpbench.report.matrix import legend, matrix
+from cpbench.report.run import Run, each, group_name
+from cpbench.report.text import code, counted, listed, number, plain, seconds, table
+
+MATRIX_PROBLEMS = 60
+"""The most problems of a formulation for which the matrix is printed."""
+
+
+def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
+    problems = rows["fingerprint"].nunique()
+    times = rows_of.times(rows)
+    shift = summary.default_shift(times)
+    penalty = run.timeout if math.isfinite(run.timeout) else math.nan  # without a limit, a mean is of full solvers only
+    counts = summary.solve_counts(rows, penalty, shift)
+    labels = [str(label) for label in counts["label"]]
+    yield f"## {group_name(run, group)}"
+    sizes = ", ".join(
+        f"{plain(k)} {a}" if a == b else f"{plain(k)} {a} to {b}" for k, (a, b) in summary.size_ranges(rows).items()
+    )
+    yield (
+        f"{counted(problems, 'problem')}{f' ({sizes})' if sizes else ''}, "
+        f"{counted(len(labels), 'solver configuration')}, {counted(len(rows), 'pair')}."
+    )
+    yield from _times(counts, times, problems, shift, penalty)
+    yield from _figures(run, group, rows, times, several)
+    yield from _verdicts(rows, labels)
+    yield from _matrix(rows, labels, problems)
+    yield from _families(rows)
+    yield from _unsolved(rows)
+
+
+def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, shift: float, penalty: float) -> Iterator[str]:
+    yield "### Solved and times"
+    head = ["solver", "route", f"solved of {problems}", "planned", "claimed, is not", "fastest"]
+    head += ["median of solved", "slowdown of solved", f"mean over {problems}"]
+    yield table(
+        head,
+        (
+            [
+                code(r.label),
+                f"**{r.kind}**" if r.kind in figures.INEXACT else r.kind or "—",
+                f"{r.solved}" + (f" ({r.stationary} stationary)" if r.stationary else ""),
+                str(r.planned),
+                str(r.false) if r.kind not in figures.INEXACT else "see routes",
+                str(r.fastest),
+                seconds(r.median),
+                number(r.slowdown),
+                seconds(r.mean),
+            ]
+            for r in each(counts)
+        ),
+        right=range(2, 9),
+    )
+    charge = f"charged {seconds(penalty)} (the limit)" if math.isfinite(penalty) else "leaves none (no limit was set)"
+    yield (
+        f"Mean: shifted geometric, shift {seconds(shift)} (median of all times), each problem not solved {charge}. "
+        "Slowdown: median ratio to the fastest solver of each problem."
+    )
+    alive = [str(r.label) for r in each(counts) if r.solved]
+    if len(alive) > 1 and shift > 0 and math.isfinite(penalty):
+        orders = summary.order_by_mean(times[alive], shift, penalty)
+        lines = [f"- shift {seconds(s)}: {listed(order, 5)}" for s, order in orders.items()]
+        yield "\n".join(["Order by mean, should the shift be another:", "", *lines])
+
+
+def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, several: bool) -> Iterator[str]:
+    profile = profiles.performance_profile(times)
+    kinds = rows_of.label_kinds(rows)
+    slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
+    if several:
+        slug += f"-{group.tolerance:g}-{re.sub(r'[^a-z0-9]+', '-', group.start.lower())}-{group.threads}"
+    limit = f"limit {run.timeout:g} s" if math.isfinite(run.timeout) else "no limit"
+    title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}, {limit}"
+    yield "### Performance profile"
+    name = f"profile-{slug}"
+    figures.save(figures.profile_figure(profile, title, kinds), run.folder, name)
+    yield f"[![Performance profile, {plain(title)}]({name}.png)]({name}.svg)"
+    yield (
+        f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} count as that. "
+        "Dashed: routes that are approximate, necessary or a relaxation.*"
+    )
+    if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
+        name = f"profile-{slug}-each"
+        figures.save(figures.panels_figure(profile, f"{title}, each solver apart", kinds), run.folder, name)
+        yield f"[![Each solver's curve, {plain(title)}]({name}.png)]({name}.svg)"
+        yield f"*{figures.panels_guide()}*"
+
+
+def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
+    found, said = summary.verdicts(rows), summary.claims(rows)
+    statuses = [str(status) for status in found.columns]
+    yield "### Verdicts"
+    yield table(
+        ["solver", *(s.replace("_", " ") for s in statuses)],
+        (
+            [code(label), *(str(found.at[label, s]) if found.at[label, s] else "·" for s in statuses)]
+            for label in labels
+        ),
+        right=range(1, 1 + len(statuses)),
+    )
+    yield "### Claims against verdicts"
+    yield table(
+        ["solver", "claimed, is", "claimed, is not", "not claimed, is", "neither", "claims that hold"],
+        (
+            [
+                code(label),
+                *(str(said.at[label, c]) for c in ("true", "false", "modest", "honest")),
+                "—" if math.isnan(float(said.at[label, "correct"])) else f"{said.at[label, 'correct']:.0%}",
+            ]
+            for label in labels
+        ),
+        right=range(1, 6),
+    )
+    yield (
+        "Counted are the pairs where the solver came back within its limits; on routes that are not exact a claim is "
+        "about the converted problem."
+    )
+
+
+def _matrix(rows: pd.DataFrame, labels: Sequence[str], problems: int) -> Iterator[str]:
+    yield "### Problem by solver"
+    if problems > MATRIX_PROBLEMS:
+        yield f"{problems} problems are too many for this page (at most {MATRIX_PROBLEMS}): see `results.csv`."
+        return
+    yield matrix(rows, labels)
+    yield legend(rows)
+
+
+def _families(rows: pd.DataFrame) -> Iterator[str]:
+    found = summary.families(rows)
+    if len(found) < 2:
+        return
+    yield "### By family"
+    head = ["family", "problems", "solved by some", "pairs", "solved pairs", "most solved", "by"]
+    yield table(
+        head,
+        (
+            [
+                plain(r.family) or "(none)",
+                str(r.problems),
+                str(r.some),
+                str(r.pairs),
+                str(r.solved),
+                str(r.most),
+                listed(r.best, 4) if r.best else "—",
+            ]
+            for r in each(found)
+        ),
+        right=range(1, 6),
+    )
+
+
+def _unsolved(rows: pd.DataFrame) -> Iterator[str]:
+    found = summary.unsolved(rows)
+    if not len(found):
+        return
+    yield "### Solved by none"
+    yield table(
+        ["problem", "least error", "by", "file"],
+        (
+            [
+                plain(r.name) + (" (proven infeasible)" if r.infeasible else ""),
+                number(r.error),
+                code(r.label) if math.isfinite(r.error) else "—",
+                code(r.address),
+            ]
+            for r in each(found)
+        ),
+        right=[1],
+    )

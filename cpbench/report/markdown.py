@@ -1,0 +1,116 @@
+"""The Markdown report of a run: `report.md`, its figures and `results.csv` in one folder.
+
+One fact a line and a fixed order everywhere, so that the difference of two reports reads well.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis import summary
+from cpbench.analysis import table as rows_of
+from cpbench.report.group_sections import group_sections
+from cpbench.report.methods import METHODS
+from cpbench.report.run import Run, each, group_name
+from cpbench.report.run_sections import run_sections
+from cpbench.report.text import code, counted, listed, plain
+from cpbench.report.text import table as text_table
+
+
+def write_report(table: pd.DataFrame, meta: Mapping[str, Any], folder: str | Path, title: str) -> Path:
+    """Write `folder`/report.md with its figures and results.csv; gives the path of the Markdown file.
+
+    Parameters
+    ----------
+    table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    run = Run(_without_folders(rows_of.normalised(table)), meta, folder)
+    rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
+    parts = [f"# {plain(title)}", _headline(run), _facts(run), *_overview(run)]
+    several = len(rows_of.groups(run.rows)) > run.rows["node"].nunique()
+    for group, rows in rows_of.groups(run.rows):
+        parts += group_sections(run, group, rows, several)
+    parts += run_sections(run)
+    parts += ["## Methods", METHODS.strip()]
+    path = folder / "report.md"
+    path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    return path
+
+
+def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
+    """Addresses and messages relative to the working folder: a report names nobody's home."""
+    here, home = str(Path.cwd()).rstrip(os.sep) + os.sep, str(Path.home()).rstrip(os.sep) + os.sep
+    return rows.assign(
+        address=rows["address"].str.removeprefix(here),
+        message=rows["message"].str.replace(here, "", regex=False).str.replace(home, f"~{os.sep}", regex=False),
+    )
+
+
+def _headline(run: Run) -> str:
+    if not len(run.rows):
+        return "No pair was planned: no solver is reached from the problems that were read."
+    rows = run.rows
+    lies = len(summary.false_claims(rows[rows_of.exact(rows)]))
+    problems, labels = rows["fingerprint"].nunique(), rows["label"].nunique()
+    first = (
+        f"**{counted(int(rows_of.solved(rows).sum()), 'pair')} of {len(rows)} solved** "
+        f"({counted(problems, 'problem')}, {counted(labels, 'solver configuration')}); "
+        f"{counted(lies, 'claim does', 'claims do')} not hold on exact routes."
+    )
+    best = [
+        f"{group_name(run, r.group)}: {listed(r.best, 3)} ({r.most} of {r.problems})"
+        if r.best
+        else f"{group_name(run, r.group)}: nothing solved"
+        for r in each(summary.nodes(rows))
+    ]
+    return f"{first}\\\nMost solved: {'; '.join(best)}."
+
+
+def _facts(run: Run) -> str:
+    meta = run.meta
+    tolerances = sorted(set(run.rows["tolerance"]))
+    facts = {
+        "tolerance": ", ".join(f"{t:g}" for t in tolerances),
+        "limit": f"{run.timeout:g} s a solve" if math.isfinite(run.timeout) else "none",
+        "threads": meta.get("threads", ""),
+        "repeats": f"{meta['repeats']} of short solves" if meta.get("repeats") else "",
+        "run on": meta.get("date", ""),
+        "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
+        "rows": "`results.csv`, one a pair" if len(run.rows) else "",
+    }
+    lines = [f"- {name}: {value}" for name, value in facts.items() if str(value)]
+    command = str(meta.get("command", "")).replace(str(Path.cwd()) + os.sep, "")
+    return "\n".join([*lines, f"- command: {code(command)}"])
+
+
+def _overview(run: Run) -> Iterator[str]:
+    found = summary.nodes(run.rows)
+    if not len(found):
+        return
+    yield "## Solved, by formulation"
+    head = ["formulation", "problems", "configurations", "pairs", "solved by some", "by none", "most solved", "by"]
+    yield text_table(
+        head,
+        (
+            [
+                group_name(run, r.group),
+                str(r.problems),
+                str(r.labels),
+                str(r.pairs),
+                str(r.some),
+                str(r.none),
+                str(r.most),
+                listed(r.best) if r.best else "—",
+            ]
+            for r in each(found)
+        ),
+        right=range(1, 7),
+    )

@@ -1,0 +1,60 @@
+"""The last section of a report: what every number in it means."""
+
+from __future__ import annotations
+
+from cpbench.analysis.profiles import FLOOR
+from cpbench.report.text import seconds
+from cpbench.verification import DIRECTION_DEGREES, INACCURATE_FACTOR
+
+METHODS = f"""\
+**Problems and pairs.** A pair is a problem, a solver with its options, and a request for a route (`exact`, or a
+conversion named after the `@`). Every pair is fixed before the run and has a row; N, the number of problems of a
+formulation, is the number of different problems among its pairs and does not depend on any outcome. Rows are compared
+within one formulation, tolerance, start and number of threads only.
+
+**Solved.** An answer is carried back through the conversions to the problem that was asked, and its error is computed
+there from the problem's data by code and in a process that share nothing with the solver. The pair is *solved* when
+the error is at most the tolerance, whatever the solver said. *Stationary* is the same for a problem that is not
+convex: the conditions of optimality hold, minimality is not shown; it counts as solved. A checked proof that a
+problem has no solution is *infeasible*: a right outcome, but no answer, so that it counts as not solved for everybody
+alike.
+
+**Error.** The largest of the scaled residuals of the formulation; NaN and missing numbers are ∞. LCP and MLCP: the
+natural residual ‖min(z, Mz + q)‖ over ‖q‖ and a unit-free form of it, the equations of an MLCP apart. QP:
+stationarity, primal and dual feasibility and the duality gap in the ∞-norm, each the smaller of its absolute and its
+relative value. Contact: the natural map of the friction law scaled by the largest of ‖q‖, ‖r‖, ‖u‖, the same map in
+the energy norm, which does not change with the units of r and u, and the equations of motion where they are part of
+the problem; all must pass.
+
+**Flags.** *scale*: the natural residual passes and the energy norm does not (inaccurate). *direction*: accepted, but
+some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *absolute*: a scale was
+0, so the error is absolute.
+
+**Claim and verdict.** What a solver says of its answer (the claim) is recorded and never believed. Claimed and not
+within the tolerance is *inaccurate* up to {INACCURATE_FACTOR:g} times the tolerance, *wrong* beyond; both are claims
+that do not hold. A solver of a converted problem speaks of that one: on an approximate, necessary or relaxed route
+its claim may be true there and its answer still be off, so these are counted apart.
+
+**Routes.** *Equivalent* and *one-way* conversions are exact: every answer of the converted problem is one of the
+problem asked. *Necessary*, *approximate* (facets) and *relaxation* promise less; where a solver took such a route it
+is marked, and its answers are judged on the exact law like all others.
+
+**Time.** Conversion + set-up + solve + carrying back, wall clock, in a warmed-up process; the median of the repeats
+of a short solve. Reading the file and judging are not in it. A pair that is not solved has no time: it is ∞, however
+quickly it came to its end.
+
+**Performance profile** (Dolan and Moré, Math. Programming 91, 2002). ρ(τ) is the number of problems solved within τ
+times the least time any solver of the figure needed for that problem, over N. The steps are exact, equal times share
+the lead, times below {seconds(FLOOR)} count as {seconds(FLOOR)}, failures are at ∞, and problems that nobody solved
+stay among the N. Only distance to the best curve is meant: the order of two other solvers may change when a third is
+left out (Gould and Scott, ACM TOMS 43, 2016).
+
+**Mean time.** The shifted geometric mean exp(mean log(t + s)) − s over all N problems; a problem that the solver did
+not solve is charged the penalty, the time limit, also where no route led to the solver. The shift s is the median of
+all times of the formulation and is printed; a shift far above the times would make this an arithmetic mean that a
+single failure decides.
+
+**Median and slowdown** are taken over the problems that the solver itself solved, whose number stands beside them:
+*slowdown* is the median of its time over the least time of any solver (the virtual best). They tell nothing about
+problems it did not solve.
+"""

@@ -1,0 +1,47 @@
+"""What every section of a report is made from: the rows, the facts of the run, and the folder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.table import Group
+from cpbench.report.text import counted, plain
+
+
+@dataclass(frozen=True)
+class Run:
+    """The rows of a run, in fixed order, with the facts of the run and where the report goes."""
+
+    rows: pd.DataFrame
+    meta: Mapping[str, Any]
+    folder: Path
+
+    @property
+    def timeout(self) -> float:
+        value = self.meta.get("timeout")
+        return math.inf if value is None else float(value)
+
+
+def group_name(run: Run, group: Group) -> str:
+    """The formulation, with what tells it from other groups of the same formulation."""
+    others = [g for g, _ in rows_of.groups(run.rows) if g.node == group.node]
+    parts = [plain(group.node)]
+    if len({g.tolerance for g in others}) > 1:
+        parts.append(f"tolerance {group.tolerance:g}")
+    if len({g.start for g in others}) > 1:
+        parts.append(f"{plain(group.start)} start")
+    if len({g.threads for g in others}) > 1:
+        parts.append(counted(group.threads, "thread"))
+    return ", ".join(parts)
+
+
+def each(frame: pd.DataFrame) -> Iterator[Any]:
+    """The rows of a frame, its columns as attributes."""
+    yield from frame.itertuples(index=False)

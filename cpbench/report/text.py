@@ -1,0 +1,144 @@
+"""Pieces of Markdown. Whatever comes from a table is text in it: no name can become markup, a link or a new line."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+_SPECIAL = re.compile(r"([\\`*\[\]#~$!|])|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
+_FACETS = re.compile(r"(inner|outer)(\d+)(?:-(\w+))?")
+_EDGE = re.compile(r"([^\[\]+]+)(?:\[([^\]]*)\])?")
+
+
+def plain(value: Any) -> str:
+    """`value` as running text on one line, every character standing for itself.
+
+    >>> plain("<script> a|b *c* [d](e) max_iter _x")
+    '&lt;script&gt; a\\\\|b \\\\*c\\\\* \\\\[d\\\\](e) max_iter \\\\_x'
+    """
+    line = one_line(value).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    return _SPECIAL.sub(lambda found: "\\" + found[0], line)
+
+
+def code(value: Any) -> str:
+    """`value` as a code span on one line; — for nothing.
+
+    >>> code("lemke@inner8"), code("a`b"), code("")
+    ('`lemke@inner8`', '`` a`b ``', '—')
+    """
+    line = one_line(value)
+    if not line:
+        return "—"
+    longest = max((len(run) for run in re.findall(r"`+", line)), default=0)
+    return f"{'`' * (longest + 1)} {line} {'`' * (longest + 1)}" if longest else f"`{line}`"
+
+
+def one_line(value: Any) -> str:
+    """Text without line breaks and control characters, blanks merged."""
+    return " ".join("".join(c if c.isprintable() else " " for c in str(value)).split())
+
+
+def cut(value: Any, length: int = 160) -> str:
+    """One line of at most `length` characters."""
+    line = one_line(value)
+    return line if len(line) <= length else line[: length - 1] + "…"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()) -> str:
+    """A table of cells that are Markdown already; the columns `right` are aligned to the right."""
+    numbers = set(right)
+    rule = "|" + "|".join("---:" if k in numbers else "---" for k in range(len(head))) + "|"
+    # in a table a bar ends the cell even inside a code span, unless a backslash stands before it
+    lines = ["| " + " | ".join(re.sub(r"(?<!\\)\|", r"\\|", cell) for cell in row) + " |" for row in rows]
+    return "\n".join(["| " + " | ".join(head) + " |", rule, *lines])
+
+
+def fenced(lines: Iterable[str]) -> str:
+    """Lines as they are, in a code block that none of them can close."""
+    body = list(lines)
+    longest = max((len(run) for line in body for run in re.findall(r"`+", line)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return "\n".join([f"{fence}text", *body, fence])
+
+
+def number(value: float) -> str:
+    """Three significant digits; — for what is not a number.
+
+    >>> number(1234.5), number(math.inf), number(math.nan)
+    ('1.23e+03', '∞', '—')
+    """
+    if math.isnan(value):
+        return "—"
+    return "∞" if math.isinf(value) else f"{value:.3g}"
+
+
+def seconds(value: float) -> str:
+    """A time with its unit.
+
+    >>> seconds(12.345), seconds(0.00123), seconds(4.5e-5), seconds(math.inf)
+    ('12.3 s', '1.23 ms', '45 µs', '∞')
+    """
+    if not math.isfinite(value):
+        return number(value)
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value / 1e-6:.3g} µs"
+
+
+def counted(value: int, noun: str, nouns: str = "") -> str:
+    """A number and its noun.
+
+    >>> counted(1, "problem"), counted(2, "problem"), counted(2, "family", "families")
+    ('1 problem', '2 problems', '2 families')
+    """
+    return f"{value} {noun}" if value == 1 else f"{value} {nouns or noun + 's'}"
+
+
+def listed(labels: Sequence[str], most: int = 6) -> str:
+    """Labels as code, the rest counted.
+
+    >>> listed(["a", "b", "c"], 2)
+    '`a`, `b` and 1 more'
+    """
+    shown = ", ".join(code(label) for label in labels[:most])
+    return f"{shown} and {len(labels) - most} more" if len(labels) > most else shown
+
+
+def solve_command(row: Any, timeout: float | None = None) -> str:
+    """The command that runs one row of a table again.
+
+    >>> solve_command({"address": "a b.h5", "label": "lemke@inner8", "solver": "lemke", "request": "inner8",
+    ...                "tolerance": 1e-6}, 10.0)
+    "cpbench solve 'a b.h5' -s lemke --via inner --facets 8 --tolerance 1e-06 --timeout 10s"
+    """
+    request, label = one_line(row["request"]), one_line(row["label"])
+    solver = label if request == "exact" else label.removesuffix(f"@{request}")
+    words = ["cpbench", "solve", one_line(row["address"]), "-s", solver, *_route_options(request)]
+    words += ["--tolerance", f"{row['tolerance']:g}"]
+    if timeout is not None and math.isfinite(timeout):
+        words += ["--timeout", f"{timeout:g}s"]
+    return shlex.join(words)
+
+
+def _route_options(request: str) -> list[str]:
+    """Options of `cpbench solve` that ask for a route request."""
+    if request in ("exact", ""):
+        return []
+    facets = _FACETS.fullmatch(request)
+    if facets:
+        how, count, target = facets.groups()
+        return ["--via", f"fc-{target}-{how}" if target else how, "--facets", count]
+    edges = [_EDGE.fullmatch(part) for part in request.split("+")]
+    if all(edges) and "-" in request:
+        found: list[str] = []
+        for edge in edges:
+            assert edge is not None
+            found += ["--via", edge[1]]
+            knobs = dict(pair.split("=", 1) for pair in (edge[2] or "").split(",") if "=" in pair)
+            found += ["--facets", knobs["facets"]] if "facets" in knobs else []
+        return found
+    return ["--routes", "all"]
