@@ -137,7 +137,7 @@ def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
 def write_atomic(path: Path, data: bytes, *, force: bool) -> None:
     """Put `data` at `path` in one step: complete or not at all, even if the process is killed meanwhile.
 
-    The bytes go to a file without a name (Linux) or with a temporary one beside the target, which then takes
+    The bytes go to a file without a name (Linux) or with a temporary one beside the target, which then gets
     the target's name. Raises FormatError when the target exists (unless `force`) or cannot be written.
     """
     if path.is_dir():
@@ -153,9 +153,14 @@ def write_atomic(path: Path, data: bytes, *, force: bool) -> None:
             else:
                 with open(fd, "wb", closefd=False) as file:
                     file.write(data)
+                name = temporary if force else path
                 # with a src_dir_fd (unused: the path is absolute) Python calls linkat, which follows the link
-                os.link(f"/proc/self/fd/{fd}", temporary, src_dir_fd=fd, follow_symlinks=True)
+                os.link(f"/proc/self/fd/{fd}", name, src_dir_fd=fd, follow_symlinks=True)
+                if not force:
+                    return
             os.replace(temporary, path)
+    except FileExistsError:
+        raise FormatError(path, "", "exists already: --force replaces it") from None
     except OSError as cause:
         raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
     finally:

@@ -185,7 +185,7 @@ def _load_mat(path: Path) -> dict[str, Any]:
         if key in ("P", "A"):
             found[key] = sp.csr_array(value).astype(np.float64)
         else:
-            found[key] = (value.toarray() if sp.issparse(value) else value).astype(np.float64).reshape(-1)
+            found[key] = np.asarray(matrices.dense(value), np.float64).reshape(-1)
     return found
 
 

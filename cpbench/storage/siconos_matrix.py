@@ -21,7 +21,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.matrices import Matrix, Sparse, Vector
 from cpbench.storage.base import read_text
@@ -234,27 +233,3 @@ def _warn_of_six_digits(path: Path, values: Iterable[str]) -> None:
     if max(digits, default=0) == 6 and path not in _warned:
         _warned.add(path)
         logger.warning("%s: sparse matrices in this text file have 6 digits: the problem is a rounded one", path)
-
-
-# ------------------------------------------------------------------------------------------------ write
-
-
-def text_matrix(M: Matrix) -> str:
-    """The matrix block of `M` with all its digits: dense, or a CSparse triplet."""
-    rows, cols = M.shape
-    if not matrices.is_sparse(M):
-        body = text_rows(matrices.dense(M).T.reshape(-1), max(cols, 1))
-        return f"0\n{rows}\n{cols}\n{rows}\t{cols}\n{body}"
-    coo = sp.coo_array(M)
-    entries = zip(coo.row.tolist(), coo.col.tolist(), coo.data.tolist(), strict=True)
-    lines = "".join(f"    {i} {j} : {v!r}\n" for i, j, v in entries)
-    heading = (
-        f"CSparse triplet, written by cpbench\ntriplet: {rows}-by-{cols}, nzmax: {max(coo.nnz, 1)} nnz: {coo.nnz}\n"
-    )
-    return f"2\n{rows}\n{cols}\n1\n{heading}{lines}"
-
-
-def text_rows(x: Vector, width: int) -> str:
-    """Numbers with all their digits, `width` to a line."""
-    words = list(map(repr, x.tolist()))
-    return "".join(" ".join(words[k : k + width]) + "\n" for k in range(0, len(words), width))

@@ -29,7 +29,8 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP
 from cpbench.storage.base import Format, build, formats, no_member, stem
-from cpbench.storage.siconos_matrix import Cursor, read_matrix, text_matrix, text_rows
+from cpbench.storage.siconos_matrix import Cursor, read_matrix
+from cpbench.storage.siconos_write import write_fc, write_gfc, write_lcp, write_mlcp
 
 Made: TypeAlias = Callable[[], Problem]
 """A problem that was read to its last number; making it still checks its data (NaN, negative friction)."""
@@ -206,44 +207,15 @@ def _abcd(c: Cursor, n: int, m: int) -> dict[str, Any]:
     return parts | {"a": c.numbers("a", n), "b": c.numbers("b", m)}
 
 
-def _write_lcp(p: LCP) -> str:
-    n = p.q.size
-    return f"{n}\n{text_matrix(p.M)}{text_rows(p.q, n or 1)}"
-
-
-def _write_mlcp(p: MLCP) -> str:
-    """M with q, and A, B, C, D too where they are dense (Siconos' own solvers want both)."""
-    n, m = p.a.size, p.b.size
-    M, q = matrices.block([[p.A, p.C], [p.D, p.B]]), np.concatenate([p.a, p.b])
-    dense = not matrices.is_sparse(M)
-    ends = [0] + ([n] if n else []) + ([n + m] if m else [])
-    kinds = (["0"] if n else []) + (["1"] if m else [])
-    text = f"1\n{int(dense)}\n{n}\n{m}\n{' '.join(map(str, ends))} \n{' '.join(kinds)} \n{text_matrix(M)}"
-    text += text_rows(q, n + m or 1)
-    if dense:
-        text += "".join(text_rows(matrices.dense(X).reshape(-1), X.shape[1] or 1) for X in (p.A, p.B, p.C, p.D))
-        text += text_rows(p.a, n or 1) + text_rows(p.b, m or 1)
-    return text
-
-
-def _write_fc(p: FrictionContact) -> str:
-    return f"{p.dimension}\n{p.nc}\n{text_matrix(p.W)}{text_rows(p.q, p.q.size or 1)}{text_rows(p.mu, p.nc or 1)}"
-
-
-def _write_gfc(p: GlobalFrictionContact) -> str:
-    vectors = "".join(text_rows(x, x.size or 1) for x in (p.f, p.w, p.mu))
-    return f"{p.dimension}\n{p.nc}\n{text_matrix(p.M)}{text_matrix(p.H)}{vectors}"
-
-
 for _format in (
-    SiconosText("siconos-lcp", "Siconos text: LCP", "lcp", (read_lcp,), _write_lcp),
-    SiconosText("siconos-mlcp", "Siconos text: MLCP", "mlcp", (read_mlcp, read_mlcp_old), _write_mlcp),
+    SiconosText("siconos-lcp", "Siconos text: LCP", "lcp", (read_lcp,), write_lcp),
+    SiconosText("siconos-mlcp", "Siconos text: MLCP", "mlcp", (read_mlcp, read_mlcp_old), write_mlcp),
     *(
-        SiconosText(f"siconos-fc{d}d", f"Siconos text: FC{d}D, local", "fc", (contact_reader(d),), _write_fc)
+        SiconosText(f"siconos-fc{d}d", f"Siconos text: FC{d}D, local", "fc", (contact_reader(d),), write_fc)
         for d in (2, 3)
     ),
     *(
-        SiconosText(f"siconos-gfc{d}d", f"Siconos text: GFC{d}D, global", "gfc", (global_reader(d),), _write_gfc)
+        SiconosText(f"siconos-gfc{d}d", f"Siconos text: GFC{d}D, global", "gfc", (global_reader(d),), write_gfc)
         for d in (2, 3)
     ),
 ):
