@@ -1,0 +1,224 @@
+"""Counts, claims, means and reasons on tables small enough to count by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_results import row, suite, table
+
+from cpbench.analysis import summary
+from cpbench.analysis import table as rows_of
+from cpbench.errors import StoreError
+
+INF = math.inf
+
+
+def small() -> pd.DataFrame:
+    return rows_of.normalised(
+        table(
+            row("a-1", "lemke", "solved", 1.0),
+            row("a-1", "pgs", "solved", 4.0, kind="one-way"),
+            row("a-2", "lemke", "wrong", 1e-6),
+            row("a-2", "pgs", "stationary", 9.0, claim="max_iter"),
+            row("b-1", "lemke", "timeout", 10.0),
+            row("b-1", "pgs", "inaccurate", 2.0),
+            row("a-1", "pgs@inner8", "wrong", 0.5),
+            row("a-2", "pgs@inner8", "unsupported", message="needs 3 rows a contact"),
+            row("b-1", "pgs@inner8", "failed", 0.5, claim="failed"),
+        )
+    )
+
+
+def test_time_is_of_verified_answers_only() -> None:
+    rows = small()
+    assert rows_of.times(rows).to_numpy().tolist() == [[1.0, 4.0, INF], [INF, 9.0, INF], [INF, INF, INF]]
+    parts = table(row("p", "s", "solved", 1.0, convert=0.25, setup=0.5, lift=0.125, load=99.0, verify=99.0))
+    assert rows_of.with_time(parts)["time"].tolist() == [1.875]
+    assert rows_of.with_time(table(row("p", "s", "solved")))["time"].tolist() == [INF], "not timed"
+
+
+def test_solve_counts() -> None:
+    found = summary.solve_counts(small(), penalty=10.0, shift=0.0).set_index("label")
+    assert found.index.tolist() == ["pgs", "lemke", "pgs@inner8"]
+    assert found["solved"].tolist() == [2, 1, 0]
+    assert found["stationary"].tolist() == [1, 0, 0]
+    assert found["false"].tolist() == [1, 1, 0], "a claim on an approximate route is no false claim"
+    assert found["fastest"].tolist() == [1, 1, 0]
+    assert found["kind"].tolist() == ["one-way", "equivalent", "approximate"]
+    assert found.loc["pgs", ["median", "slowdown"]].tolist() == [6.5, 2.5]
+    assert found["mean"].tolist() == pytest.approx([(4 * 9 * 10) ** (1 / 3), (1 * 10 * 10) ** (1 / 3), 10.0])
+
+
+def test_a_fast_liar_is_last() -> None:
+    rows = [row(f"p-{i}", "honest", "solved", 5.0) for i in range(4)]
+    rows += [row(f"p-{i}", "liar", "wrong", 1e-6) for i in range(4)]
+    found = summary.solve_counts(rows_of.normalised(table(*rows)), penalty=10.0)
+    assert found["label"].tolist() == ["honest", "liar"]
+    assert found["mean"].tolist() == pytest.approx([5.0, 10.0])
+    assert found["fastest"].tolist() == [4, 0]
+
+
+def test_claims_and_false_claims() -> None:
+    rows = small()
+    found = summary.claims(rows)
+    assert found.loc["lemke", ["true", "false", "modest", "honest"]].tolist() == [1, 1, 0, 0]
+    assert found.loc["pgs", ["true", "false", "modest", "honest"]].tolist() == [1, 1, 1, 0]
+    assert found.loc["pgs@inner8", ["true", "false", "modest", "honest"]].tolist() == [0, 1, 0, 1]
+    assert found.loc["pgs", "correct"] == 0.5
+    untrue = summary.false_claims(rows)
+    assert list(zip(untrue["problem"], untrue["label"], strict=True)) == [
+        ("a-1", "pgs@inner8"),
+        ("a-2", "lemke"),
+        ("b-1", "pgs"),
+    ]
+    timeout = table(row("p", "s", "timeout", claim="solved"))
+    assert summary.false_claims(rows_of.normalised(timeout)).empty, "killed or late: the limit decided, not a lie"
+
+
+def test_verdicts_sum_to_the_rows() -> None:
+    rows = rows_of.normalised(suite(20, 12))
+    found = summary.verdicts(rows)
+    assert int(found.to_numpy().sum()) == len(rows)
+    assert list(found.columns) == [s for s in rows_of.STATUSES if s in set(rows["status"])]
+
+
+def test_shift_near_the_data_keeps_one_failure_from_deciding() -> None:
+    """200 times around 2.5 ms and a solver 3 times slower: ratio 3 at any shift; one failure at 100 s makes it 34
+
+    with a shift of 10 s, and leaves it near 3 with the median as shift.
+    """
+    fast = np.exp(np.random.default_rng(0).normal(math.log(2.5e-3), 0.5, 200))
+    slow = 3 * fast
+    slow[0] = INF
+    both = pd.DataFrame({"fast": fast, "slow": slow})
+
+    def ratio(shift: float) -> float:
+        mean = summary.means(both, shift, penalty=100.0)
+        return mean["slow"] / mean["fast"]
+
+    assert ratio(10.0) > 10
+    assert 2.4 < ratio(summary.default_shift(both)) < 3.2
+    orders = summary.order_by_mean(both, summary.default_shift(both), 100.0)
+    assert list(orders.values()) == [["fast", "slow"]] * 3
+
+
+def test_means_of_nothing_and_of_failures() -> None:
+    assert math.isnan(summary.shifted_geometric_mean([], 0.0, 1.0))
+    assert summary.shifted_geometric_mean([INF, math.nan], 0.5, 7.0) == pytest.approx(7.0)
+    assert summary.shifted_geometric_mean([0.0, 1.0], 0.0, 7.0) == 0.0
+    assert summary.default_shift(pd.DataFrame({"a": [INF]})) == 0.0
+
+
+def test_virtual_best_ignores_nan_of_others() -> None:
+    both = pd.DataFrame({"a": [math.nan, 2.0], "b": [3.0, math.nan]})
+    assert summary.virtual_best(both).tolist() == [3.0, 2.0]
+
+
+def test_nodes_families_and_unsolved() -> None:
+    rows = small()
+    node = summary.nodes(rows).iloc[0]
+    assert (node["problems"], node["labels"], node["pairs"]) == (3, 3, 9)
+    assert (node["some"], node["none"], node["most"], node["best"]) == (2, 1, 2, ["pgs"])
+    family = summary.families(rows).set_index("family")
+    assert family["solved"].to_dict() == {"a": 3, "b": 0}
+    assert family["best"].to_dict() == {"a": ["pgs"], "b": []}
+    unsolved = summary.unsolved(rows)
+    assert unsolved[["name", "error", "label"]].to_numpy().tolist() == [["b-1", 3e-5, "pgs"]]
+
+
+def test_a_proof_of_infeasibility_is_told() -> None:
+    rows = rows_of.normalised(table(row("p", "a", "infeasible", 1.0), row("p", "b", "max_iter", 1.0)))
+    assert summary.unsolved(rows)["infeasible"].tolist() == [True]
+
+
+def test_failures_are_listed_once_a_reason() -> None:
+    rows = rows_of.normalised(
+        table(
+            row("p-1", "a", "error", message="singular at pivot 17"),
+            row("p-2", "a", "error", message="singular at pivot 3"),
+            row("p-1", "b", "error", message="singular at pivot 1e-5"),
+            row("p-1", "c", "error", message="no such file 'x'"),
+            row("p-1", "d@inner8", "wrong", 1.0),
+            row("p-1", "e", "wrong", 1.0),
+            row("p-1", "f", "unavailable", message="missing"),
+            row("p-1", "g", "solved", 1.0),
+        )
+    )
+    found = summary.failures(rows)
+    assert [(r.status, r.kind, r.count, dict(r.labels)) for r in found] == [
+        ("wrong", "", 1, {"e": 1}),
+        ("wrong", "approximate", 1, {"d@inner8": 1}),
+        ("error", "", 3, {"a": 2, "b": 1}),
+        ("error", "", 1, {"c": 1}),
+    ]
+    assert (found[2].message, found[2].example["problem"]) == ("singular at pivot 17", "p-1")
+    assert [r.status for r in summary.failures(rows, refused=True)] == ["unavailable"]
+    everything = summary.failures(rows) + summary.failures(rows, refused=True)
+    assert sum(r.count for r in everything) == len(rows) - 1
+
+
+def test_inexact_routes() -> None:
+    found = summary.inexact_routes(small())
+    assert found[["label", "kind", "pairs", "solved", "missed"]].to_numpy().tolist() == [
+        ["pgs@inner8", "approximate", 2, 0, 1]
+    ]
+    assert found["median"].tolist() == [0.2]
+
+
+def test_groups_keep_settings_apart() -> None:
+    rows = rows_of.normalised(
+        table(
+            row("p", "s", "solved", 1.0),
+            row("p", "s", "wrong", 1.0, tolerance=1e-8, key="2"),
+            row("p", "s", "solved", 1.0, threads=2, key="3"),
+        )
+    )
+    assert [(g.tolerance, g.threads, len(part)) for g, part in rows_of.groups(rows)] == [
+        (1e-8, 1, 1),
+        (1e-6, 1, 1),
+        (1e-6, 2, 1),
+    ]
+    with pytest.raises(StoreError, match="p, s: two rows"):
+        rows_of.times(rows)
+
+
+def test_problems_of_one_name_stay_two_problems() -> None:
+    rows = rows_of.normalised(
+        table(
+            row("p", "s", "solved", 1.0, fingerprint="1", address="x.h5"),
+            row("p", "s", "wrong", 1.0, fingerprint="2", address="y.h5", key="2"),
+        )
+    )
+    assert len(rows_of.times(rows)) == 2
+    assert rows_of.problem_names(rows).tolist() == ["p (x.h5)", "p (y.h5)"]
+
+
+def test_nothing_changes_its_input_and_order_does_not_matter() -> None:
+    rows = suite(12, 8)
+    before = rows.copy()
+    clean = rows_of.normalised(rows)
+    kept = clean.copy()
+    results = [summary.solve_counts(clean, 10.0), summary.claims(clean), summary.verdicts(clean)]
+    results += [summary.nodes(clean), summary.families(clean), summary.unsolved(clean)]
+    pd.testing.assert_frame_equal(rows, before)
+    pd.testing.assert_frame_equal(clean, kept)
+    mixed = rows_of.normalised(rows.sample(frac=1.0, random_state=3))
+    pd.testing.assert_frame_equal(mixed, clean)
+    again = [summary.solve_counts(mixed, 10.0), summary.claims(mixed), summary.verdicts(mixed)]
+    again += [summary.nodes(mixed), summary.families(mixed), summary.unsolved(mixed)]
+    for one, two in zip(results, again, strict=True):
+        pd.testing.assert_frame_equal(one, two)
+
+
+def test_an_empty_table_has_empty_answers() -> None:
+    for rows in (rows_of.normalised(table()), rows_of.normalised(pd.DataFrame())):
+        assert rows_of.groups(rows) == []
+        assert summary.nodes(rows).empty
+        assert summary.false_claims(rows).empty
+        assert summary.flagged(rows, "direction").empty
+        assert summary.failures(rows) == []
+        assert summary.inexact_routes(rows).empty
+        assert summary.unsolved(rows).empty
