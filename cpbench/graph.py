@@ -112,30 +112,51 @@ def arrive(
 
     `apply` may be a memoising stand-in for `Conversion.step`, so that shared prefixes are converted once.
     """
+    arrival, dead = _try(problem, target, kinds, via, apply)
+    if arrival is None:
+        raise NoRoute(_no_route(problem, target, kinds, dead))
+    return arrival
+
+
+def explain(
+    problem: Problem, target: str, kinds: frozenset[Kind] = EXACT, via: Sequence[Conversion] = ()
+) -> tuple[DeadEnd, ...]:
+    """The routes that do not bring `problem` to `target`, each with its obstacle, up to the first one that does."""
+    return _try(problem, target, kinds, via, lambda edge, p: edge.step(p))[1]
+
+
+def _try(
+    problem: Problem,
+    target: str,
+    kinds: frozenset[Kind],
+    via: Sequence[Conversion],
+    apply: Callable[[Conversion, Problem], Problem],
+) -> tuple[Arrival | None, tuple[DeadEnd, ...]]:
     dead: list[DeadEnd] = []
     pinned = {edge.name for edge in via}
     for route in candidates(problem.node, target, kinds, via):
         current, worst = problem, Kind.EQUIVALENT
         for done, edge in enumerate(route.steps):
-            kind = edge.exactness(current)
             why = edge.obstacle(current)
-            if why is None and kind not in kinds and edge.name not in pinned:
-                why = f"is {kind} for this problem, only {', '.join(sorted(kinds))} routes were asked for"
+            if why is None:  # a promise means something only where the edge applies
+                kind = edge.exactness(current)
+                worst = max(worst, kind, key=lambda k: k.rank)
+                if kind not in kinds and edge.name not in pinned:
+                    why = f"is {kind} for this problem, only {', '.join(sorted(kinds))} routes were asked for"
             if why is None:
                 try:
                     current = apply(edge, current)
-                    worst = max(worst, kind, key=lambda k: k.rank)
                     continue
                 except NotApplicable as refusal:
                     why = refusal.obstacle
             dead.append(DeadEnd(route, done, edge.label, why))
             break
         else:
-            return Arrival(current, route, worst, tuple(dead))
-    raise NoRoute(_no_route(problem, target, kinds, dead))
+            return Arrival(current, route, worst, tuple(dead)), tuple(dead)
+    return None, tuple(dead)
 
 
-def _no_route(problem: Problem, target: str, kinds: frozenset[Kind], dead: list[DeadEnd]) -> str:
+def _no_route(problem: Problem, target: str, kinds: frozenset[Kind], dead: Sequence[DeadEnd]) -> str:
     tried = "; ".join(dict.fromkeys(f"{d.edge}: {d.obstacle}" for d in dead)) or "no conversion leads there"
     message = f"no {'exact ' if kinds == EXACT else ''}route from {problem.node} to {target}: {tried}"
     others = [r for r in candidates(problem.node, target, ALL) if not r.kind.exact]

@@ -103,22 +103,21 @@ def _free_scales(
 ) -> tuple[Dense, Dense]:
     """Scales and scores of the pairs (row, place) of rows that v does not enter.
 
-    A nonzero diagonal entry is made positive. A zero one in a semidefinite matrix needs a skew row and column:
-    the row, over the columns placed before, must be minus what stands in its own column there.
+    A nonzero diagonal entry becomes positive; a zero one in a semidefinite matrix has a skew row and column. Over
+    the places filled before, the row should be what stands in its own column there, or minus it (`alignment` 1).
     """
     placed = np.flatnonzero(source >= 0)
-    factor = np.where(block < 0, -1.0, 1.0)
-    score = np.abs(block)
-    if placed.size:
-        across = matrices.dense(A[rows][:, placed])
-        down = scale[placed][:, None] * matrices.dense(A[source[placed]][:, places])
-        product = -across @ down
-        length = np.einsum("ij,ij->i", across, across)[:, None] * np.ones(places.size)
-        skew = (block == 0.0) & (product != 0.0) & (length > 0.0)
-        factor[skew] = product[skew] / length[skew]
-        alignment = np.abs(product) / np.sqrt(length * np.einsum("ij,ij->j", down, down) + np.finfo(float).tiny)
-        score[skew] = alignment[skew]
-    return factor, score
+    across = matrices.dense(A[rows][:, placed])
+    down = scale[placed][:, None] * matrices.dense(A[source[placed]][:, places])
+    product = across @ down
+    row_norm, column_norm = np.linalg.norm(across, axis=1)[:, None], np.linalg.norm(down, axis=0)[None, :]
+    both = (row_norm > 0.0) & (column_norm > 0.0)
+    alignment = np.where(row_norm + column_norm > 0.0, 0.0, 1.0)
+    np.divide(np.abs(product), row_norm * column_norm, out=alignment, where=both)
+    factor = np.where(block != 0.0, np.sign(block), np.where(product > 0.0, -1.0, 1.0))
+    size = np.ones_like(factor)
+    np.divide(np.abs(product), row_norm**2, out=size, where=both & (product != 0.0))
+    return factor * size, alignment + np.abs(block) / max(matrices.max_abs(block), np.finfo(float).tiny)
 
 
 _ZERO = (b"", b"")

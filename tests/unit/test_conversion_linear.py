@@ -1,0 +1,267 @@
+"""Edges between LCP, MLCP and QP on planted problems, both ways, and on answers that somebody else computed."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).parent))
+import planted
+
+from cpbench import graph, matrices, storage
+from cpbench.conversions.base import make
+from cpbench.conversions.mlcp_to_lcp_split import semidefinite_transform
+from cpbench.errors import NotApplicable
+from cpbench.formulations import LCP, MLCP, QP, Kind, LCPPoint, MLCPPoint
+from cpbench.solvers.base import Budget, Claim, solvers
+
+CLOSE = 1e-9
+quick = settings(max_examples=30, deadline=None, derandomize=True)
+seeds = st.integers(0, 2**32 - 1)
+small = st.integers(0, 7)
+SEMIDEFINITE = planted.SQUARE[:3]
+
+
+def both_ways(edge: str, problem, point, **knobs):
+    """The converted problem, after checking that the planted answer goes there and comes back."""
+    assert problem.residuals(point).error <= CLOSE
+    target = make(edge, knobs).step(problem)
+    there = graph.push(target, point)
+    assert target.residuals(there).error <= CLOSE
+    assert problem.residuals(graph.lift(target, there)).error <= CLOSE
+    return target
+
+
+# --------------------------------------------------------------------------------------------- lcp → qp
+
+
+@quick
+@given(seeds, small, st.sampled_from(SEMIDEFINITE[:2]), st.booleans())
+def test_lcp_qp(seed, n, kind, sparse):
+    problem, point = planted.lcp(np.random.default_rng(seed), n, kind, sparse=sparse)
+    target = both_ways("lcp-qp", problem, point)
+    assert isinstance(target, QP)
+    assert target.convex
+    assert (target.lb == 0).all()
+    assert matrices.is_sparse(target.Q) == sparse
+
+
+def test_lcp_qp_answer_of_a_qp_solver(rng):
+    problem, _ = planted.lcp(rng, 12, "singular semidefinite")
+    target = make("lcp-qp").step(problem)
+    answer = solvers.get("clarabel").run(target, Budget(tolerance=1e-9)).point
+    assert problem.residuals(graph.lift(target, answer)).error <= 1e-6
+
+
+def test_lcp_qp_refuses_with_numbers(rng):
+    skew = LCP(M=np.array([[1.0, 1.0], [-1.0, 1.0]]), q=np.zeros(2))
+    with pytest.raises(NotApplicable, match=r"not symmetric, .* = 2\.0e\+00; use lcp-qp-nonsymmetric"):
+        make("lcp-qp").apply(skew)
+    indefinite = LCP(M=np.diag([1.0, -0.5]), q=np.zeros(2))
+    with pytest.raises(NotApplicable, match=r"least eigenvalue -5\.0e-01"):
+        make("lcp-qp").apply(indefinite)
+    large = LCP(M=sp.csr_array(sp.diags_array([1.0, *np.linspace(-0.5, 2, 399)])), q=np.zeros(400))
+    assert "least eigenvalue -" in str(make("lcp-qp").obstacle(large))
+
+
+@quick
+@given(seeds, small, st.sampled_from(planted.SQUARE), st.booleans())
+def test_lcp_qp_nonsymmetric(seed, n, kind, sparse):
+    problem, point = planted.lcp(np.random.default_rng(seed), n, kind, sparse=sparse)
+    target = both_ways("lcp-qp-nonsymmetric", problem, point)
+    assert abs(target.objective(point.z)) <= 1e-10 * max(1.0, float(abs(problem.q) @ point.z))
+    promise = make("lcp-qp-nonsymmetric").exactness(problem)
+    assert promise == (Kind.EQUIVALENT if matrices.is_psd(problem.M) else Kind.NECESSARY)
+    assert matrices.is_sparse(target.A) == sparse
+
+
+def test_lcp_qp_nonsymmetric_answer_of_a_qp_solver(rng):
+    problem, _ = planted.lcp(rng, 10, "monotone")
+    target = make("lcp-qp-nonsymmetric").step(problem)
+    answer = solvers.get("clarabel").run(target, Budget(tolerance=1e-12)).point
+    assert problem.residuals(graph.lift(target, answer)).error <= 1e-5
+
+
+def test_gap_needs_the_square_of_the_tolerance():
+    # degenerate: z = w = 0 is the solution, z = √δ has gap δ
+    problem = LCP(M=np.array([[1.0]]), q=np.zeros(1))
+    edge = make("lcp-qp-nonsymmetric")
+    target = edge.step(problem)
+    delta = edge.tolerance(1e-4)
+    assert delta == pytest.approx(1e-8)
+    z = np.array([np.sqrt(delta)])
+    assert target.objective(z) == pytest.approx(delta)
+    assert problem.residuals(LCPPoint(z=z)).judged["natural"] == pytest.approx(1e-4)
+    assert edge.tolerance(2.0) == 2.0
+    assert graph.tolerance(target, 1e-4, 1) == delta
+    assert make("lcp-mlcp").tolerance(1e-4) == 1e-4
+
+
+# ---------------------------------------------------------------------------------------- lcp ↔ mlcp
+
+
+@quick
+@given(seeds, small, st.booleans())
+def test_lcp_mlcp(seed, n, sparse):
+    problem, point = planted.lcp(np.random.default_rng(seed), n, sparse=sparse)
+    target = both_ways("lcp-mlcp", problem, point)
+    assert isinstance(target, MLCP)
+    assert target.sizes() == {"n": 0, "m": n}
+    back = make("mlcp-lcp-schur").step(target)
+    assert back.fingerprint == problem.fingerprint
+
+
+@quick
+@given(seeds, small, small, st.sampled_from(planted.SQUARE), st.booleans())
+def test_mlcp_lcp_schur(seed, n, m, kind, sparse):
+    problem, point = planted.mlcp(np.random.default_rng(seed), n, m, kind, sparse=sparse)
+    edge = make("mlcp-lcp-schur")
+    if edge.obstacle(problem) is not None:
+        assert problem.factorization.rcond <= matrices.SINGULAR_RCOND
+        return
+    # the planted error grows with the condition of A
+    if problem.factorization.rcond > 1e-6:
+        both_ways("mlcp-lcp-schur", problem, point)
+
+
+@quick
+@given(seeds, small, small, st.sampled_from([*planted.SQUARE, "singular"]), st.booleans())
+def test_mlcp_lcp_split(seed, n, m, kind, sparse):
+    problem, point = planted.mlcp(np.random.default_rng(seed), n, m, kind, sparse=sparse)
+    target = both_ways("mlcp-lcp-split", problem, point)
+    assert target.q.size == 2 * n + m
+    assert matrices.is_sparse(target.M) == sparse
+    if kind in SEMIDEFINITE:
+        assert matrices.is_psd(target.M, 1e-7)
+
+
+@pytest.mark.parametrize("edge", ["mlcp-lcp-schur", "mlcp-lcp-split"])
+@pytest.mark.parametrize("seed", range(4))
+def test_mlcp_lcp_lifts_an_enumerated_answer(edge, seed):
+    problem, _ = planted.mlcp(np.random.default_rng(seed), 2, 3, "positive definite")
+    target = make(edge).step(problem)
+    answer = planted.enumerate_lcp(target)
+    assert answer is not None
+    assert problem.residuals(graph.lift(target, answer)).error <= CLOSE
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_split_finds_scrambled_equalities(sign, sparse, seed):
+    # a semidefinite problem whose equalities were permuted, scaled and negated
+    rng = np.random.default_rng(seed)
+    n, m, hidden = 5, 4, 2
+    C = rng.standard_normal((n, m))
+    C[n - hidden :] = 0.0  # equalities and unknowns that v does not enter
+    A = planted.square(rng, n, "positive definite")
+    if sign < 0:
+        A[n - 1, n - 1] = 0.0  # a multiplier: zero on the diagonal, skew beside it
+        A[: n - 1, n - 1] = rng.standard_normal(n - 1)
+        A[n - 1, : n - 1] = -A[: n - 1, n - 1]
+        B, D = planted.square(rng, m, "monotone"), -C.T
+    else:
+        whole = planted.square(rng, n + m, "positive definite")
+        A, B, C = whole[:n, :n], whole[n:, n:], whole[:n, n:]
+        D = C.T
+    order, scale = rng.permutation(n), rng.choice([-2.0, -1.0, -0.5, 0.5, 3.0], n)
+    A, C = scale[:, None] * A[order], scale[:, None] * C[order]
+    u = rng.standard_normal(n)
+    v, w = planted.complementary(rng, m)
+    problem = MLCP(
+        A=planted.stored(A, sparse),
+        B=planted.stored(B, sparse),
+        C=planted.stored(C, sparse),
+        D=planted.stored(D, sparse),
+        a=-A @ u - C @ v,
+        b=w - D @ u - B @ v,
+    )
+    target = both_ways("mlcp-lcp-split", problem, MLCPPoint(u=u, v=v))
+    assert matrices.is_psd(target.M)
+    out = solvers.get("lemke").run(target)
+    assert out.claim == Claim.SOLVED
+    assert problem.residuals(graph.lift(target, out.point)).error <= CLOSE
+
+
+def test_split_keeps_what_is_semidefinite_or_hopeless(rng):
+    good, _ = planted.mlcp(rng, 3, 3, "monotone")
+    assert semidefinite_transform(good) is None
+    bad, _ = planted.mlcp(rng, 3, 3, "any")
+    assert semidefinite_transform(bad) is None
+
+
+@pytest.mark.parametrize("name", ["diodeBridge_mlcp", "diodeBridge20_mlcp", "diodeBridge40_mlcp", "PD_mlcp"])
+def test_diode_bridges(shared_data, name):
+    problem = storage.load(shared_data / "mlcp" / f"{name}.dat", format="siconos-mlcp")
+    rank = np.linalg.matrix_rank(matrices.dense(problem.A))
+    with pytest.raises(NotApplicable, match=rf"rank {rank}\) is numerically singular.*use mlcp-lcp-split"):
+        make("mlcp-lcp-schur").apply(problem)
+    as_stored = matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
+    assert not matrices.is_psd(as_stored)
+    arrival = graph.arrive(problem, "lcp")
+    assert arrival.route.label == "mlcp-lcp-split"
+    assert [end.edge for end in arrival.dead_ends] == ["mlcp-lcp-schur"]
+    assert matrices.is_psd(arrival.problem.M)
+    out = solvers.get("lemke").run(arrival.problem)
+    assert out.claim == Claim.SOLVED
+    assert problem.residuals(graph.lift(arrival.problem, out.point)).error <= 1e-12
+
+
+# ----------------------------------------------------------------------------------------- qp → mlcp
+
+
+@quick
+@given(seeds, small, st.integers(0, 4), st.integers(0, 3), st.sampled_from(planted.SQUARE[:2]), st.booleans())
+def test_qp_mlcp(seed, n, m, k, kind, sparse):
+    problem, point = planted.qp(np.random.default_rng(seed), n, m, k, kind, sparse=sparse)
+    target = both_ways("qp-mlcp", problem, point)
+    assert make("qp-mlcp").exactness(problem) == Kind.EQUIVALENT
+    assert matrices.is_sparse(target.A) == sparse
+    fixed = int((problem.lb == problem.ub).sum())
+    finite = np.isfinite(problem.lb).sum() + np.isfinite(problem.ub).sum()
+    assert target.sizes() == {"n": n + k + fixed, "m": m + finite - 2 * fixed}
+
+
+def test_qp_mlcp_nonconvex_is_necessary(rng):
+    problem, point = planted.qp(rng, 4, 2, 1, "symmetric indefinite")
+    both_ways("qp-mlcp", problem, point)
+    assert make("qp-mlcp").exactness(problem) == Kind.NECESSARY
+    with pytest.raises(graph.NoRoute, match="qp-mlcp: is necessary for this problem"):
+        graph.arrive(problem, "mlcp")
+    assert [end.edge for end in graph.explain(problem, "mlcp")] == ["qp-mlcp"]
+    assert graph.arrive(problem, "mlcp", graph.ALL).kind == Kind.NECESSARY
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_qp_mlcp_agrees_with_a_qp_solver(seed):
+    problem, _ = planted.qp(np.random.default_rng(seed), 4, 2, 1)
+    target = make("qp-mlcp").step(problem)
+    answer = planted.enumerate_mlcp(target)
+    assert answer is not None
+    lifted = graph.lift(target, answer)
+    assert problem.residuals(lifted).error <= CLOSE
+    other = solvers.get("clarabel").run(problem, Budget(tolerance=1e-9)).point
+    # Q is positive definite: the minimiser is unique, and so is its value
+    assert problem.objective(lifted.z) == pytest.approx(problem.objective(other.z), abs=1e-6)
+
+
+# ------------------------------------------------------------------------------------------- chains
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_every_exact_route_carries_the_planted_answer(rng, sparse):
+    problem, point = planted.lcp(rng, 5, "positive definite", sparse=sparse)
+    for node in ("lcp", "mlcp", "qp"):
+        for route in graph.candidates("lcp", node):
+            target = problem
+            for edge in route.steps:
+                target = edge.step(target)
+            there = graph.push(target, point)
+            assert target.residuals(there).error <= CLOSE, route.label
+            assert problem.residuals(graph.lift(target, there)).error <= CLOSE, route.label
