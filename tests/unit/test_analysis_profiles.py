@@ -27,7 +27,7 @@ def heights(profile: Profile, label: str, *taus: float) -> list[float]:
 
 
 def test_values_by_hand() -> None:
-    """Three solvers, five problems; the last problem is solved by nobody. Ratios: a 1 1 2 ∞ ∞, b 4 1 1 1 ∞, c 2 3 ∞ 2 ∞."""
+    """Ratios: a 1 1 2 ∞ ∞, b 4 1 1 1 ∞, c 2 3 ∞ 2 ∞; the last problem is solved by nobody."""
     profile = performance_profile(frame([[1, 4, 2], [2, 2, 6], [6, 3, INF], [INF, 5, 10], [INF, INF, INF]]), floor=1e-3)
     assert profile.problems == 5
     assert heights(profile, "a", 1, 1.999, 2, INF) == [0.4, 0.4, 0.6, 0.6]
@@ -39,7 +39,7 @@ def test_values_by_hand() -> None:
 
 
 def test_failures_stay_failures_when_every_ratio_is_one() -> None:
-    """BenchmarkProfiles.jl charges a failure twice the largest log ratio: 0 when all are 0, and so the best there is."""
+    """BenchmarkProfiles.jl charges a failure twice the largest log ratio: when all are 0, that is the best."""
     profile = performance_profile(frame([[5, 5], [7, INF], [3, 3]]))
     assert heights(profile, "a", 1, INF) == [1.0, 1.0]
     assert heights(profile, "b", 1, 1e300, INF) == [2 / 3] * 3

@@ -1,0 +1,108 @@
+"""Figures: what they say, that they are the same bytes twice, and that no label breaks them."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from synthetic_results import suite
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.profiles import Profile, performance_profile
+from cpbench.report import figures
+
+INF = math.inf
+
+
+def profile_of(problems: int, labels: int) -> tuple[Profile, dict[str, str]]:
+    rows = rows_of.normalised(suite(problems, labels))
+    return performance_profile(rows_of.times(rows)), rows_of.label_kinds(rows)
+
+
+def texts(figure) -> list[str]:
+    import matplotlib.text
+
+    return [t.get_text() for t in figure.findobj(matplotlib.text.Text) if t.get_text()]
+
+
+def test_the_figure_says_what_it_shows() -> None:
+    profile, kinds = profile_of(45, 22)
+    figure = figures.profile_figure(profile, "LCP: 45 problems, tolerance 1e-06, limit 10 s", kinds)
+    said = " ".join(" ".join(texts(figure)).split())
+    assert "45 problems, tolerance 1e-06, limit 10 s" in said
+    assert figures.profile_guide(45) in said
+    for curve in profile.curves:
+        assert curve.label in said
+    assert "none solved: highs" in said
+    assert "lemke@inner8 (approximate)" in said
+
+
+def test_axes_and_curves() -> None:
+    """Every curve is drawn from τ = 1 to the right end, as steps that hold their value to the right."""
+    profile, kinds = profile_of(45, 22)
+    axes = figures.profile_figure(profile, "t", kinds).axes[0]
+    assert axes.get_xscale() == "log"
+    assert axes.get_ylim() == (0.0, 1.0)
+    assert axes.get_xlim()[0] == 1.0
+    assert axes.get_xlim()[1] > profile.widest
+    lines = axes.get_lines()
+    assert len(lines) == sum(1 for c in profile.curves if c.solved)
+    ends = sorted(float(line.get_ydata()[-1]) for line in lines)
+    assert ends == sorted(c.at(INF) for c in profile.curves if c.solved)
+    for line in lines:
+        assert line.get_drawstyle() == "steps-post"
+        assert line.get_xdata()[0] == 1.0
+        assert line.get_xdata()[-1] == axes.get_xlim()[1]
+
+
+def test_colours_markers_and_dashes_tell_curves_apart() -> None:
+    profile, kinds = profile_of(45, 22)
+    lines = figures.profile_figure(profile, "t", kinds).axes[0].get_lines()
+    coloured = [line for line in lines if line.get_color() != figures.GREY]
+    assert len(coloured) == figures.EMPHASISED
+    assert (
+        len({line.get_color() for line in coloured}) == len({line.get_marker() for line in coloured}) == len(coloured)
+    )
+    inexact = sum(1 for c in profile.curves if c.solved and kinds[c.label] == "approximate")
+    assert inexact > 0
+    assert sum(1 for line in lines if line.get_linestyle() != "-") == inexact
+
+
+def test_one_panel_a_solver() -> None:
+    profile, kinds = profile_of(30, 20)
+    figure = figures.panels_figure(profile, "t", kinds)
+    used = [axes for axes in figure.axes if axes.axison]
+    assert len(used) == sum(1 for c in profile.curves if c.solved)
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        pd.DataFrame({"a": [INF, INF]}),
+        pd.DataFrame({"a": [1.0]}),
+        pd.DataFrame({"a": [1.0], "b": [1e9]}),
+        pd.DataFrame({"<b>&": [1.0], "$x$": [2.0], "_hidden": [3.0], "漢": [4.0], "x" * 200: [5.0], "a\nb": [6.0]}),
+        pd.DataFrame({f"solver {i}": [float(i + 1)] for i in range(60)}),
+        pd.DataFrame(),
+    ],
+    ids=["none solved", "one", "far apart", "labels", "sixty", "nothing"],
+)
+def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
+    profile = performance_profile(times)
+    for draw in (figures.profile_figure, figures.panels_figure):
+        png, svg = figures.save(draw(profile, "title", {}), tmp_path, "f")
+        assert png.read_bytes().startswith(b"\x89PNG")
+        assert b"</svg>" in svg.read_bytes()
+
+
+def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
+    profile, kinds = profile_of(5, 4)
+    png, svg = figures.save(figures.profile_figure(profile, "t", kinds), tmp_path, "one")
+    again = figures.save(figures.profile_figure(profile, "t", kinds), tmp_path, "two")
+    assert [p.read_bytes() for p in again] == [png.read_bytes(), svg.read_bytes()]
+    assert b"dc:date" not in svg.read_bytes()
+    assert b"Software" not in png.read_bytes()
+    assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global state and may look for a display"

@@ -1,0 +1,226 @@
+"""The Markdown report: complete, the same bytes twice, and unmoved by what names and messages contain."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from markdown_it import MarkdownIt
+from synthetic_results import meta, row, suite, table
+
+from cpbench.report.markdown import write_report
+from cpbench.report.text import code, fenced, plain, solve_command
+from cpbench.report.text import table as text_table
+
+RENDER = MarkdownIt("commonmark").enable("table")
+HOSTILE = [
+    *("<script>alert(1)</script>", "a|b", "`x`", "``", "*b* _i_", "[l](http://x)", "![i](x)", "a\nb", "$x$", "\\|"),
+    *("&amp;", "# h", "~~s~~", "\x1b[31m", "|", "_under", "é漢"),
+]
+
+
+def report(rows: pd.DataFrame, folder: Path, **facts: object) -> str:
+    path = write_report(rows, meta(**facts), folder, "A title")
+    assert path == folder / "report.md"
+    return path.read_text(encoding="utf-8")
+
+
+def check_whole(text: str, folder: Path) -> None:
+    """Pictures exist, every table is one, no cell is broken."""
+    for target in re.findall(r"\]\(([^)]+\.(?:png|svg))\)", text):
+        assert (folder / target).stat().st_size > 1000
+    tokens = RENDER.parse(text)
+    rows = [t for t in tokens if t.type == "tr_open"]
+    head = sum(1 for line in text.splitlines() if re.fullmatch(r"\|(-+:?\|)+", line))
+    assert sum(1 for t in tokens if t.type == "table_open") == head
+    bodies = sum(1 for line in text.splitlines() if line.startswith("| "))
+    assert len(rows) == bodies
+    assert not re.search(r"\b(nan|None|inf)\b", text), "numbers that are none are shown as — and ∞"
+
+
+def test_a_run_of_every_outcome(tmp_path: Path) -> None:
+    text = report(suite(45, 20), tmp_path, refused=[["bad.h5", "bad.h5: W: is NaN at 3"]])
+    check_whole(text, tmp_path)
+    for heading in (
+        "## Solved, by formulation",
+        "## lcp",
+        "### Solved and times",
+        "### Performance profile",
+        "### Verdicts",
+        "### Claims against verdicts",
+        "### Problem by solver",
+        "### By family",
+        "## Claimed, is not",
+        "## Accepted, but in a wrong direction",
+        "## Routes that promise less than an answer",
+        "## Failures by reason",
+        "## Never started",
+        "## Refused files (1)",
+        "## Machine and versions",
+        "## Methods",
+    ):
+        assert f"\n{heading}" in text, heading
+    assert "is NaN at 3" in text
+    rows = pd.read_csv(tmp_path / "results.csv")
+    assert len(rows) == 45 * 20
+    assert (rows["time"] < float("inf")).sum() == (rows["status"] == "solved").sum()
+
+
+def test_the_same_data_give_the_same_bytes(tmp_path: Path) -> None:
+    rows = suite(12, 9)
+    one, two = tmp_path / "one", tmp_path / "two"
+    report(rows, one)
+    report(rows.sample(frac=1.0, random_state=1), two)
+    names = sorted(p.name for p in one.iterdir())
+    figures = [f"profile-lcp{part}.{kind}" for part in ("-each", "") for kind in ("png", "svg")]
+    assert names == [*figures, "report.md", "results.csv"]
+    for name in names:
+        assert (one / name).read_bytes() == (two / name).read_bytes(), name
+
+
+def test_counts_in_the_report_are_those_of_the_table(tmp_path: Path) -> None:
+    text = report(
+        table(
+            row("a-1", "lemke", "solved", 1e-3),
+            row("a-2", "lemke", "wrong", 1e-6, message="thought so"),
+            row("a-1", "pgs", "solved", 2e-3),
+            row("a-2", "pgs", "solved", 5e-3, flags="direction", parts='{"slip_angle [deg]": 44.2}'),
+        ),
+        tmp_path,
+    )
+    assert text.splitlines()[2].startswith(
+        "**3 pairs of 4 solved** (2 problems, 2 solver configurations); 1 claim does"
+    )
+    assert "Most solved: lcp: `pgs` (2 of 2)." in text
+    assert "| `pgs` | equivalent | 2 | 2 | 0 | 1 | 3.5 ms | 1.5 | " in text
+    assert "| `lemke` | equivalent | 1 | 2 | 1 | 1 | 1 ms | 1 | " in text
+    assert "| a-2 | `pgs` | solved | 1e-09 | 44.2 |" in text
+    again = "cpbench solve problems/a-2.h5 -s lemke --tolerance 1e-06 --timeout 10s"
+    assert f"| wrong | 1 | `lemke 1` | thought so | `{again}` |" in text
+    assert "┌ pgs\n│ ┌ lemke\n+ *  a-1\n* W  a-2\n" in text
+
+
+def shape_with(name: str, folder: Path) -> list[str]:
+    """Kinds of the Markdown tokens of a report in which everything is called `name`; plain text does not count."""
+    rows = table(
+        row("p-1", "plain", "solved", 1.0),
+        row(name, name, "solved", 1.0, family=name, solver=name, flags="direction"),
+        row(name, name + "2", "wrong", 1.0, family=name, message=name, solver=name),
+        row(name, name + "3", "error", family=name, message=name, address=name),
+        row(name, name + "@inner8", "wrong", 2.0, family=name),
+    )
+    sheet = dict.fromkeys(("name", "node", "version", "licence", "publishing", "summary"), name)
+    text = report(
+        rows,
+        folder,
+        refused=[[name, name]],
+        command=name,
+        machine={"cpu": name},
+        solvers={name: sheet},
+    )
+    check_whole(text, folder)
+    tokens = RENDER.parse(text)
+    spans = [child.type for token in tokens for child in token.children or []]
+    return [t.type for t in tokens] + [s for s in spans if s not in ("text", "text_special", "code_inline")]
+
+
+@pytest.fixture(scope="module")
+def harmless(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    return shape_with("harmless", tmp_path_factory.mktemp("harmless"))
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_name_stays_text(name: str, harmless: list[str], tmp_path: Path) -> None:
+    """Rendered as Markdown there is no tag, link, heading, emphasis or cell that the report did not put there."""
+    assert shape_with(name, tmp_path) == harmless
+
+
+def test_pieces_render_to_what_went_in() -> None:
+    for name in HOSTILE:
+        line = " ".join("".join(c if c.isprintable() else " " for c in name).split())
+        (paragraph,) = [t for t in RENDER.parse(f"x {plain(name)} y") if t.type == "inline"]
+        assert "".join(c.content for c in paragraph.children or []) == f"x {line} y"
+        (span,) = [t for t in RENDER.parse(code(name)) if t.type == "inline"]
+        assert [c.content for c in span.children or []] == [line]
+        (block,) = RENDER.parse(fenced([line]))
+        assert block.content == f"{line}\n"
+        cells = [t.content for t in RENDER.parse(text_table(["a", "b"], [[plain(name), "c"]])) if t.type == "inline"]
+        assert len(cells) == 4
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        pd.DataFrame(),
+        table(),
+        table(row("p", "s", "solved", 1.0)),
+        table(row("p", "s", "crash", signal=-11)),
+        table(row("p", "s", "not_run"), row("p", "t", "not_run")),
+        table(*(row(f"p-{i}", s, "timeout") for i in range(3) for s in ("s", "t"))),
+        table(*(row(f"p-{i}", "s", "solved", 0.0) for i in range(3))),
+    ],
+    ids=["no columns", "no rows", "one solved", "one crashed", "nothing run", "none solved", "zero seconds"],
+)
+def test_small_and_sad_tables(rows: pd.DataFrame, tmp_path: Path) -> None:
+    check_whole(report(rows, tmp_path), tmp_path)
+
+
+def test_facts_may_be_missing(tmp_path: Path) -> None:
+    path = write_report(suite(3, 3), {}, tmp_path, "t")
+    assert "limit: none" in path.read_text()
+
+
+def test_settings_are_reported_apart(tmp_path: Path) -> None:
+    text = report(
+        table(
+            row("p", "s", "solved", 1.0),
+            row("p", "s", "wrong", 1.0, tolerance=1e-8, key="2"),
+            row("q", "s", "solved", 1.0, node="qp"),
+        ),
+        tmp_path,
+    )
+    check_whole(text, tmp_path)
+    for heading in ("## lcp, tolerance 1e-08", "## lcp, tolerance 1e-06", "## qp"):
+        assert f"\n{heading}\n" in text
+    assert (tmp_path / "profile-lcp-1e-08-cold-1.png").exists()
+
+
+def test_many_problems_have_no_matrix(tmp_path: Path) -> None:
+    text = report(suite(61, 2), tmp_path)
+    assert "61 problems are too many" in text
+    assert "```text" not in text
+
+
+def test_no_folder_of_the_machine_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    here = str(tmp_path)
+    text = report(
+        table(row("p", "s", "error", address=f"{here}/in/p.h5", message=f"cannot read {here}/in/p.h5")),
+        tmp_path / "out",
+        refused=[[f"{here}/bad.h5", f"{here}/bad.h5: is no HDF5 file"]],
+        command=f"cpbench run {here}/in",
+    )
+    assert here not in text
+    assert here not in (tmp_path / "out" / "results.csv").read_text()
+    assert "cpbench solve in/p.h5 -s s" in text
+
+
+def test_commands_name_the_route() -> None:
+    base = {"address": "p.h5", "tolerance": 1e-8, "solver": "lemke"}
+
+    def command(label: str, request: str) -> str:
+        return solve_command({**base, "label": label, "request": request})
+
+    assert command("lemke[rule=x]", "exact") == "cpbench solve p.h5 -s 'lemke[rule=x]' --tolerance 1e-08"
+    assert command("lemke@outer8-mlcp", "outer8-mlcp") == (
+        "cpbench solve p.h5 -s lemke --via fc-mlcp-outer --facets 8 --tolerance 1e-08"
+    )
+    assert command("lemke@fc-lcp-inner[facets=16]", "fc-lcp-inner[facets=16]") == (
+        "cpbench solve p.h5 -s lemke --via fc-lcp-inner --facets 16 --tolerance 1e-08"
+    )
+    assert command("lemke@gfc-fc+fc-lcp-inner", "gfc-fc+fc-lcp-inner") == (
+        "cpbench solve p.h5 -s lemke --via gfc-fc --via fc-lcp-inner --tolerance 1e-08"
+    )
+    assert command("lemke@necessary", "necessary") == "cpbench solve p.h5 -s lemke --routes all --tolerance 1e-08"
