@@ -1,0 +1,310 @@
+"""Edges of the contact nodes: Delassus operator, plane contact and facets, planted and against other solvers."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+sys.path.insert(0, str(Path(__file__).parent))
+import planted
+
+from cpbench import graph, matrices, storage
+from cpbench.conversions import elimination, facets
+from cpbench.conversions.base import make
+from cpbench.errors import NotApplicable
+from cpbench.formulations import FCPoint, FrictionContact, GlobalFrictionContact, Kind
+from cpbench.matrices import Factorization
+from cpbench.solvers.base import Budget, Claim, solvers
+
+CLOSE = 1e-9
+FACET_EDGES = ("fc-lcp-inner", "fc-lcp-outer", "fc-mlcp-outer")
+quick = settings(max_examples=30, deadline=None, derandomize=True)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def both_ways(edge, problem, point, close=CLOSE):
+    assert problem.residuals(point).error <= close
+    target = edge.step(problem)
+    there = graph.push(target, point)
+    assert target.residuals(there).error <= close
+    assert problem.residuals(graph.lift(target, there)).error <= close
+    return target
+
+
+def solved(target):
+    """An answer to a converted facet problem by Lemke's method, through whatever leads to an LCP."""
+    arrival = graph.arrive(target, "lcp")
+    out = solvers.get("lemke").run(arrival.problem, Budget(tolerance=1e-10))
+    assert out.claim == Claim.SOLVED
+    return graph.lift(arrival.problem, out.point, len(arrival.route.steps))
+
+
+# ----------------------------------------------------------------------------------------- Delassus
+
+
+@quick
+@given(seeds, st.integers(1, 5), st.integers(0, 6), st.sampled_from([2, 3]), st.booleans(), st.booleans())
+def test_gfc_fc(seed, bodies, nc, d, symmetric, sparse):
+    problem, point = planted.gfc(np.random.default_rng(seed), bodies, nc, d, symmetric=symmetric, sparse=sparse)
+    target = both_ways(make("gfc-fc"), problem, point)
+    M, H = matrices.dense(problem.M), matrices.dense(problem.H)
+    reference = H.T @ np.linalg.solve(M, H)
+    W = matrices.dense(target.W)
+    assert np.abs(W - reference).max(initial=0.0) <= 1e-12 * np.abs(reference).max(initial=1.0)
+    if symmetric:
+        assert (W == W.T).all()
+    assert target.dimension == d
+
+
+def test_delassus_answer_of_another_solver(rng):
+    problem, _ = planted.gfc(rng, 4, 5, 3, sparse=True)
+    target = make("gfc-fc").step(problem)
+    answer = solvers.get("nsgs").run(target, Budget(tolerance=1e-10, iterations=20000)).point
+    assert target.residuals(answer).error <= 1e-8
+    assert problem.residuals(graph.lift(target, answer)).error <= 1e-8
+
+
+def test_delassus_stays_sparse_and_mixes_components(rng):
+    # forty small bodies and one large one, all in one M: small blocks are inverted, the large one is factored
+    small, large = 40, 60
+    n = 6 * small + large
+    M = np.eye(n)
+    for b in range(small):
+        at = slice(6 * b, 6 * b + 6)
+        M[at, at] = planted.square(rng, 6, "positive definite") + np.eye(6)
+    M[6 * small :, 6 * small :] = planted.square(rng, large, "positive definite") + 10 * np.eye(large)
+    shuffle = rng.permutation(n)
+    H = np.zeros((n, 3 * 50))
+    for c in range(50):
+        b = int(rng.integers(small))
+        H[6 * b : 6 * b + 6, 3 * c : 3 * c + 3] = rng.standard_normal((6, 3))
+    H[6 * small + 3, :6] = 1.0
+    M, H = M[np.ix_(shuffle, shuffle)], H[shuffle]
+    problem = GlobalFrictionContact(
+        M=sp.csr_array(M), H=sp.csr_array(H), f=rng.standard_normal(n), w=rng.standard_normal(150), mu=np.full(50, 0.5)
+    )
+    W = make("gfc-fc").step(problem).W
+    assert matrices.is_sparse(W)
+    assert matrices.nnz(W) < 0.2 * 150 * 150
+    reference = H.T @ np.linalg.solve(M, H)
+    assert np.abs(matrices.dense(W) - reference).max() <= 1e-12 * np.abs(reference).max()
+
+
+def test_delassus_in_bundles(rng, monkeypatch):
+    monkeypatch.setattr(elimination, "BUNDLE", 7)
+    A = sp.csr_array(planted.square(rng, 50, "positive definite"))
+    D, C = sp.random_array((20, 50), density=0.2, rng=rng), sp.random_array((50, 30), density=0.2, rng=rng)
+    result = elimination.product(sp.csr_array(D), Factorization(A), sp.csr_array(C))
+    reference = D.toarray() @ np.linalg.solve(A.toarray(), C.toarray())
+    np.testing.assert_allclose(matrices.dense(result), reference, atol=1e-11)
+
+
+def test_singular_mass_is_refused_with_its_condition():
+    problem = GlobalFrictionContact(
+        M=np.diag([1.0, 0.0, 1.0]), H=np.eye(3), f=np.zeros(3), w=np.zeros(3), mu=np.array([0.5])
+    )
+    with pytest.raises(NotApplicable, match=r"mass matrix M \(3x3, rank 2\) is numerically singular, condition"):
+        make("gfc-fc").apply(problem)
+
+
+def test_delassus_of_real_files(shared_data):
+    seen = 0
+    for path in sorted((shared_data / "fc3d_global").glob("*.hdf5")):
+        problem = storage.load(path)
+        assert isinstance(problem, GlobalFrictionContact)
+        if problem.w.size > 1500:
+            continue  # the dense reference takes long
+        seen += 1
+        W = make("gfc-fc").step(problem).W
+        H = matrices.dense(problem.H)
+        reference = H.T @ np.linalg.solve(matrices.dense(problem.M), H)
+        assert np.abs(matrices.dense(W) - reference).max() <= 1e-13 * np.abs(reference).max(), path.name
+        if matrices.is_symmetric(problem.M):
+            assert matrices.asymmetry(W) == 0.0, path.name
+    assert seen >= 10
+
+
+def test_no_contact(shared_data):
+    problem = storage.load(
+        shared_data / "fc2d_global" / "gfc2d_granularflowonwall_00000_00117.dat", format="siconos-gfc2d"
+    )
+    local = make("gfc-fc").step(problem)
+    assert local.nc == 0
+    target = make("fc-lcp-2d").step(local)
+    assert problem.residuals(graph.lift(target, target.zero_point())).error <= 1e-12
+
+
+# --------------------------------------------------------------------------------------------- plane
+
+
+@quick
+@given(seeds, st.integers(0, 5), st.sampled_from(planted.SQUARE), st.booleans())
+def test_fc_lcp_2d(seed, nc, kind, sparse):
+    problem, point = planted.fc(np.random.default_rng(seed), nc, 2, kind, sparse=sparse)
+    target = both_ways(make("fc-lcp-2d"), problem, point)
+    assert target.q.size == 4 * nc
+    assert matrices.is_sparse(target.M) == sparse
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_fc_lcp_2d_answers_of_others(seed):
+    problem, _ = planted.fc(np.random.default_rng(seed), 2, 2, "positive definite")
+    target = make("fc-lcp-2d").step(problem)
+    answer = planted.enumerate_lcp(target)
+    assert answer is not None
+    assert problem.residuals(graph.lift(target, answer)).error <= CLOSE
+    assert problem.residuals(graph.lift(target, solved(target))).error <= CLOSE
+
+
+# -------------------------------------------------------------------------------------------- facets
+
+
+@quick
+@given(
+    seeds,
+    st.integers(0, 4),
+    st.sampled_from(planted.SQUARE),
+    st.booleans(),
+    st.sampled_from(FACET_EDGES),
+    st.sampled_from([4, 6, 8, 10]),
+    st.floats(-4.0, 4.0),
+)
+def test_facets_are_exact_where_the_polygon_touches_the_circle(seed, nc, kind, sparse, name, count, angle):
+    edge = make(name, {"facets": count, "angle": angle})
+    directions = facets.directions(count, angle)
+    problem, point = planted.fc(np.random.default_rng(seed), nc, 3, kind, sparse=sparse, directions=directions)
+    target = both_ways(edge, problem, point)
+    assert sum(target.sizes().values()) == nc * {"fc-mlcp-outer": count + 3}.get(name, count + 2)
+    assert all(matrices.is_sparse(M) == sparse for M in target.data().values() if M.ndim == 2)
+    assert edge.exactness(problem) == Kind.APPROXIMATE
+
+
+@pytest.mark.parametrize("count", [4, 6, 8, 12, 14])
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_directions_come_in_opposite_pairs(count, angle):
+    D = facets.directions(count, angle)
+    expected = angle + 2 * np.pi * np.arange(count) / count
+    np.testing.assert_allclose(D, [np.cos(expected), np.sin(expected)], atol=1e-15)
+    assert (D[:, count // 2 :] == -D[:, : count // 2]).all()
+    if angle == 0.0 and count % 4 == 0:
+        assert D[0, count // 4] == 0.0
+
+
+@quick
+@given(seeds, st.sampled_from([4, 6, 8, 16]), st.floats(-4.0, 4.0))
+def test_polygon_coordinates(seed, count, angle):
+    # against the projection on the polygon {x : c_iᵀx ≤ bound cos(π/ν)} by its variational inequality
+    rng = np.random.default_rng(seed)
+    D = facets.directions(count, angle)
+    x = rng.standard_normal((20, 2)) * rng.uniform(0.1, 3.0, (20, 1))
+    bound = rng.uniform(0.0, 2.0, 20)
+    free = facets.coordinates(x, D)
+    assert (free >= 0.0).all()
+    np.testing.assert_allclose(free @ D.T, x, atol=1e-12)
+    beta = facets.coordinates(x, D, bound)
+    assert (beta >= 0.0).all()
+    assert (beta.sum(axis=1) <= bound + 1e-12).all()
+    projected = beta @ D.T
+    towards = np.einsum("ci,cij->cj", x - projected, bound[:, None, None] * D[None] - projected[:, :, None])
+    assert (towards <= 1e-12).all()
+
+
+@pytest.mark.parametrize(
+    ("knobs", "reason"),
+    [
+        ({"facets": 5}, "facets = 5"),
+        ({"facets": 2}, "facets = 2"),
+        ({"facets": 0}, "at least 4"),
+        ({"angle": math.nan}, "no angle"),
+    ],
+)
+@pytest.mark.parametrize("name", FACET_EDGES)
+def test_facet_knobs_are_checked(rng, name, knobs, reason):
+    problem, _ = planted.fc(rng, 1, 3)
+    with pytest.raises(NotApplicable, match=reason):
+        make(name, knobs).step(problem)
+
+
+def test_dimensions_point_to_each_other(rng):
+    plane, _ = planted.fc(rng, 2, 2)
+    space, _ = planted.fc(rng, 2, 3)
+    for name in FACET_EDGES:
+        assert "use fc-lcp-2d" in str(make(name).obstacle(plane))
+    assert "use fc-lcp-inner" in str(make("fc-lcp-2d").obstacle(space))
+
+
+def sliding(theta: float, speed: float = 1.0) -> tuple[FrictionContact, FCPoint]:
+    """One contact on W = 1 that slides along theta; its solution is unique: u_T ∥ q_T."""
+    mu, way = 0.5, np.array([math.cos(theta), math.sin(theta)])
+    r = np.concatenate([[1.0], -mu * way])
+    u = np.concatenate([[0.0], speed * way])
+    return FrictionContact(W=np.eye(3), q=u - r, mu=np.array([mu])), FCPoint(r=r)
+
+
+@pytest.mark.parametrize("name", FACET_EDGES)
+def test_facet_error_falls_with_their_number(name):
+    # one direction may be exact by luck at any number, so it is the worst direction that falls
+    worst_error, worst_angle = [], []
+    for count in (4, 8, 16, 32, 64):
+        errors, angles = [], []
+        for theta in np.linspace(0.0, 2 * math.pi / count, 25):
+            problem, point = sliding(theta)
+            assert problem.residuals(point).error <= 1e-15
+            target = make(name, {"facets": count}).step(problem)
+            lifted = graph.lift(target, solved(target))
+            measured = problem.residuals(lifted)
+            errors.append(measured.error)
+            angles.append(measured.parts["slip_angle [deg]"])
+        worst_error.append(max(errors))
+        worst_angle.append(max(angles))
+        assert 0.8 * 180 / count <= worst_angle[-1] <= 1.01 * 180 / count
+    ratios = np.array(worst_error[1:]) / np.array(worst_error[:-1])
+    assert (ratios < 0.65).all()
+    assert worst_error[-1] < 0.03
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("count", [4, 6, 8, 16])
+def test_outer_facets_by_schur_and_by_vertices_agree(seed, count):
+    # W close to the identity and little friction: the solution of the polygonal law is unique
+    rng = np.random.default_rng(seed)
+    nc, angle = 4, rng.uniform(0.0, 1.0)
+    G = rng.standard_normal((3 * nc, 3 * nc))
+    W = np.eye(3 * nc) + 0.02 * (G + G.T) + 0.01 * (G - G.T)
+    mu = rng.uniform(0.1, 0.4, nc)
+    r, u = planted.contact_state(rng, nc, 3, mu)
+    problem = FrictionContact(W=W, q=u - W @ r, mu=mu)
+    answers = []
+    for name in ("fc-mlcp-outer", "fc-lcp-outer"):
+        target = make(name, {"facets": count, "angle": angle}).step(problem)
+        answers.append(graph.lift(target, solved(target)).r)
+    assert np.abs(answers[0] - answers[1]).max() <= 1e-10
+
+
+def test_outer_by_schur_is_the_lectures_lcp(rng):
+    problem, _ = planted.fc(rng, 3, 3, "positive definite", sparse=True)
+    arrival = graph.arrive(problem, "lcp", via=[make("fc-mlcp-outer", {"facets": 6})])
+    assert arrival.route.label == "fc-mlcp-outer[facets=6] > mlcp-lcp-schur"
+    assert arrival.kind == Kind.APPROXIMATE
+    assert arrival.problem.sizes() == {"n": 3 * 7}
+
+
+@pytest.mark.parametrize("name", FACET_EDGES)
+def test_push_of_a_general_answer_starts_closer_with_more_facets(rng, name):
+    problem, point = planted.fc(rng, 6, 3, "positive definite")
+    errors = []
+    for count in (4, 16, 64):
+        target = make(name, {"facets": count, "angle": 0.1}).step(problem)
+        there = graph.push(target, point)
+        errors.append(target.residuals(there).error)
+        # the reaction itself moves by no more than the polygon differs from the disk
+        moved = np.abs(graph.lift(target, there).r - point.r).max()
+        assert moved <= (1 - math.cos(math.pi / count)) * np.abs(point.r).max() + 1e-15
+    assert errors[0] > 2 * errors[1] > 4 * errors[2]
