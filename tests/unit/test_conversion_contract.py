@@ -1,0 +1,183 @@
+"""What every edge must keep: data untouched, traces that travel, storage class, empty problems, names, tolerances."""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+sys.path.insert(0, str(Path(__file__).parent))
+import planted
+
+from cpbench import graph, matrices, storage
+from cpbench.conversions.base import Conversion, conversions, find_via, make
+from cpbench.errors import NotApplicable, UnknownName
+from cpbench.formulations import (
+    LCP,
+    MLCP,
+    QP,
+    FrictionContact,
+    GlobalFrictionContact,
+    Kind,
+)
+
+NAMES = conversions.names()
+
+
+def planted_for(name: str, rng: np.random.Generator, *, sparse: bool):
+    """A problem that the edge takes, with its solution."""
+    source = make(name).source
+    if source == "lcp":
+        return planted.lcp(rng, 6, "singular semidefinite", sparse=sparse)
+    if source == "mlcp":
+        return planted.mlcp(rng, 3, 4, "positive definite", sparse=sparse)
+    if source == "qp":
+        return planted.qp(rng, 5, 3, 2, sparse=sparse)
+    if source == "gfc":
+        return planted.gfc(rng, 4, 3, 3, sparse=sparse)
+    return planted.fc(rng, 3, 2 if name == "fc-lcp-2d" else 3, "positive definite", sparse=sparse)
+
+
+def empty_for(name: str, like) -> list:
+    """Problems of the edge's source with nothing, or without one of the parts."""
+    none, zero = np.zeros(0), like(np.zeros((0, 0)))
+    match make(name).source:
+        case "lcp":
+            return [LCP(M=zero, q=none), LCP(M=like(np.zeros((2, 2))), q=np.ones(2))]
+        case "mlcp":
+            return [
+                MLCP(A=zero, B=zero, C=zero, D=zero, a=none, b=none),
+                MLCP(
+                    A=like(np.eye(2)), B=zero, C=like(np.zeros((2, 0))), D=like(np.zeros((0, 2))), a=np.ones(2), b=none
+                ),
+                MLCP(
+                    A=zero, B=like(np.eye(2)), C=like(np.zeros((0, 2))), D=like(np.zeros((2, 0))), a=none, b=np.ones(2)
+                ),
+            ]
+        case "qp":
+            return [
+                QP.build(zero, none),
+                QP.build(like(np.zeros((2, 2))), np.zeros(2)),
+                QP.build(like(np.eye(2)), np.ones(2), A=like(np.zeros((1, 2))), b=-np.ones(1)),
+            ]
+        case "gfc":
+            return [
+                GlobalFrictionContact(M=zero, H=zero, f=none, w=none, mu=none),
+                GlobalFrictionContact(M=like(np.eye(2)), H=like(np.zeros((2, 0))), f=np.ones(2), w=none, mu=none),
+                GlobalFrictionContact(
+                    M=like(np.eye(2)), H=like(np.zeros((2, 3))), f=np.ones(2), w=np.ones(3), mu=[0.0]
+                ),
+            ]
+        case _:
+            d = 2 if name == "fc-lcp-2d" else 3
+            return [
+                FrictionContact(W=zero, q=none, mu=none, dimension=d),
+                FrictionContact(W=like(np.zeros((d, d))), q=np.ones(d), mu=[0.0], dimension=d),
+            ]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("sparse", [False, True])
+def test_source_is_untouched_and_the_trace_travels(name, sparse, rng, tmp_path):
+    problem, point = planted_for(name, rng, sparse=sparse)
+    before = {k: (matrices.dense(v).copy() if v.ndim == 2 else v.copy()) for k, v in problem.data().items()}
+    target = make(name).step(problem)
+    there = graph.push(target, point)
+    for key, value in problem.data().items():
+        now = matrices.dense(value) if value.ndim == 2 else value
+        assert (now == before[key]).all(), key
+    lifted = graph.lift(target, there)
+    assert type(lifted) is type(point)
+    (step,) = target.provenance
+    assert (step.conversion, step.source_node, step.source) == (name, problem.node, problem.fingerprint)
+
+    travelled = dataclasses.replace(step, trace=pickle.loads(pickle.dumps(dict(step.trace))))
+    storage.save(target, tmp_path / "target.h5")
+    stored = storage.load(tmp_path / "target.h5")
+    for copy in (dataclasses.replace(target, provenance=(travelled,)), stored):
+        for key, value in graph.lift(copy, there).arrays().items():
+            np.testing.assert_array_equal(value, lifted.arrays()[key])
+        for key, value in graph.push(copy, point).arrays().items():
+            np.testing.assert_array_equal(value, there.arrays()[key])
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in ("gfc-fc", "mlcp-lcp-schur")])
+@pytest.mark.parametrize("sparse", [False, True])
+def test_storage_class_is_kept(name, sparse, rng):
+    problem, _ = planted_for(name, rng, sparse=sparse)
+    target = make(name).step(problem)
+    assert all(matrices.is_sparse(M) == sparse for M in target.data().values() if M.ndim == 2)
+
+
+def test_elimination_stays_sparse_until_it_fills_up(rng):
+    n = 30
+    A, C = sp.diags_array(np.full(n, 2.0)), sp.eye_array(n)
+    problem = MLCP(A=A, B=A, C=C, D=-C, a=np.ones(n), b=np.ones(n))
+    M = make("mlcp-lcp-schur").step(problem).M
+    assert matrices.is_sparse(M)
+    np.testing.assert_allclose(matrices.dense(M), 2.5 * np.eye(n))
+    full, _ = planted.mlcp(rng, 4, 4, "positive definite", sparse=True)
+    assert not matrices.is_sparse(make("mlcp-lcp-schur").step(full).M)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("like", [np.asarray, sp.csr_array], ids=["dense", "sparse"])
+def test_empty_and_zero_problems(name, like):
+    for problem in empty_for(name, like):
+        edge = make(name)
+        assert edge.obstacle(problem) is None
+        assert edge.exactness(problem).rank <= edge.kind.rank
+        target = edge.step(problem)
+        there = graph.push(target, problem.zero_point())
+        target.check_point(there)
+        problem.check_point(graph.lift(target, there))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_class_attributes(name):
+    cls = conversions.get(name)
+    edge = cls()
+    assert edge.name == name
+    assert name.startswith(f"{edge.source}-{edge.target}")
+    assert edge.cost > 0
+    assert edge.equation
+    assert graph.best_kind(edge).rank <= edge.kind.rank
+    for field in dataclasses.fields(cls):
+        assert field.default is not dataclasses.MISSING
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        edge.other = 1
+    text = sys.modules[cls.__module__].__doc__ or ""
+    for word in ("\nSource ", "\nTarget ", "\nLift ", " Push ", "\nKind "):
+        assert word in text
+
+
+def test_find_via():
+    assert find_via("mlcp-lcp-schur") == ["mlcp-lcp-schur"]
+    assert find_via("inner") == ["fc-lcp-inner"]
+    assert find_via("outer") == ["fc-lcp-outer", "fc-mlcp-outer"]
+    with pytest.raises(UnknownName, match="did you mean inner"):
+        find_via("iner")
+
+
+def test_unknown_knob():
+    with pytest.raises(UnknownName, match="did you mean facets"):
+        make("fc-lcp-inner", {"facet": 8})
+
+
+def test_push_is_optional(rng):
+    class OneWay(Conversion):
+        name, source, target, kind, cost = "a-b", "a", "b", Kind.ONE_WAY, 1.0
+
+        def apply(self, problem):
+            return problem, {}
+
+        def lift(self, point, trace):
+            return point
+
+    with pytest.raises(NotApplicable, match="a-b: has no push"):
+        OneWay().push(None, {})
