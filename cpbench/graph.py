@@ -53,7 +53,8 @@ class DeadEnd:
     obstacle: str
 
     def __str__(self) -> str:
-        return f"{self.route.label}: {self.edge} refuses: {self.obstacle}"
+        whole = f"{self.route.label}: " if len(self.route.steps) > 1 else ""
+        return f"{whole}{self.edge} refuses: {self.obstacle}"
 
 
 @dataclass(frozen=True)

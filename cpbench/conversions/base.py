@@ -17,7 +17,8 @@ class Conversion(ABC):
     Attributes
     ----------
     name : registry name, `source-target` or `source-target-how`.
-    source, target : node names. equation : where the formula stands. kind : the promise, weakest case.
+    source, target : node names. equation : where the formula stands. kind : the promise, weakest case; an edge whose
+        promise depends on the problem overrides `exactness` and names its strongest one in `best_kind`.
     cost : what Dijkstra adds up; grows with the size of the result, ties go by name.
     """
 
