@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import pickletools
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,9 @@ from cpbench.storage.base import read_head, read_text
 _SPARSE_KEYS = frozenset({"data", "indices", "indptr", "shape"})
 _EXPANSION = 1100
 """Deflate cannot expand by more than 1032."""
+_ZIP_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError, LookupError, struct.error)
+"""What zipfile raises on damaged archives (NotImplementedError and UnicodeDecodeError are among them)."""
+_HEADER_DAMAGE = (ValueError, TypeError, SyntaxError, LookupError, OverflowError, RecursionError, MemoryError)
 
 
 def read_matrix(path: str | Path) -> Matrix:
@@ -60,7 +65,7 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
                 array = _read_npy(path, name, archive.read(entry), may_be_none=name in optional)
                 if array is not None:
                     arrays[name] = array
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, OSError, EOFError) as cause:
+    except _ZIP_DAMAGE as cause:
         raise FormatError(path, "", f"is not a readable .npz archive ({cause})") from None
     return arrays
 
@@ -70,7 +75,7 @@ def npz_names(path: Path) -> set[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
-    except (zipfile.BadZipFile, OSError):
+    except _ZIP_DAMAGE:
         return set()
 
 
@@ -127,8 +132,9 @@ def _read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) 
     try:
         version = npy.read_magic(stream)
         header = npy.read_array_header_1_0(stream) if version == (1, 0) else npy.read_array_header_2_0(stream)
-    except ValueError as cause:
-        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({cause})") from None
+    except _HEADER_DAMAGE as cause:
+        said = str(cause).split("\n")[0][:100]
+        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({said})") from None
     shape, fortran, dtype = header
     if dtype.hasobject:
         if may_be_none and shape == () and _is_pickled_none(data[stream.tell() :]):

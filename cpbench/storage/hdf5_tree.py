@@ -7,9 +7,10 @@ high-level one. Writing builds the whole file in memory (HDF5's core driver); `b
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator
+import functools
+from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import h5py
 import numpy as np
@@ -17,6 +18,9 @@ from h5py import h5a, h5d, h5f, h5g, h5l, h5o, h5p, h5s, h5z  # pyright: ignore[
 from numpy.typing import NDArray
 
 from cpbench.errors import FormatError
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 COMPRESS_ABOVE = 64 * 1024
@@ -26,6 +30,22 @@ _EXPANSION = 1100
 _LARGEST_UNWRITTEN = 1 << 24
 """Data sets that were created and never written hold HDF5's fill value, 0: FCLIB files have such solutions."""
 _LARGEST_ATTRIBUTE = 1 << 20
+_DAMAGE = (OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError)
+"""What h5py raises on damaged files (found by overwriting bytes at random)."""
+
+
+def _guarded(method: Callable[Concatenate[Tree, P], R]) -> Callable[Concatenate[Tree, P], R]:
+    """What HDF5 meets in a damaged file comes out as a FormatError that names the place."""
+
+    @functools.wraps(method)
+    def guarded(self: Tree, *args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return method(self, *args, **kwargs)
+        except _DAMAGE as cause:
+            name = str(args[0]) if args else ""
+            raise self.error(name, f"is damaged: HDF5 cannot read it ({_first_line(cause)})") from None
+
+    return guarded
 
 
 class Tree:
@@ -40,12 +60,15 @@ class Tree:
         place = "/".join(part for part in (self.where, name) if part)
         return FormatError(self.path, place, cause)
 
+    @_guarded
     def names(self) -> list[str]:
         return sorted(name.decode("utf-8", "replace") for name in self.gid)
 
+    @_guarded
     def __contains__(self, name: str) -> bool:
         return bool(self.gid.links.exists(name.encode()))
 
+    @_guarded
     def _open(self, name: str, kind: type, expected: str) -> Any:
         raw = name.encode()
         if not self.gid.links.exists(raw):
@@ -62,6 +85,7 @@ class Tree:
         """The group `name`; raises FormatError when it is missing, a data set or a link."""
         return Tree(self.path, self._open(name, h5g.GroupID, "a group"), f"{self.where}/{name}" if self.where else name)
 
+    @_guarded
     def is_group(self, name: str) -> bool:
         """Whether `name` is a group; a link is none."""
         raw = name.encode()
@@ -71,6 +95,7 @@ class Tree:
             and isinstance(h5o.open(self.gid, raw), h5g.GroupID)
         )
 
+    @_guarded
     def array(self, name: str, dtype: Any = np.float64, ndim: int | None = 1) -> NDArray[Any]:
         """A numeric data set as `dtype` (None: as stored); raises FormatError before allocating what is not there."""
         data = self._open(name, h5d.DatasetID, "a data set")
@@ -116,6 +141,7 @@ class Tree:
             raise self.error(name, f"has shape {value.shape}, expected one whole number")
         return int(value.reshape(-1)[0])
 
+    @_guarded
     def text(self, name: str) -> str:
         """A string data set, "" when there is none; bytes that are not UTF-8 come back as U+FFFD."""
         if name not in self:
@@ -128,10 +154,12 @@ class Tree:
         self._fill(name, data, out)
         return _string(out.reshape(-1)[0])
 
+    @_guarded
     def attributes(self) -> dict[str, Any]:
         """Attributes by name: strings as str, numbers as NumPy scalars or arrays."""
         return _attributes(self.gid)
 
+    @_guarded
     def marks(self, name: str) -> dict[str, Any]:
         """Attributes of the data set `name`."""
         return _attributes(self._open(name, h5d.DatasetID, "a data set"))
@@ -139,17 +167,19 @@ class Tree:
 
 @contextlib.contextmanager
 def open_tree(path: Path) -> Generator[Tree]:
-    """The root group of a file, open for reading; damage met while reading becomes a FormatError."""
+    """The root group of a file, open for reading; raises FormatError when there is none."""
     access = h5p.create(h5p.FILE_ACCESS)
     access.set_fclose_degree(h5f.CLOSE_STRONG)
     try:
         file = h5f.open(str(path).encode(), h5f.ACC_RDONLY, access)
-    except (OSError, ValueError) as cause:
+    except _DAMAGE as cause:
         raise FormatError(path, "", _unopened(path, cause)) from None
     try:
-        yield Tree(path, h5g.open(file, b"/"))
-    except (OSError, RuntimeError, KeyError) as cause:
-        raise FormatError(path, "", f"is a damaged HDF5 file ({_first_line(cause)})") from None
+        try:
+            root = h5g.open(file, b"/")
+        except _DAMAGE as cause:
+            raise FormatError(path, "", _unopened(path, cause)) from None
+        yield Tree(path, root)
     finally:
         file.close()
 

@@ -108,12 +108,15 @@ def is_number(token: str) -> bool:
 
 
 def read_matrix(c: Cursor, name: str, shape: tuple[int, int] | None) -> Matrix:
-    """The matrix block at the cursor; `shape` None: any square one that the rest of the file can have a vector for."""
+    """The matrix block at the cursor; `shape` None: any square one."""
     storage, rows, cols = (c.integer(f"{name}/{part}") for part in ("storage", "rows", "columns"))
     if shape is not None and (rows, cols) != shape:
-        raise c.error(name, f"is {rows}x{cols}, expected {shape[0]}x{shape[1]}")
-    if shape is None and (rows != cols or rows > c.left):
-        raise c.error(name, f"is {rows}x{cols} with {c.left} numbers left in the file, expected a square matrix")
+        odd = ", rectangular problems are not known here" if shape[0] == shape[1] and rows != cols else ""
+        raise c.error(name, f"is {rows}x{cols}, expected {shape[0]}x{shape[1]}{odd}")
+    if shape is None and rows != cols:
+        raise c.error(name, f"is {rows}x{cols}, expected a square matrix")
+    if max(rows, cols) > c.left:  # vectors of these sizes follow in every layout
+        raise c.error(name, f"is {rows}x{cols}, with {c.left} numbers left in the file")
     if storage == 0:
         if (c.integer(f"{name}/rows"), c.integer(f"{name}/columns")) != (rows, cols):
             raise c.error(name, f"repeats its size {rows}x{cols} as another one")

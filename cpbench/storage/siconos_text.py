@@ -66,9 +66,7 @@ def read_mlcp(c: Cursor) -> Made:
 def read_mlcp_old(c: Cursor) -> Made:
     n, m, lines = (c.integer(field) for field in ("n", "m", "lines"))
     if lines != n + m:
-        raise c.error(
-            "M", f"has {lines} rows, expected {n + m} (n + m = {n} + {m}): rectangular MLCPs are not known here"
-        )
+        raise c.error("M", f"has {lines} rows, expected {n + m} (n + m = {n} + {m})")
     parts = _abcd(c, n, m)
     c.finish()
     return partial(build, c.path, MLCP, "", name=stem(c.path), **parts)
@@ -181,15 +179,13 @@ def _by_blocks(c: Cursor, n: int, m: int) -> dict[str, Any]:
     while ends[-1] < n + m:
         ends.append(c.integer("blocks"))
     kinds = c.integers("block kinds", len(ends) - 1)
-    free = np.repeat(kinds == 0, np.diff(ends)) if len(ends) > 1 else np.zeros(0, bool)
-    storage, rows, cols = ([*c.tokens[c.at : c.at + 3], "", "", ""])[:3]
-    if storage.isdigit() and rows.isdigit() and cols.isdigit() and rows != cols:
-        raise c.error("M", f"is {rows}x{cols}: rectangular MLCPs are not known here, expected {n + m}x{n + m}")
-    M, q = read_matrix(c, "M", (n + m, n + m)), c.numbers("q", n + m)
-    if ends[0] != 0 or ends[-1] != n + m or free.sum() != n or (np.diff(ends) < 0).any() or (kinds > 1).any():
+    sizes = np.diff(ends)
+    if ends[0] != 0 or ends[-1] != n + m or (sizes < 0).any() or (kinds > 1).any() or sizes[kinds == 0].sum() != n:
         raise c.error(
             "blocks", f"end at {ends} with kinds {kinds.tolist()}, expected {n} equalities, {m} complementarities"
         )
+    M, q = read_matrix(c, "M", (n + m, n + m)), c.numbers("q", n + m)
+    free = np.repeat(kinds == 0, sizes)
     e, i = np.flatnonzero(free), np.flatnonzero(~free)
     return {
         "A": M[np.ix_(e, e)],

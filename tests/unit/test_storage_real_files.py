@@ -35,7 +35,7 @@ COUNTS = {
     "box_qp": 23,
 }
 REFUSED = {
-    "mlcp/Rectangular_mlcp.dat": "M: is 3x2: rectangular MLCPs are not known here, expected 2x2",
+    "mlcp/Rectangular_mlcp.dat": "M: is 3x2, expected 2x2, rectangular problems are not known here",
     "relay/relay_2x2.dat": "is a relay problem",
     "relay/relay_4x4.dat": "is a relay problem",
     "relay/step_1x1.dat": "is a relay problem",
