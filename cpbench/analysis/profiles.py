@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
@@ -150,6 +151,28 @@ def performance_profile(times: pd.DataFrame, problems: int | None = None, floor:
     labels: Sequence[str] = sorted(quotient.columns)
     curves = [_curve(label, quotient[label].to_numpy(dtype=float), planned) for label in labels]
     return Profile(tuple(curves), planned, floor)
+
+
+def reversals(
+    times: pd.DataFrame, labels: Sequence[str], tau: float = 2.0, floor: float = FLOOR
+) -> list[tuple[str, str]]:
+    """Pairs (a, b) of `labels` with a above b at τ in the profile of all solvers, and below b when the two are alone.
+
+    A profile ranks against the best of all, so that a third solver may decide between two others (Gould and Scott,
+    ACM TOMS 43, 2016).
+
+    >>> times = pd.DataFrame({"a": [1, 1, 1, 1, 1, 1, 1, 5, 5, 5], "b": [2.5, 2.5, 2.5, 9, 9, 9, 9, 1, 1, 1],
+    ...                       "c": [6, 6, 6, 2, 2, 2, 2, 2.5, 2.5, 2.5]})
+    >>> reversals(times, ["a", "b", "c"])
+    [('c', 'b')]
+    """
+    together = {c.label: c.at(tau) for c in performance_profile(times, floor=floor).curves}
+    found: list[tuple[str, str]] = []
+    for one, other in combinations(sorted(labels, key=lambda label: (-together[label], label)), 2):
+        alone = {c.label: c.at(tau) for c in performance_profile(times[[one, other]], floor=floor).curves}
+        if together[one] > together[other] and alone[one] < alone[other]:
+            found.append((one, other))
+    return found
 
 
 def _curve(label: str, quotients: Floats, problems: int) -> Curve:

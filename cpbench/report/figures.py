@@ -25,9 +25,13 @@ GREY = "#A6A6A6"
 EMPHASISED = len(PALETTE)
 """Curves drawn in colour; further ones are grey, with their numbers in the legend."""
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)
+LEGEND_LINES = 32
+"""The most curves the legend names; the grey ones beyond are counted."""
 PANELS = 4
 """Panels a row."""
 LABEL_LENGTH = 30
+LINE = 0.19
+"""Height of a legend line [in]."""
 STYLE = {
     "text.parse_math": False,  # a label is text, whatever dollar signs it has
     "svg.hashsalt": "cpbench",
@@ -64,7 +68,7 @@ def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Fi
     colours = dict(zip(profile.leading(EMPHASISED), range(EMPHASISED), strict=False))
     idle = sorted(c.label for c in profile.curves if not c.solved)
     with matplotlib.rc_context(STYLE):
-        height = max(4.6, 1.5 + 0.19 * (len(curves) + 2))
+        height = max(4.6, 1.5 + LINE * (min(len(curves), LEGEND_LINES) + 3))
         figure = Figure(figsize=(9.2, height), dpi=150)
         FigureCanvasAgg(figure)
         bottom = 0.98 / height
@@ -160,7 +164,7 @@ def _draw(axes: Axes, curve: Curve, upto: float, place: int | None, dashed: bool
         markersize=4.2,
         markevery=(0, max(1, len(tau) // 6)),
         clip_on=False,
-        zorder=4,
+        zorder=5 if dashed else 4,  # between its dashes, what lies under it shows
     )
 
 
@@ -197,11 +201,14 @@ def _legend(
 ) -> None:
     """One line a curve, in the order of their right ends, with the number solved."""
     axes.set_axis_off()
-    inches = axes.figure.get_figheight() * axes.get_position().height  # type: ignore[union-attr]
+    lines = axes.figure.get_figheight() * axes.get_position().height / LINE  # type: ignore[union-attr]
     axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(inches / 0.19, 0.0)
+    axes.set_ylim(lines, 0.0)
     axes.text(0.0, 0.0, "solved   highest right end first", fontsize=7.8, color="#444444", va="center")
-    for line, curve in enumerate(curves, start=1):
+    grey = [c.label for c in curves if c.label not in colours]
+    unnamed = set(grey[max(0, LEGEND_LINES - len(colours)) :])
+    named = [c for c in curves if c.label not in unnamed]
+    for line, curve in enumerate(named, start=1):
         place = colours.get(curve.label)
         colour = GREY if place is None else PALETTE[place]
         inexact = kinds.get(curve.label, "") in INEXACT
@@ -219,12 +226,12 @@ def _legend(
         axes.text(0.085, line, str(curve.solved), fontsize=8, color=ink, va="center", ha="right")
         text = shorten(curve.label) + (f"  ({kinds[curve.label]})" if inexact else "")
         axes.text(0.24, line, text, fontsize=8, color=ink, va="center")
+    notes = [f"and {len(unnamed)} more in grey"] if unnamed else []
     if idle:
-        names = textwrap.wrap("none solved: " + ", ".join(shorten(label) for label in idle), 52)
-        room = max(1, int(inches / 0.19) - len(curves) - 1)
-        shown = names[:room] if len(names) <= room else [*names[: room - 1], "…"]
-        for k, text in enumerate(shown):
-            axes.text(0.0, len(curves) + 1.4 + k * 0.85, text, fontsize=7.2, color="#666666", va="center")
+        notes += textwrap.wrap("none solved: " + ", ".join(shorten(label) for label in idle), 52)
+    room = max(1, int((lines - len(named) - 1.4) / 0.85) + 1)
+    for k, text in enumerate(notes if len(notes) <= room else [*notes[: room - 1], "…"]):
+        axes.text(0.0, len(named) + 1.4 + k * 0.85, text, fontsize=7.2, color="#666666", va="center")
 
 
 def power_text(value: float) -> str:

@@ -93,6 +93,12 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
         f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} count as that. "
         "Dashed: routes that are approximate, necessary or a relaxation.*"
     )
+    swapped = profiles.reversals(times, profile.leading(figures.EMPHASISED))
+    if swapped:
+        yield (
+            "*Caution.* Other solvers decide the order of these at τ = 2; compared by themselves they change places:"
+        )
+        yield "\n".join(f"- {code(one)} lies above {code(other)} here, below it alone" for one, other in swapped)
     if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
         name = f"profile-{slug}-each"
         figures.save(figures.panels_figure(profile, f"{title}, each solver apart", kinds), run.folder, name)

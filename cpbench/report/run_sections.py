@@ -172,7 +172,9 @@ def _solvers(run: Run) -> Iterator[str]:
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     if not sheets:
         return
-    versions = {row["solver"]: row["version"] for _, row in run.rows.iterrows() if row["version"]}
+    used: dict[str, set[str]] = {}
+    for solver, version in zip(run.rows["solver"], run.rows["version"], strict=True):
+        used.setdefault(solver, set()).add(version)
     yield "## Solvers"
     rows: dict[str, list[str]] = {}
     for _, sheet in sorted(sheets.items()):
@@ -180,7 +182,7 @@ def _solvers(run: Run) -> Iterator[str]:
         rows[name] = [
             code(name),
             plain(sheet.get("node", "")),
-            plain(versions.get(name) or sheet.get("version", "")) or "—",
+            plain(", ".join(sorted(used.get(name, set()) - {""})) or sheet.get("version", "")) or "—",
             plain(sheet.get("licence", "")) or "—",
             plain(sheet.get("publishing", "")) or "—",
             plain(sheet.get("summary", "")),

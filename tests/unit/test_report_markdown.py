@@ -207,6 +207,16 @@ def test_no_folder_of_the_machine_is_told(tmp_path: Path, monkeypatch: pytest.Mo
     assert "cpbench solve in/p.h5 -s s" in text
 
 
+def test_an_order_that_a_third_solver_decides_is_told(tmp_path: Path) -> None:
+    seconds = {
+        "a": [1.0] * 7 + [5.0] * 3,
+        "b": [2.5] * 3 + [9.0] * 4 + [1.0] * 3,
+        "c": [6.0] * 3 + [2.0] * 4 + [2.5] * 3,
+    }
+    rows = [row(f"p-{i}", label, "solved", t) for label, times in seconds.items() for i, t in enumerate(times)]
+    assert "\n- `c` lies above `b` here, below it alone\n" in report(table(*rows), tmp_path)
+
+
 def test_commands_name_the_route() -> None:
     base = {"address": "p.h5", "tolerance": 1e-8, "solver": "lemke"}
 
