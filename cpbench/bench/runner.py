@@ -22,6 +22,8 @@ from cpbench.bench.process import Child, Died, TimedOut, context
 from cpbench.bench.scratch import Scratch
 from cpbench.bench.store import Store
 from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Kind
+from cpbench.solvers.base import solvers
 
 GRACE = 0.5
 """Seconds after the limit at which a process is killed."""
@@ -152,6 +154,8 @@ class Session:
             state, detail = self.unavailable[pair.entry.solver]
             return {**row, "status": "unavailable", "message": f"{state}: {detail}"}, None
         row["version"] = self.versions[pair.entry.solver]
+        promises = (Kind(row["kind"]), solvers.get(pair.entry.solver).spec.kind)
+        row["kind"] = str(max(promises, key=lambda kind: kind.rank))
         limit = self.limits.seconds
         try:
             worker.output()
