@@ -24,7 +24,8 @@ from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Contacts, Info, Problem, Sequence, Step
 from cpbench.matrices import Factorization
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse
-from cpbench.storage.hdf5_tree import Tree, put_array, put_attribute, put_text
+from cpbench.storage.hdf5_tree import Tree
+from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text
 
 TEXTS = ("title", "description", "math_info")
 _ATTRIBUTES = ("source", "licence", "family", "citation")

@@ -20,7 +20,8 @@ from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
 from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem
-from cpbench.storage.hdf5_tree import SIGNATURE, Tree, new_file, open_tree, put_array, put_attribute
+from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
+from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
 
 
 def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:

@@ -22,7 +22,8 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.storage.annotations import read_info, read_place, read_provenance, write_texts
 from cpbench.storage.base import build
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse
-from cpbench.storage.hdf5_tree import Tree, put_array, put_integer
+from cpbench.storage.hdf5_tree import Tree
+from cpbench.storage.hdf5_writer import put_array, put_integer
 
 LOCAL, GLOBAL, ROLLING = "fclib_local", "fclib_global", "fclib_global_rolling"
 NODES = {LOCAL: "fc", GLOBAL: "gfc"}
@@ -83,7 +84,7 @@ def _annotations(parent: Tree, tree: Tree, name: str) -> dict[str, Any]:
     fields["provenance"] = read_provenance(parent) if own else ()
     if own:
         fields |= read_place(own)
-    packed = any(t.attributes().get("symmetric_packed", 0) == 1 for t in (tree, parent))
+    packed = any(t.flagged("symmetric_packed") for t in (tree, parent))
     return {"fields": fields, "dense": str(said.get("dense", "")).split(), "packed": packed}
 
 

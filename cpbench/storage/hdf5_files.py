@@ -11,7 +11,8 @@ from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
 from cpbench.storage import fclib, native
 from cpbench.storage.base import SEPARATOR, Format, formats, stem
-from cpbench.storage.hdf5_tree import SIGNATURE, Tree, new_file, open_tree
+from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
+from cpbench.storage.hdf5_writer import new_file
 
 SUFFIXES = (".hdf5", ".h5")
 _PARTS = {"local": fclib.LOCAL, "global": fclib.GLOBAL, "rolling": fclib.ROLLING}

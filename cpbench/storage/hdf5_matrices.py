@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from cpbench import matrices
 from cpbench.matrices import Matrix, Sparse
-from cpbench.storage.hdf5_tree import Tree, put_array, put_integer
+from cpbench.storage.hdf5_tree import Tree
+from cpbench.storage.hdf5_writer import put_array, put_integer
 
 logger = logging.getLogger("cpbench.storage")
 CSC, CSR = -1, -2
@@ -50,7 +51,7 @@ def read_matrix(tree: Tree, name: str, shape: tuple[int | None, int | None], *, 
         csr = _triplet(group, m, n, nz, p, i, x)
     else:
         raise group.error("nz", f"is {nz}, expected -2 (rows), -1 (columns) or the count of a triplet matrix")
-    if packed or group.attributes().get("symmetric_packed", 0) == 1:
+    if packed or group.flagged("symmetric_packed"):
         csr = _unpack(group, csr)
     return csr
 

@@ -32,7 +32,8 @@ from cpbench.storage.annotations import (
 )
 from cpbench.storage.base import build
 from cpbench.storage.hdf5_matrices import read_matrix, write_matrix
-from cpbench.storage.hdf5_tree import Tree, put_array, put_attribute
+from cpbench.storage.hdf5_tree import Tree
+from cpbench.storage.hdf5_writer import put_array, put_attribute
 
 VERSION = 1
 _ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
