@@ -137,6 +137,12 @@ def _enter(target: Callable[..., None], connection: Connection, log: str, args: 
 def limit_memory(growth: int) -> None:
     """Let the address space grow by at most `growth` bytes from what it is now (0: no limit)."""
     if growth > 0 and sys.platform == "linux":
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
-        limit = pages * resource.getpagesize() + growth
+        limit = address_space() + growth
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def address_space() -> int:
+    """Bytes of this process's address space, what RLIMIT_AS counts (0 where the system does not say)."""
+    if sys.platform != "linux":
+        return 0
+    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

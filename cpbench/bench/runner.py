@@ -27,6 +27,8 @@ from cpbench.solvers.base import solvers
 
 GRACE = 0.5
 """Seconds after the limit at which a process is killed."""
+FULL = 0.25
+"""Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
 STARTUP = 600.0
 """Seconds a worker may take to import its guest and to compile (once a machine)."""
 LOAD_LIMIT = 120.0
@@ -207,6 +209,8 @@ class Session:
             repeats, _ = wire.unpack(worker.receive(self.limits.repeats * (self.limits.seconds + GRACE)))
             setups += [t[0] for t in repeats.get("times", [])]
             solves += [t[1] for t in repeats.get("times", [])]
+        if 0 < self.limits.memory * FULL < result["grown"]:
+            self._drop(pair.entry.solver)  # what one problem left behind must not count against the next
         reply, extra = self.ask(
             max(self.limits.seconds, LOAD_LIMIT),
             vectors,

@@ -15,7 +15,7 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.bench import wire
-from cpbench.bench.process import limit_memory
+from cpbench.bench.process import address_space, limit_memory
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget, Solver, SolverOutput, solvers
 
@@ -34,6 +34,7 @@ def main(connection: Connection, solver_name: str, memory: int) -> None:
     solver.warmup()
     version = solver.version()
     limit_memory(memory)
+    warm = address_space()
     connection.send_bytes(
         wire.pack({"event": "ready", "version": version, "seconds": time.perf_counter() - started, "pid": os.getpid()})
     )
@@ -49,7 +50,7 @@ def main(connection: Connection, solver_name: str, memory: int) -> None:
                 cached = (header["path"], storage.load(header["path"]))
             problem = cached[1]
             connection.send_bytes(wire.pack({"event": "loaded", "load": time.perf_counter() - begun}))
-            _solve(connection, solver, problem, header, start)
+            _solve(connection, solver, problem, header, start, warm)
         except MemoryError:
             cached = None
             gc.collect()
@@ -61,7 +62,12 @@ def main(connection: Connection, solver_name: str, memory: int) -> None:
 
 
 def _solve(
-    connection: Connection, solver: Solver, problem: Problem, header: dict[str, Any], start: dict[str, Any]
+    connection: Connection,
+    solver: Solver,
+    problem: Problem,
+    header: dict[str, Any],
+    start: dict[str, Any],
+    warm: int,
 ) -> None:
     budget = Budget(**header["budget"])
     options = solver.spec.options(**header["options"])
@@ -85,6 +91,7 @@ def _solve(
                 "setup": setup,
                 "solve": solve,
                 "cpu": cpu,
+                "grown": address_space() - warm,
             },
             vectors,
         )
