@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from cpbench.analysis.profiles import Curve, Profile
 from cpbench.formulations.base import Kind
+from cpbench.report.text import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +25,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREY = "#A6A6A6"
 EMPHASISED = len(PALETTE)
 """Curves drawn in colour; further ones are grey, with their numbers in the legend."""
+MARKS = {str(Kind.APPROXIMATE): "≈", str(Kind.RELAXATION): "⊇", str(Kind.NECESSARY): "?"}
+"""Sign of a route that promises less than an answer, behind the label."""
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)
 LEGEND_LINES = 32
 """The most curves the legend names; the grey ones beyond are counted."""
@@ -47,9 +50,9 @@ STYLE = {
 def profile_guide(problems: int) -> str:
     """How to read a performance profile, in one sentence."""
     return (
-        f"The height of a curve at τ is the fraction of the {problems} problems that the solver solved within τ times "
-        "the time of the fastest solver of that problem: at the left end the fraction where it was the fastest, at the "
-        "right end the fraction it solved at all."
+        f"The height of a curve at τ is the fraction of the {counted(problems, 'problem')} that the solver solved within "
+        "τ times the time of the fastest solver of that problem: at the left end the fraction where it was the fastest, "
+        "at the right end the fraction it solved at all."
     )
 
 
@@ -118,7 +121,7 @@ def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Fig
             axes.plot(
                 *curve.steps(upto), drawstyle="steps-post", color=PALETTE[0], linewidth=1.4, linestyle=dashes, zorder=3
             )
-            text = f"{shorten(curve.label, 26)}  {curve.solved}/{profile.problems}" + (" ≈" if inexact else "")
+            text = f"{_marked(curve.label, kinds, 26)}  {curve.solved}/{profile.problems}"
             axes.set_title(text, fontsize=8, loc="left", pad=3)
         for axes in list(grid.flat)[len(curves) :]:
             axes.set_axis_off()
@@ -173,7 +176,7 @@ def _dress(axes: Axes, profile: Profile, upto: float) -> None:
     axes.set_xlabel(
         "τ: time over the time of the fastest, log scale (failures are at ∞, beyond the right end)", fontsize=8.5
     )
-    axes.set_ylabel(f"fraction of the {profile.problems} problems solved")
+    axes.set_ylabel(f"fraction of the {counted(profile.problems, 'problem')} solved")
     if not any(curve.solved for curve in profile.curves):
         axes.text(
             0.5, 0.5, "no problem was solved", transform=axes.transAxes, ha="center", fontsize=12, color="#666666"
@@ -224,14 +227,20 @@ def _legend(
         )
         ink = "#666666" if place is None else "#111111"
         axes.text(0.085, line, str(curve.solved), fontsize=8, color=ink, va="center", ha="right")
-        text = shorten(curve.label) + (f"  ({kinds[curve.label]})" if inexact else "")
-        axes.text(0.24, line, text, fontsize=8, color=ink, va="center")
+        axes.text(0.24, line, _marked(curve.label, kinds), fontsize=8, color=ink, va="center")
     notes = [f"and {len(unnamed)} more in grey"] if unnamed else []
+    found = {kinds.get(label, "") for label in (*(curve.label for curve in named), *idle)}
+    notes += [", ".join(f"{mark} {kind}" for kind, mark in MARKS.items() if kind in found)] if found & {*MARKS} else []
     if idle:
-        notes += textwrap.wrap("none solved: " + ", ".join(shorten(label) for label in idle), 52)
+        notes += textwrap.wrap("solved none: " + ", ".join(_marked(label, kinds) for label in idle), 48)
     room = max(1, int((lines - len(named) - 1.4) / 0.85) + 1)
     for k, text in enumerate(notes if len(notes) <= room else [*notes[: room - 1], "…"]):
         axes.text(0.0, len(named) + 1.4 + k * 0.85, text, fontsize=7.2, color="#666666", va="center")
+
+
+def _marked(label: str, kinds: Mapping[str, str], length: int = LABEL_LENGTH) -> str:
+    """A label that fits, with the sign of its route."""
+    return "\N{NO-BREAK SPACE}".join(filter(None, (shorten(label, length), MARKS.get(kinds.get(label, "")))))
 
 
 def power_text(value: float) -> str:

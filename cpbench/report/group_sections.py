@@ -91,7 +91,7 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
     yield f"[![Performance profile, {plain(title)}]({name}.png)]({name}.svg)"
     yield (
         f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} count as that. "
-        "Dashed: routes that are approximate, necessary or a relaxation.*"
+        f"Dashed: routes that promise less than an answer ({', '.join(f'{m} {k}' for k, m in figures.MARKS.items())}).*"
     )
     swapped = profiles.reversals(times, profile.leading(figures.EMPHASISED))
     if swapped:

@@ -36,8 +36,8 @@ def test_the_figure_says_what_it_shows() -> None:
     assert figures.profile_guide(45) in said
     for curve in profile.curves:
         assert curve.label in said
-    assert "none solved: highs" in said
-    assert "lemke@inner8 (approximate)" in said
+    assert "solved none: highs" in said
+    assert "lemke@inner8 ≈" in said
 
 
 def test_axes_and_curves() -> None:
