@@ -50,9 +50,9 @@ STYLE = {
 def profile_guide(problems: int) -> str:
     """How to read a performance profile, in one sentence."""
     return (
-        f"The height of a curve at τ is the fraction of the {counted(problems, 'problem')} that the solver solved within "
-        "τ times the time of the fastest solver of that problem: at the left end the fraction where it was the fastest, "
-        "at the right end the fraction it solved at all."
+        f"The height of a curve at τ is the fraction of the {counted(problems, 'problem')} that the solver solved "
+        "within τ times the time of the fastest solver of that problem: at the left end the fraction where it was the "
+        "fastest, at the right end the fraction it solved at all."
     )
 
 
