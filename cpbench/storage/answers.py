@@ -11,17 +11,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
-
-from cpbench import __version__
 from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
 from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem
 from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
-from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
+from cpbench.storage.hdf5_writer import new_file, put_point, put_solution
 
 
 def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:
@@ -67,16 +63,18 @@ def save_answer(
 ) -> None:
     """Write an answer file for `problem`; raises PointError on an answer of the wrong shape, FormatError."""
     problem.check_point(point)
-    slacks = {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}
-    known = {"name": problem.name, **attrs}
-    _save(path, point, slacks, node=problem.node, fingerprint=problem.fingerprint, attrs=known, force=force)
+    with new_file() as (root, image):
+        put_solution(root, problem, point, {"name": problem.name, **attrs})
+    write_atomic(Path(path), image[0], force=force)
 
 
 def save_point(
     path: str | Path, point: Point, *, node: str, fingerprint: str, attrs: Mapping[str, Any], force: bool = False
 ) -> None:
     """Write an answer file for a problem that is not at hand, known by its node and fingerprint."""
-    _save(path, point, {}, node=node, fingerprint=fingerprint, attrs=attrs, force=force)
+    with new_file() as (root, image):
+        put_point(root, point.arrays(), {**attrs, "node": node, "fingerprint": fingerprint})
+    write_atomic(Path(path), image[0], force=force)
 
 
 def load_answer(path: str | Path, problem: Problem) -> Any:
@@ -147,23 +145,3 @@ def _answer(tree: Tree) -> tuple[Any, dict[str, Any]]:
 
 def _point(tree: Tree, kind: type[Point], names: list[str]) -> Any:
     return kind(**{name: tree.array(name) for name in names})
-
-
-def _save(
-    path: str | Path,
-    point: Point,
-    slacks: Mapping[str, Any],
-    *,
-    node: str,
-    fingerprint: str,
-    attrs: Mapping[str, Any],
-    force: bool,
-) -> None:
-    with new_file() as (root, image):
-        group: h5py.Group = root.create_group("solution")
-        for name, value in {**slacks, **point.arrays()}.items():
-            put_array(group, name, value, compress=True)
-        said = {**attrs, "cpbench_version": __version__, "node": node, "fingerprint": fingerprint}
-        for name, value in said.items():
-            put_attribute(group, name, value if isinstance(value, int | float | bool) else str(value))
-    write_atomic(Path(path), image[0], force=force)

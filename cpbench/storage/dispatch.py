@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from cpbench.errors import FormatError
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Point, Problem
 from cpbench.storage.base import SEPARATOR, Format, formats, read_head, split_address, write_atomic
 
 logger = logging.getLogger("cpbench.storage")
@@ -55,14 +55,23 @@ def save(
     write_atomic(file, chosen.encode(problem, compress=compress), force=force)
 
 
-def save_pack(problems: Mapping[str, Problem], path: str | Path, *, force: bool = False) -> None:
-    """Write several problems into one HDF5 file, each under its name; raises FormatError as `save` does."""
+def save_pack(
+    problems: Mapping[str, Problem],
+    path: str | Path,
+    *,
+    solutions: Mapping[str, Point] | None = None,
+    force: bool = False,
+) -> None:
+    """Write several problems into one HDF5 file, each under its name, with known solutions under `/solution`.
+
+    Raises FormatError as `save` does.
+    """
     from cpbench.storage.hdf5_files import SUFFIXES, encode_pack
 
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:
         raise FormatError(file, "", f"a pack is HDF5: expected a name that ends in {' or '.join(SUFFIXES)}")
-    write_atomic(file, encode_pack(problems), force=force)
+    write_atomic(file, encode_pack(problems, solutions), force=force)
 
 
 def problem_files(paths: Iterable[str | Path]) -> list[str]:

@@ -8,11 +8,11 @@ from pathlib import Path
 import h5py
 
 from cpbench.errors import FormatError
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Point, Problem
 from cpbench.storage import fclib, native
 from cpbench.storage.base import SEPARATOR, Format, formats, stem
 from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
-from cpbench.storage.hdf5_writer import new_file
+from cpbench.storage.hdf5_writer import new_file, put_solution
 
 SUFFIXES = (".hdf5", ".h5")
 _PARTS = {"local": fclib.LOCAL, "global": fclib.GLOBAL, "rolling": fclib.ROLLING}
@@ -59,15 +59,20 @@ def read_problem(root: Tree, member: str) -> Problem:
     return fclib.read(parent, group, name) if group else native.read(parent, name)
 
 
-def encode_pack(problems: Mapping[str, Problem], *, compress: bool = True) -> bytes:
-    """A pack: every problem a group of its own; raises FormatError on a name that cannot be one."""
+def encode_pack(
+    problems: Mapping[str, Problem], solutions: Mapping[str, Point] | None = None, *, compress: bool = True
+) -> bytes:
+    """A pack: every problem a group of its own, with its solution; raises FormatError on a name that cannot be one."""
     with new_file() as (root, image):
         for name, problem in problems.items():
             if not name or "/" in name or SEPARATOR in name or name in (".", ".."):
                 raise FormatError(
                     name or "''", "", f"is no name for a member: it may not be empty or hold '/' or '{SEPARATOR}'"
                 )
-            _write(root.create_group(name), problem, compress=compress)
+            group = root.create_group(name)
+            _write(group, problem, compress=compress)
+            if solutions and name in solutions:
+                put_solution(group, problem, solutions[name], {"name": problem.name})
     return image[0]
 
 
