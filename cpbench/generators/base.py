@@ -1,0 +1,91 @@
+"""Contract of the generators, and the exact arithmetic they plant solutions with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from cpbench.formulations.base import Info, Point, Problem
+from cpbench.matrices import Dense, Vector
+from cpbench.registry import Registry
+
+LICENCE = "Apache-2.0"
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A problem and what is known of it.
+
+    Attributes
+    ----------
+    solution : a solution, None where none is known in closed form.
+    known : how it is known: `planted` (the data were made for it), `published`, `closed form`, `infeasible`
+        (then `certificate` proves it), or `nothing`.
+    """
+
+    problem: Problem
+    solution: Point | None = None
+    known: str = "nothing"
+    certificate: Vector | None = None
+    properties: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return self.problem.name
+
+
+@dataclass(frozen=True)
+class Collection:
+    """One family: a registered generator. `build` is deterministic and takes no argument."""
+
+    name: str
+    node: str
+    summary: str
+    citation: str
+    build: Callable[[], list[Instance]]
+
+    def instances(self) -> list[Instance]:
+        """The instances, with family, source, licence and citation in their info."""
+        return [self._signed(instance) for instance in self.build()]
+
+    def _signed(self, instance: Instance) -> Instance:
+        info = Info(
+            title=instance.problem.info.title or self.summary,
+            source=f"cpbench generate, collection {self.name}",
+            licence=LICENCE,
+            family=self.name,
+            citation=self.citation,
+            properties={"known": instance.known, **instance.properties},
+        )
+        return replace(instance, problem=replace(instance.problem, info=info))
+
+
+generators: Registry[Collection] = Registry("generator", "cpbench.generators")
+
+
+def collection(name: str, node: str, summary: str, citation: str) -> Callable[[Callable[[], list[Instance]]], Any]:
+    """Decorator: register a function that builds instances as a collection."""
+
+    def register(build: Callable[[], list[Instance]]) -> Callable[[], list[Instance]]:
+        generators.add(name, Collection(name, node, summary, citation, build))
+        return build
+
+    return register
+
+
+def generator(seed: int) -> np.random.Generator:
+    """The generator every family draws from: PCG64, whose integers are the same everywhere."""
+    return np.random.Generator(np.random.PCG64(seed))
+
+
+def dyadic(rng: np.random.Generator, shape: int | tuple[int, ...], low: int, high: int, denominator: int = 8) -> Dense:
+    """Random multiples of 1/denominator (a power of two) in [low, high]."""
+    return rng.integers(low * denominator, high * denominator + 1, shape) / denominator
+
+
+def snapped(x: Any) -> Any:
+    """`x` on the grid of multiples of 2⁻⁴⁰: the last bits of sin, exp and log differ between C libraries."""
+    return np.round(np.asarray(x) * 2.0**40) / 2.0**40

@@ -1,0 +1,63 @@
+"""The built-in problems: `problems/<node>/<collection>.h5` with known solutions, and a TOML sheet beside each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from cpbench import storage
+from cpbench.errors import CpbenchError
+from cpbench.generators.base import Collection, Instance, generators
+
+
+def builtin_folder() -> Path:
+    """The shipped problems: inside an installed package, beside it in a checkout. Raises CpbenchError without them."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "problems", package.parent / "problems"):
+        if any(folder.glob("*/*.h5")):
+            return folder
+    raise CpbenchError("the built-in problems are not installed; write them with: cpbench generate FOLDER")
+
+
+def write_collections(folder: str | Path) -> Iterator[Path]:
+    """Write every registered collection below `folder`, replacing what is there; yields the files."""
+    for collection in generators:
+        place = Path(folder) / collection.node
+        place.mkdir(parents=True, exist_ok=True)
+        instances = collection.instances()
+        pack = place / f"{collection.name}.h5"
+        storage.save_pack(
+            {i.name: i.problem for i in instances},
+            pack,
+            solutions={i.name: i.solution for i in instances if i.solution is not None},
+            force=True,
+        )
+        yield pack
+        sheet = pack.with_suffix(".toml")
+        sheet.write_text(_sheet(collection, instances), encoding="utf-8")
+        yield sheet
+
+
+def _sheet(collection: Collection, instances: list[Instance]) -> str:
+    """What the collection is, and a table an instance: sizes, fingerprint, what is known, properties."""
+    first = instances[0].problem.info
+    lines = [
+        f"name = {_quoted(collection.name)}",
+        f"node = {_quoted(collection.node)}",
+        f"summary = {_quoted(collection.summary)}",
+        f"citation = {_quoted(collection.citation)}",
+        f"source = {_quoted(first.source)}",
+        f"licence = {_quoted(first.licence)}",
+    ]
+    for instance in instances:
+        problem = instance.problem
+        lines += ["", "[[problem]]", f"name = {_quoted(problem.name)}", f"fingerprint = {_quoted(problem.fingerprint)}"]
+        lines += [f"{symbol} = {size}" for symbol, size in problem.sizes().items()]
+        lines.append(f"known = {_quoted(instance.known)}")
+        lines.append(f"properties = {_quoted(json.dumps(dict(instance.properties), sort_keys=True))}")
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
