@@ -132,8 +132,9 @@ def contact_residuals(
     `energy` = √Σ‖Δ_c‖²/ρ_c / max(√Σ‖r_c‖²/ρ_c, √Σρ_c‖u_c‖², √Σρ_c‖q_c‖²), Δ_c = r_c − P(r_c − ρ_c û_c), which
     does not change with the units of r and u. Both are absolute (unscaled) where the caller says so: q = 0.
 
-    The slip angle ∠(−u_T, r_T) is taken over contacts that push (r_N > 0), slide (ρ_c‖u_T‖ above
-    tolerance·‖r_c‖) and rub (μ > 0, r_T ≠ 0).
+    The slip angle ∠(−u_T, r_T) is taken over contacts that push (r_N > 0), rub (μ > 0, r_T ≠ 0) and slide: ρ_c‖u_T‖
+    above tolerance·‖r_c‖, and √ρ_c‖u_T‖ above tolerance times the scale of `energy`, below which an answer within
+    the tolerance may have any velocity.
     """
     nc = mu.size
     if nc == 0:
@@ -149,11 +150,12 @@ def contact_residuals(
     energy = norm(delta_c / root)
     per_contact_scale = np.maximum(np.maximum(r_c, rho * u_c), rho * q_c)
     per_contact = np.divide(delta_c, per_contact_scale, out=delta_c.copy(), where=per_contact_scale > 0)
+    energy_scale = max(norm(r_c / root), norm(root * u_c), norm(root * q_c))
     judged = {
         "natural": natural if absolute else scaled(natural, norm(q), norm(r), norm(u)),
-        "energy": energy if absolute else scaled(energy, norm(r_c / root), norm(root * u_c), norm(root * q_c)),
+        "energy": energy if absolute else scaled(energy, energy_scale),
     }
-    angles, weights = slip_angles(R, U, mu, rho, tolerance)
+    angles, weights = slip_angles(R, U, mu, tolerance * np.maximum(r_c / rho, energy_scale / root))
     work = float(np.einsum("ci,ci->", R, hat))
     parts = {
         "per_contact": float(per_contact.max()),
@@ -171,11 +173,10 @@ def contact_residuals(
     return judged, parts, flags
 
 
-def slip_angles(R: Dense, U: Dense, mu: Vector, rho: Vector, tolerance: float) -> tuple[Vector, Vector]:
-    """∠(−u_T, r_T) in degrees and r_N of the contacts that push, slide and rub."""
+def slip_angles(R: Dense, U: Dense, mu: Vector, noise: Vector) -> tuple[Vector, Vector]:
+    """∠(−u_T, r_T) in degrees and r_N of the contacts that push, rub, and slide faster than `noise`."""
     rt, ut = cones.tangential_norm(R), cones.tangential_norm(U)
-    noise = tolerance * np.linalg.norm(R, axis=1)
-    sliding = (R[:, 0] > 0) & (mu > 0) & (rt > 0) & (rho * ut > noise)
+    sliding = (R[:, 0] > 0) & (mu > 0) & (rt > 0) & (ut > noise)
     opposite = -np.einsum("ci,ci->c", R[sliding, 1:], U[sliding, 1:])
     if R.shape[1] == 2:
         across = np.zeros_like(opposite)

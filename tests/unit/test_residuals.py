@@ -195,3 +195,14 @@ def test_the_unit_free_error_of_an_lcp_has_no_units(rng: np.random.Generator, s:
     error = LCP(M=M, q=q).residuals(LCPPoint(z=z)).judged["unit_free"]
     assert LCP(M=M / s, q=q).residuals(LCPPoint(z=s * z)).judged["unit_free"] == pytest.approx(error, rel=1e-9)
     assert LCP(M=s * M, q=s * q).residuals(LCPPoint(z=z)).judged["unit_free"] == pytest.approx(error, rel=1e-9)
+
+
+def test_a_sticking_contact_has_no_direction_to_judge(rng: np.random.Generator) -> None:
+    """A light sticking contact beside a heavy one: its velocity is rounding noise of the whole, not a slip."""
+    W = np.diag([1.0, 1, 1, 1, 1, 1])
+    r = np.array([1000.0, 0, 0, 1e-3, 1e-4, 0])
+    u = np.array([0.0, 0, 0, 0, 1e-8, 0])
+    problem = FrictionContact(W=W, q=u - W @ r, mu=[0.5, 0.5], dimension=3)
+    verdict = judge(problem, FCPoint(r=r), 1e-6)
+    assert verdict.solved
+    assert "direction" not in verdict.flags
