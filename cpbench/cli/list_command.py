@@ -38,8 +38,9 @@ def _formulations() -> list[str]:
 
 def _conversions() -> list[str]:
     from cpbench.graph import edges
+    from cpbench.report.registry_tables import promise
 
-    return [f"{e.name:<22} {e.source:>5} -> {e.target:<5} {e.kind:<12} {e.equation}" for e in edges()]
+    return [f"{e.name:<20} {e.source:>5} -> {e.target:<5} {promise(e):<25} {e.equation}" for e in edges()]
 
 
 def _solvers() -> list[str]:
@@ -49,7 +50,7 @@ def _solvers() -> list[str]:
     for solver in solvers:
         spec, state = solver.spec, solver.availability()
         note = "" if state.ok else f"  [{state.state}: {state.detail.splitlines()[-1]}]"
-        rows.append(f"{spec.name:<20} {spec.node:<5} {spec.method}: {spec.summary}{note}")
+        rows.append(f"{spec.name:<20} {spec.node:<5} {spec.summary}{note}")
     return rows
 
 

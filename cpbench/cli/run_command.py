@@ -97,6 +97,7 @@ def command(
             if not dry_run:
                 _claim(store, limits, builtin)
             surveys, refused = _survey(session, addresses, asked, file_format, display)
+            _tell_twins(surveys)
             planned = plan.pairs(surveys, entries, asked, tolerance, threads, relaxations=routes == "all")
             if dry_run:
                 _print_plan(planned, refused, limits)
@@ -151,6 +152,15 @@ def _survey(
         except CpbenchError as reason:
             refused.append((address, str(reason)))
     return surveys, refused
+
+
+def _tell_twins(surveys: list[dict[str, Any]]) -> None:
+    """Say which files hold the same problem: it is run once, under the first one's name."""
+    first: dict[str, str] = {}
+    for survey in surveys:
+        twin = first.setdefault(survey["fingerprint"], survey["address"])
+        if twin != survey["address"]:
+            click.echo(f"same problem, run once: {survey['address']} is {twin}", err=True)
 
 
 def _solver_sheets(planned: list[plan.Pair], versions: Mapping[str, str]) -> dict[str, Any]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from cpbench.conversions import Conversion
 from cpbench.formulations import formulations
-from cpbench.graph import edges
+from cpbench.graph import best_kind, edges
 from cpbench.solvers.base import Trait, solvers
 from cpbench.storage import formats
 
@@ -19,7 +20,7 @@ def registry_tables() -> str:
         (
             "Conversions",
             ["conversion", "from", "to", "promise", "what it does"],
-            ([f"`{e.name}`", e.source, e.target, _promise(e), _summary(e)] for e in edges()),
+            ([f"`{e.name}`", e.source, e.target, promise(e), _summary(e)] for e in edges()),
         ),
         (
             "Solvers",
@@ -47,12 +48,13 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(c.replace("|", "\\|") for c in row) + " |" for row in rows)])
 
 
-def _promise(edge: object) -> str:
-    kind, best = edge.kind, getattr(edge, "best_kind", edge.kind)  # type: ignore[attr-defined]
+def promise(edge: Conversion) -> str:
+    """`equivalent or necessary` where the promise depends on the problem, else the one word."""
+    kind, best = edge.kind, best_kind(edge)
     return str(kind) if kind == best else f"{best} or {kind}"
 
 
-def _summary(edge: object) -> str:
+def _summary(edge: Conversion) -> str:
     return (type(edge).__doc__ or "").strip().splitlines()[0].partition(". ")[0].rstrip(".")
 
 
