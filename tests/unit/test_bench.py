@@ -1,0 +1,162 @@
+"""The pieces of a run: messages, plans, the results file."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import storage
+from cpbench.bench import plan, wire
+from cpbench.bench.runner import Limits, Session, execute
+from cpbench.bench.store import Store
+from cpbench.errors import StoreError, UnknownName
+from cpbench.formulations import LCP, FrictionContact
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[Session]:
+    with Session(Limits(seconds=20.0, repeats=1)) as session:
+        yield session
+
+
+def _contact(folder: Path) -> Path:
+    path = folder / "contact.hdf5"
+    q = np.array([-1.0, 3, 4])
+    storage.save(FrictionContact(W=np.eye(3), q=q, mu=[0.5], dimension=3, name="contact"), path, force=True)
+    return path
+
+
+def _lcp(folder: Path, name: str = "p", n: int = 3) -> Path:
+    path = folder / f"{name}.h5"
+    storage.save(LCP(M=2.0 * np.eye(n), q=-np.ones(n), name=name), path)
+    return path
+
+
+def test_messages_carry_vectors_and_bytes() -> None:
+    header, parts = wire.unpack(wire.pack({"error": float("inf")}, {"z": np.arange(3.0), "answer": b"\x00\xff"}))
+    assert header == {"error": float("inf")}
+    assert parts["z"].tolist() == [0.0, 1.0, 2.0]
+    assert parts["answer"] == b"\x00\xff"
+
+
+@pytest.mark.parametrize("noise", [b"", b"abc", b"\xff" * 40, wire.pack({"a": 1}, {"z": np.ones(2)})[:-1]])
+def test_noise_is_no_message(noise: bytes) -> None:
+    with pytest.raises(wire.WireError):
+        wire.unpack(noise)
+
+
+def test_solver_options_are_typed_and_named() -> None:
+    entry = plan.parse_entry("psor[omega=1.3]")
+    assert entry.options == {"omega": 1.3}
+    assert entry.label == "psor[omega=1.3]"
+    with pytest.raises(UnknownName, match="omega"):
+        plan.parse_entry("psor[omga=1.3]")
+    with pytest.raises(UnknownName, match="float"):
+        plan.parse_entry("psor[omega=fast]")
+
+
+def test_keys_tell_apart_what_must_not_be_mixed(session: Session, tmp_path: Path) -> None:
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+
+    def key(solver: str = "lemke", tolerance: float = 1e-6, threads: int = 1) -> str:
+        (pair,) = plan.pairs(
+            [survey], [plan.parse_entry(solver)], [plan.exact()], tolerance, threads, relaxations=False
+        )
+        return pair.key
+
+    keys = [key(), key("pgs"), key("psor[omega=1.2]"), key(tolerance=1e-8), key(threads=2)]
+    assert len(set(keys)) == len(keys)
+    assert key() == key()
+
+
+def test_a_relaxation_runs_on_request_only_and_says_what_it_is(session: Session, tmp_path: Path) -> None:
+    """A sliding contact: the relaxation's answer dilates, and its row says `relaxation`, never `equivalent`."""
+    asked, entries = [plan.exact()], [plan.parse_entry("cvxpy-relaxation")]
+    survey = session.survey(str(_contact(tmp_path)), asked)
+    assert plan.pairs([survey], entries, asked, 1e-6, 1, relaxations=False) == []
+    (pair,) = plan.pairs([survey], entries, asked, 1e-6, 1, relaxations=True)
+    row, _ = session.run(pair, session.prepare(pair))
+    assert row["kind"] == "relaxation"
+    assert (row["claim"], row["status"]) == ("solved", "wrong")
+
+
+def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(session: Session, tmp_path: Path) -> None:
+    asked = plan.requests("all", (8, 16))
+    survey = session.survey(str(_contact(tmp_path)), asked)
+    everything = [plan.Entry(name) for name in ("lemke", "daqp", "nsgs")]
+    labels = {p.label for p in plan.pairs([survey], everything, asked, 1e-6, 1, relaxations=False)}
+    assert "nsgs" in labels
+    assert {"lemke@inner8", "lemke@inner16", "lemke@outer8-lcp", "lemke@outer8-mlcp"} <= labels
+    assert not any(label.startswith("daqp@") and "necessary" not in label for label in labels)
+
+
+def test_a_finished_row_stays(session: Session, tmp_path: Path) -> None:
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    store = Store(tmp_path / "r.sqlite", create=True)
+    store.plan(planned)
+    assert store.counts() == {"not_run": 1}
+    execute(session, store, planned, seed=0)
+    before = store.row(planned[0].key)
+    store.plan(planned)
+    execute(session, store, planned, seed=0)
+    assert store.row(planned[0].key) == before
+    store.close()
+
+
+@pytest.mark.parametrize(("keep", "kept"), [("none", 0), ("wrong", 0), ("all", 1)])
+def test_answers_are_kept_as_asked(session: Session, tmp_path: Path, keep: str, kept: int) -> None:
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    store = Store(tmp_path / "r.sqlite", create=True, keep=keep)
+    store.plan(planned)
+    execute(session, store, planned, seed=0)
+    assert len(list(store.answers())) == kept
+    store.close()
+
+
+def test_a_row_and_its_answer_come_together_or_not_at_all(session: Session, tmp_path: Path) -> None:
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    store = Store(tmp_path / "r.sqlite", create=True)
+    store.plan(planned)
+    with pytest.raises(sqlite3.Error):
+        store.finish(planned[0].key, {"status": object()}, b"answer")  # what SQLite cannot store
+    assert store.counts() == {"not_run": 1}
+    assert list(store.answers()) == []
+    store.close()
+
+
+def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
+    text = tmp_path / "text.sqlite"
+    text.write_text("no database" * 100)
+    with pytest.raises(StoreError, match="not a results file"):
+        Store(text)
+    newer = tmp_path / "newer.sqlite"
+    db = sqlite3.connect(newer)
+    db.execute("CREATE TABLE rows (key TEXT)")
+    db.execute("PRAGMA user_version=99")
+    db.commit()
+    db.close()
+    with pytest.raises(StoreError, match="schema 99"):
+        Store(newer, create=True)
+    with pytest.raises(StoreError, match="no such results file"):
+        Store(tmp_path / "absent.sqlite")
+
+
+def test_a_referee_that_dies_is_replaced(session: Session, tmp_path: Path) -> None:
+    """Its process is killed between two pairs; the next pair is judged by a new one."""
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    prepared = session.prepare(pair)
+    assert session.run(pair, prepared)[0]["status"] == "solved"
+    assert session._referee is not None
+    session._referee.kill()
+    row, _ = session.run(pair, prepared)
+    assert row["status"] == "error"
+    assert "could not be judged" in row["message"]
+    assert session.run(pair, prepared)[0]["status"] == "solved"

@@ -1,0 +1,96 @@
+"""The built-in problems: what their sheets say of them is measured, and the files are what the formulas give."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import storage, verification
+from cpbench.generators import Instance, generators
+from cpbench.generators.collection import builtin_folder, write_collections
+from cpbench.solvers import Budget, solvers
+
+INSTANCES = {f"{c.name}-{i.name}": i for c in generators for i in c.instances()}
+EXACT = {"planted", "published", "closed form"}
+
+
+@pytest.mark.parametrize("name", INSTANCES)
+def test_what_is_known_is_measured(name: str) -> None:
+    instance: Instance = INSTANCES[name]
+    if instance.known in EXACT:
+        assert instance.solution is not None
+        verdict = verification.judge(instance.problem, instance.solution, 1e-12)
+        assert verdict.solved, verdict
+        assert verdict.flags in ((), ("absolute",))
+    elif instance.known == "infeasible":
+        assert instance.solution is None
+        assert instance.certificate is not None
+        assert instance.problem.certifies_infeasibility(instance.certificate)
+    else:
+        assert instance.known == "nothing"
+        assert instance.solution is None
+
+
+def test_there_are_at_least_forty_of_every_class_some() -> None:
+    assert len(INSTANCES) >= 40
+    assert {i.problem.node for i in INSTANCES.values()} == {"lcp", "mlcp", "qp", "fc", "gfc"}
+
+
+def test_the_shipped_files_are_what_the_formulas_give_bit_for_bit(tmp_path: Path) -> None:
+    fresh = {path.relative_to(tmp_path): path.read_bytes() for path in write_collections(tmp_path)}
+    shipped = builtin_folder()
+    assert fresh == {p.relative_to(shipped): p.read_bytes() for p in shipped.glob("*/*") if p.is_file()}
+
+
+def test_sheets_and_files_agree() -> None:
+    for sheet in builtin_folder().glob("*/*.toml"):
+        said = tomllib.loads(sheet.read_text())
+        for row in said["problem"]:
+            problem = storage.load(f"{sheet.with_suffix('.h5')}::{row['name']}")
+            assert problem.fingerprint == row["fingerprint"]
+            assert problem.info.licence == said["licence"]
+            found = storage.solution(f"{sheet.with_suffix('.h5')}::{row['name']}")
+            assert (found is not None) == (row["known"] in EXACT)
+
+
+def test_the_radial_obstacle_is_met_where_theory_says() -> None:
+    """Majava and Tai 2004: u touches ψ inside r* = 0.6980 (the root of r²(1 − log(r/2)) = 1), and is free outside."""
+    from cpbench.generators.obstacles import RADIUS, radial_obstacle
+
+    assert RADIUS**2 * (1 - np.log(RADIUS / 2)) == pytest.approx(1.0, abs=1e-14)
+    n = 25
+    problem = radial_obstacle(n).problem
+    z = solvers.get("lemke").run(problem, Budget(tolerance=1e-9)).point.z.reshape(n, n)
+    axis = -2.0 + 4.0 / (n + 1) * np.arange(1, n + 1)
+    r = np.hypot(*np.meshgrid(axis, axis))
+    mesh = 4.0 / (n + 1)
+    assert (z[r < RADIUS - mesh] < 1e-9).all()
+    assert (z[(r > RADIUS + mesh) & (r < 2.0)] > 0).all()
+    outside = (r > 1.0) & (r < 2.0)
+    exact = -(RADIUS**2) * np.log(r[outside] / 2) / np.sqrt(1 - RADIUS**2)
+    u = z[outside] - 1.0  # ψ = −1 outside the unit disk
+    assert np.abs(u - exact).max() < 2 * mesh**2
+
+
+def test_an_american_put_is_worth_no_less_than_its_payoff_and_falls_with_the_price() -> None:
+    from cpbench.generators.obstacles import american_put
+
+    n = 100
+    z = solvers.get("lemke").run(american_put(n).problem, Budget(tolerance=1e-9)).point.z
+    x = -1.5 + 3.0 / (n + 1) * np.arange(1, n + 1)
+    value = z + np.maximum(1.0 - np.exp(x), 0.0)
+    assert (z >= 0).all()
+    assert (np.diff(value) <= 1e-12).all()
+    assert z.max() > 0
+
+
+def test_a_stack_carries_its_weight() -> None:
+    """Sum of the normal impulses under each level = weight of the boxes from there up, times the step."""
+    from cpbench.generators.contact_global import GRAVITY, STEP, box_stack
+
+    instance = box_stack(5)
+    normal = instance.solution.r.reshape(-1, 3)[:, 0].reshape(5, 4).sum(axis=1)
+    assert normal == pytest.approx(GRAVITY * STEP * np.arange(5, 0, -1))
