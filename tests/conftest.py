@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ALLOWED_SKIPS = ("needs the folder of real files",)
-collect_ignore = ["unit/siconos_errors.py", "unit/siconos_read.py", "faults/faulty_solvers.py"]  # other interpreters'
+collect_ignore = ["unit/siconos_errors.py", "unit/siconos_read.py", "faults/faulty_solvers.py"]
 _unexpected: list[str] = []
 
 

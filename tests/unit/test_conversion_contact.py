@@ -13,8 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
-import planted
-
 from cpbench import graph, matrices, storage
 from cpbench.conversions import elimination, facets
 from cpbench.conversions.base import make
@@ -22,6 +20,7 @@ from cpbench.errors import NotApplicable
 from cpbench.formulations import FCPoint, FrictionContact, GlobalFrictionContact, Kind
 from cpbench.matrices import Factorization
 from cpbench.solvers.base import Budget, Claim, solvers
+from cpbench.testing import planted
 
 CLOSE = 1e-9
 FACET_EDGES = ("fc-lcp-inner", "fc-lcp-outer", "fc-mlcp-outer")

@@ -12,8 +12,6 @@ import pytest
 import scipy.sparse as sp
 
 sys.path.insert(0, str(Path(__file__).parent))
-import planted
-
 from cpbench import graph, matrices, storage
 from cpbench.conversions.base import Conversion, conversions, find_via, make
 from cpbench.errors import NotApplicable, UnknownName
@@ -25,6 +23,7 @@ from cpbench.formulations import (
     GlobalFrictionContact,
     Kind,
 )
+from cpbench.testing import planted
 
 NAMES = conversions.names()
 

@@ -12,14 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
-import planted
-
 from cpbench import graph, matrices, storage
 from cpbench.conversions.base import make
 from cpbench.conversions.mlcp_to_lcp_split import semidefinite_transform
 from cpbench.errors import NotApplicable
 from cpbench.formulations import LCP, MLCP, QP, Kind, LCPPoint, MLCPPoint
 from cpbench.solvers.base import Budget, Claim, solvers
+from cpbench.testing import planted
 
 CLOSE = 1e-9
 quick = settings(max_examples=30, deadline=None, derandomize=True)

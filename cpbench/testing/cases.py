@@ -1,0 +1,136 @@
+"""Planted cases of every node, with the corner shapes that break plugins."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpbench.formulations import LCP, QP, FrictionContact, LCPPoint, Problem
+from cpbench.testing import planted
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A problem with a solution that the data were made for."""
+
+    name: str
+    problem: Any
+    point: Any
+
+
+@cache
+def cases(node: str) -> list[Case]:
+    """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, badly scaled."""
+    made = _MAKERS[node]()
+    return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in made.items()]
+
+
+def infeasible(node: str) -> list[Case]:
+    """Problems of the node that have no solution (their point is None)."""
+    if node == "lcp":  # w₁ = −z₂ − z₃ − 10⁻⁴ < 0; w = −z − 1 < 0
+        pang = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1])
+        return [Case("pang", pang, None), Case("negative", LCP(M=-np.eye(2), q=-np.ones(2)), None)]
+    if node == "qp":  # z ≥ 1 and −z ≥ 1
+        crossed = QP.build(np.eye(1), np.zeros(1), A=np.array([[1.0], [-1.0]]), b=np.ones(2))
+        return [Case("crossed", crossed, None)]
+    return []
+
+
+def draw(node: str, seed: int, size: int) -> Case:
+    """A random case; what hypothesis draws are the seed and the size."""
+    rng = np.random.default_rng(seed)
+    sparse = bool(rng.integers(2))
+    kind = str(rng.choice(["positive definite", "singular semidefinite", "monotone", "any"]))
+    problem, point = {
+        "lcp": lambda: planted.lcp(rng, size, kind, sparse=sparse),
+        "mlcp": lambda: planted.mlcp(rng, size, int(rng.integers(0, size + 1)), kind, sparse=sparse),
+        "qp": lambda: planted.qp(rng, size, int(rng.integers(0, 4)), min(size, int(rng.integers(0, 3))), sparse=sparse),
+        "fc": lambda: planted.fc(rng, size, int(rng.integers(2, 4)), kind, sparse=sparse),
+        "gfc": lambda: planted.gfc(rng, size + 1, size, int(rng.integers(2, 4)), sparse=sparse),
+    }[node]()
+    return Case(f"{kind}-{size}-{seed}", problem, point)
+
+
+def _rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def _lcp() -> dict[str, tuple[Problem, Any]]:
+    made: dict[str, tuple[Problem, Any]] = {
+        kind.replace(" ", "-"): planted.lcp(_rng(i), 12, kind) for i, kind in enumerate(planted.SQUARE)
+    }
+    made["sparse"] = planted.lcp(_rng(10), 12, "positive definite", sparse=True)
+    made["one"] = (LCP(M=np.eye(1), q=[-2.0]), LCPPoint(z=[2.0]))
+    made["empty"] = (LCP(M=np.zeros((0, 0)), q=[]), LCPPoint(z=[]))
+    made["trivial"] = (LCP(M=np.eye(4), q=np.ones(4)), LCPPoint(z=np.zeros(4)))
+    problem, point = planted.lcp(_rng(11), 8, "positive definite")
+    scale = 10.0 ** np.array([-4, 4, 0, 2, -2, 3, -3, 1])
+    made["badly-scaled"] = (
+        LCP(M=problem.M * scale[:, None] * scale, q=problem.q * scale),
+        LCPPoint(z=point.z / scale),
+    )
+    return made
+
+
+def _mlcp() -> dict[str, tuple[Problem, Any]]:
+    return {
+        "monotone": planted.mlcp(_rng(0), 6, 8, "monotone"),
+        "positive-definite": planted.mlcp(_rng(1), 6, 8, "positive definite"),
+        "sparse": planted.mlcp(_rng(2), 6, 8, "positive definite", sparse=True),
+        "singular-A": planted.mlcp(_rng(3), 5, 5, "singular"),
+        "no-equality": planted.mlcp(_rng(4), 0, 6, "positive definite"),
+        "equalities-only": planted.mlcp(_rng(5), 6, 0, "positive definite"),
+        "empty": planted.mlcp(_rng(6), 0, 0, "positive definite"),
+    }
+
+
+def _qp() -> dict[str, tuple[Problem, Any]]:
+    return {
+        "definite": planted.qp(_rng(0), 10, 6, 3),
+        "sparse": planted.qp(_rng(1), 10, 6, 3, sparse=True),
+        "singular": planted.qp(_rng(2), 10, 6, 2, "singular semidefinite"),
+        "no-constraint-rows": planted.qp(_rng(3), 8, 0, 0),
+        "no-equality": planted.qp(_rng(4), 8, 5, 0),
+        "one": planted.qp(_rng(5), 1, 1, 0),
+    }
+
+
+def _fc() -> dict[str, tuple[Problem, Any]]:
+    made: dict[str, tuple[Problem, Any]] = {
+        f"{kind.replace(' ', '-')}-{d}d": planted.fc(_rng(i), 5, d, kind)
+        for i, kind in enumerate(planted.SQUARE[:3])
+        for d in (2, 3)
+    }
+    made["sparse-3d"] = planted.fc(_rng(10), 5, 3, "positive definite", sparse=True)
+    made["nonsymmetric-3d"] = planted.fc(_rng(11), 3, 3, "any")
+    made["one-3d"] = planted.fc(_rng(12), 1, 3, "positive definite")
+    problem, point = planted.fc(_rng(13), 4, 3, "positive definite")
+    made["frictionless-3d"] = _without_friction(problem, point)
+    made["empty-3d"] = planted.fc(_rng(14), 0, 3, "positive definite")
+    return made
+
+
+def _without_friction(problem: FrictionContact, point: Any) -> tuple[Problem, Any]:
+    """μ = 0: only normal reactions, each contact either pushes at rest or is open."""
+    r, u = np.zeros((problem.nc, 3)), np.zeros((problem.nc, 3))
+    r[::2, 0], u[1::2, 0], u[:, 1] = 1.5, 0.5, 0.25
+    W = problem.W
+    replaced = FrictionContact(W=W, q=u.ravel() - W @ r.ravel(), mu=np.zeros(problem.nc), dimension=3)
+    return replaced, type(point)(r=r.ravel())
+
+
+def _gfc() -> dict[str, tuple[Problem, Any]]:
+    return {
+        "symmetric-3d": planted.gfc(_rng(0), 3, 4, 3),
+        "sparse-3d": planted.gfc(_rng(1), 3, 4, 3, sparse=True),
+        "nonsymmetric-3d": planted.gfc(_rng(2), 3, 4, 3, symmetric=False),
+        "plane-2d": planted.gfc(_rng(3), 2, 3, 2),
+        "no-contact": planted.gfc(_rng(4), 2, 0, 3),
+    }
+
+
+_MAKERS = {"lcp": _lcp, "mlcp": _mlcp, "qp": _qp, "fc": _fc, "gfc": _gfc}

@@ -1,0 +1,110 @@
+"""Checks of a formulation: a class of problems with its point and its residuals."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from cpbench import matrices
+from cpbench.errors import PointError, ProblemError
+from cpbench.formulations import Problem
+from cpbench.testing.cases import Case
+from cpbench.verification import judge
+
+EXACT = 1e-9
+
+
+def check_planted_points_have_no_residual(node: type[Problem], cases: list[Case]) -> None:
+    for case in cases:
+        error = case.problem.residuals(case.point).error
+        assert error <= EXACT, f"{case.name}: planted solution has error {error:.1e}"
+
+
+def check_wrong_points_have_a_residual(node: type[Problem], cases: list[Case]) -> None:
+    """Shifting every part of a solution by its size must show, unless nothing is unknown."""
+    for case in cases:
+        parts = {k: v + 1.0 + np.abs(v) for k, v in case.point.arrays().items()}
+        if sum(v.size for v in parts.values()):
+            error = case.problem.residuals(type(case.point)(**parts)).error
+            assert error > 1e-6, f"{case.name}: a shifted solution has error {error:.1e}"
+
+
+def check_nan_is_not_solved(node: type[Problem], cases: list[Case]) -> None:
+    """One NaN or infinity anywhere makes the error infinite, in the residuals themselves."""
+    for case in cases:
+        for part, value in case.point.arrays().items():
+            for bad in (math.nan, math.inf):
+                if value.size:
+                    broken = value.copy()
+                    broken[0] = bad
+                    point = dataclasses.replace(case.point, **{part: broken})
+                    assert not judge(case.problem, point, 1e3).solved, f"{case.name}: {part} = {bad} passes"
+                    error = case.problem.residuals(point).error
+                    assert error > 1e3, f"{case.name}: {part} = {bad} has error {error:.1e}"
+
+
+def check_shapes_are_named(node: type[Problem], cases: list[Case]) -> None:
+    """A vector that is one too long is refused, and the refusal names it or what it disagrees with."""
+    for case in cases:
+        for name, value in case.problem.data().items():
+            if value.ndim == 1:
+                with pytest.raises(ProblemError, match=rf"{node.node}\."):
+                    dataclasses.replace(case.problem, **{name: np.append(value, 1.0)})
+
+
+def check_non_finite_data_are_refused(node: type[Problem], cases: list[Case]) -> None:
+    for case in cases:
+        for name, value in case.problem.data().items():
+            if value.ndim == 1 and value.size:
+                broken = value.copy()
+                broken[-1] = math.nan
+                with pytest.raises(ProblemError, match=name):
+                    dataclasses.replace(case.problem, **{name: broken})
+
+
+def check_data_are_read_only(node: type[Problem], cases: list[Case]) -> None:
+    for case in cases:
+        for name, value in case.problem.data().items():
+            array = value.data if matrices.is_sparse(value) else value
+            assert not array.flags.writeable, f"{case.name}: {name} can be written"
+
+
+def check_fingerprint_is_of_the_content(node: type[Problem], cases: list[Case]) -> None:
+    """The same for dense and sparse storage and for any name; another one for other data."""
+    for case in cases:
+        problem = case.problem
+        for change in (matrices.sparse, matrices.dense):
+            stored = {k: change(v) if v.ndim == 2 else v for k, v in problem.data().items()}
+            twin = dataclasses.replace(problem, name="another name", **stored)
+            assert twin.fingerprint == problem.fingerprint, f"{case.name}: depends on the storage"
+        for name, value in problem.data().items():
+            if value.ndim == 1 and value.size and np.isfinite(value).all():
+                other = dataclasses.replace(problem, **{name: value + (0.5 if name != "lb" else -0.5)})
+                assert other.fingerprint != problem.fingerprint, f"{case.name}: does not depend on {name}"
+
+
+def check_dense_and_sparse_have_the_same_residuals(node: type[Problem], cases: list[Case]) -> None:
+    for case in cases:
+        shifted = type(case.point)(**{k: v + 0.25 for k, v in case.point.arrays().items()})
+        errors = [
+            dataclasses.replace(case.problem, **{k: change(v) for k, v in case.problem.data().items() if v.ndim == 2})
+            .residuals(shifted)
+            .error
+            for change in (matrices.sparse, matrices.dense)
+        ]
+        assert errors[0] == pytest.approx(errors[1], rel=1e-9, abs=1e-12), case.name
+
+
+def check_points_have_their_sizes(node: type[Problem], cases: list[Case]) -> None:
+    """A vector of the right length makes a point and comes back; one number more is refused."""
+    for case in cases:
+        flat = np.concatenate(list(case.point.arrays().values()))
+        again = case.problem.point_from_vector(flat)
+        assert all(
+            np.array_equal(a, b) for a, b in zip(again.arrays().values(), case.point.arrays().values(), strict=True)
+        )
+        with pytest.raises(PointError, match="expected"):
+            case.problem.point_from_vector(np.append(flat, 0.0))

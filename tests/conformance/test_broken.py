@@ -1,0 +1,56 @@
+"""Each bad plugin is caught by the check that is meant to catch it."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from cpbench.testing import Case, cases, checks
+
+_path = Path(__file__).resolve().parents[1] / "broken" / "plugins.py"
+_spec = importlib.util.spec_from_file_location("broken_plugins", _path)
+assert _spec is not None
+assert _spec.loader is not None
+broken = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(broken)
+
+CAUGHT = [
+    ("conversion", "SignFlippedLift", "check_lift_undoes_push"),
+    ("conversion", "EditsItsInput", "check_the_input_stays"),
+    ("conversion", "IgnoresItsObstacle", "check_obstacles_are_kept"),
+    ("solver", "ClaimsZeros", "check_claims_are_true"),
+    ("solver", "ClaimsZeros", "check_one_iteration_claims_nothing_false"),
+    ("solver", "ClaimsZeros", "check_infeasibility_is_proved_or_not_claimed_solved"),
+    ("solver", "ClaimsNaN", "check_claims_are_true"),
+    ("solver", "WrongShape", "check_answers_have_their_shape"),
+    ("solver", "SwallowsErrors", "check_some_case_is_solved"),
+    ("solver", "RollsDice", "check_the_same_twice"),
+    ("formulation", "IgnoresNaN", "check_nan_is_not_solved"),
+    ("formulation", "AlwaysRight", "check_wrong_points_have_a_residual"),
+]
+
+
+def _cases(kind: str, plugin: type) -> list[Case]:
+    if kind == "conversion":
+        # copies: a plugin that edits its input must not spoil the cases of others
+        return [dataclasses.replace(c, problem=dataclasses.replace(c.problem)) for c in cases("mlcp")]
+    made = [c for c in cases("lcp") if c.name != "trivial"]
+    if kind == "formulation":
+        return [dataclasses.replace(c, problem=plugin(**c.problem.data(), name=c.name)) for c in made]
+    return made
+
+
+@pytest.mark.parametrize(("kind", "name", "check"), CAUGHT)
+def test_caught_by_the_named_check(kind: str, name: str, check: str) -> None:
+    plugin = getattr(broken, name)
+    subject = plugin if kind == "formulation" else plugin()
+    with pytest.raises((AssertionError, pytest.fail.Exception)):
+        checks(kind)[check](subject, _cases(kind, plugin))
+
+
+def test_every_broken_plugin_is_caught() -> None:
+    wrong = {n for n, v in vars(broken).items() if isinstance(v, type) and v.__module__ == "broken_plugins"}
+    assert {n for n in wrong if not n.startswith("_")} == {name for _, name, _ in CAUGHT}

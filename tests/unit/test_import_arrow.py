@@ -1,0 +1,61 @@
+"""The import arrow of cpbench/ARCHITECTURE.md, read from the sources."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
+BASE = {"errors", "matrices", "cones", "registry"}
+ROOMS = {"storage", "conversions", "solvers", "verification"}
+ALLOWED: dict[str, set[str]] = {
+    "errors": set(),
+    "matrices": {"errors"},
+    "cones": {"matrices"},
+    "registry": {"errors"},
+    "formulations": BASE,
+    **{room: BASE | {"formulations"} for room in ROOMS},
+    "graph": BASE | {"formulations"} | ROOMS,
+    "generators": BASE | {"formulations", "storage"},
+    "bench": BASE | {"formulations", "graph"} | ROOMS,
+    "analysis": BASE | {"formulations", "graph"} | ROOMS,
+    "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
+    "testing": BASE | {"formulations", "graph", "generators"} | ROOMS,
+    "cli": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
+}
+FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent != PACKAGE or p.stem not in ("__init__", "__main__"))
+
+
+def _room(module: str) -> str:
+    return module.split(".")[1] if "." in module else ""
+
+
+def _imports(path: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"cpbench.{a.name}" for a in node.names] if node.module == "cpbench" else [node.module]
+            found.update(n for n in names if n.startswith("cpbench."))
+        elif isinstance(node, ast.Import):
+            found.update(a.name for a in node.names if a.name.startswith("cpbench."))
+    return {_room(n) for n in found} & set(ALLOWED)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_point_one_way(path: Path) -> None:
+    relative = path.relative_to(PACKAGE)
+    room = relative.parts[0].removesuffix(".py")
+    up = _imports(path) - ALLOWED[room] - {room}
+    assert not up, f"{relative} imports {', '.join(sorted(up))}"
+
+
+def test_the_graph_knows_no_mathematics() -> None:
+    names = {
+        a.name.split(".")[0]
+        for node in ast.walk(ast.parse((PACKAGE / "graph.py").read_text()))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for a in node.names
+    }
+    assert not names & {"numpy", "scipy", "np", "sp"}
