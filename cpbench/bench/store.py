@@ -195,3 +195,12 @@ class Store:
             frame[name] = pd.to_numeric(frame[name])
         frame["error"] = frame["error"].fillna(float("inf"))
         return frame
+
+
+def read_results(path: str | Path) -> pd.DataFrame:
+    """The rows of a results file as a table, for scripts and notebooks; raises StoreError."""
+    store = Store(path)
+    try:
+        return store.table()
+    finally:
+        store.close()

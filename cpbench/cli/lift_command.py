@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-import numpy as np
 
 from cpbench import graph, storage
+from cpbench.cli.answers import write_plain
 from cpbench.cli.options import force_option
 from cpbench.errors import CpbenchError, FormatError
 
@@ -21,8 +21,8 @@ from cpbench.errors import CpbenchError, FormatError
 def command(solution: Path, output: Path, problem: str | None, steps: int | None, force: bool) -> None:
     """Carry an answer to a converted problem back to its source.
 
-    SOLUTION is a converted problem with its answer in /solution, or an answer (.h5, .npy, .npz, .csv) to the
-    converted problem named by --problem.
+    SOLUTION is a file with a converted problem and its answer, as `cpbench solve -o FILE.h5` writes it, or an answer
+    (.h5, .npy, .npz, .csv) to the converted problem named by --problem.
     """
     converted = storage.load(problem or str(solution))
     if not converted.provenance:
@@ -39,21 +39,8 @@ def command(solution: Path, output: Path, problem: str | None, steps: int | None
     undone = converted.provenance if steps is None else converted.provenance[-steps:]
     lifted = graph.lift(converted, point, steps)
     first = undone[0]
-    write_answer(lifted, output, node=first.source_node, fingerprint=first.source, name=converted.name, force=force)
+    if not write_plain(lifted, output, force=force):
+        said = {"name": converted.name}
+        storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=said, force=force)
     edges = " > ".join(s.conversion for s in undone)
     click.echo(f"{output}: answer to the {first.source_node} problem before {edges}")
-
-
-def write_answer(point: object, output: Path, *, node: str, fingerprint: str, name: str, force: bool) -> None:
-    """A lifted point as .npy or .csv (parts one after the other) or as an HDF5 answer file."""
-    if output.exists() and not force:
-        raise FormatError(output, "", "exists already; use --force to replace it")
-    parts = point.arrays()  # type: ignore[attr-defined]
-    vector = np.concatenate(list(parts.values()))
-    if output.suffix == ".npy":
-        with output.open("wb") as file:
-            np.save(file, vector, allow_pickle=False)
-    elif output.suffix in (".csv", ".txt"):
-        np.savetxt(output, vector, fmt="%.17g")
-    else:
-        storage.save_point(output, point, node=node, fingerprint=fingerprint, attrs={"name": name}, force=force)

@@ -13,6 +13,7 @@ from cpbench import storage
 from cpbench.bench import plan
 from cpbench.bench.referee import unblob
 from cpbench.bench.runner import Limits, Session
+from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Counts, force_option, format_option, limit_options, number, tolerance_option
 from cpbench.errors import NoRoute
 
@@ -64,18 +65,12 @@ def command(
     else:
         _print(pair, row)
     if answer is not None and output is not None:
-        from cpbench.cli.lift_command import write_answer
-
         asked_problem = storage.load(problem, format=file_format)
         point = asked_problem.point_from_vector(unblob(answer))
-        write_answer(
-            point,
-            output,
-            node=pair.node,
-            fingerprint=pair.fingerprint,
-            name=pair.problem,
-            force=force,
-        )
+        if not write_plain(point, output, force=force):
+            said = {"solver": pair.label, "claim": row["claim"], "verdict": row["status"], "residual": row["error"]}
+            said |= {"tolerance": tolerance}
+            storage.save_answer(output, asked_problem, point, said, force=force, with_problem=True)
         click.echo(f"answer: {output}", err=as_json)
     elif output is not None:
         click.echo("no answer to write", err=True)

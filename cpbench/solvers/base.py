@@ -14,7 +14,7 @@ from enum import StrEnum
 from functools import cache
 from typing import Any, ClassVar, TypeAlias
 
-from cpbench.errors import UnknownName
+from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
 from cpbench.registry import Registry
@@ -216,3 +216,17 @@ def register(cls: type[Solver]) -> type[Solver]:
     """Class decorator: put one instance of the solver into the registry."""
     solvers.add(cls.spec.name, cls())
     return cls
+
+
+def solve(problem: Problem, solver: str, budget: Budget | None = None, **options: Any) -> SolverOutput:
+    """Solve a problem by a registered solver of its own node, in this process, without limits or verdict.
+
+    Raises NotApplicable when the solver is for another node or refuses the problem, UnknownName.
+    """
+    chosen = solvers.get(solver)
+    if chosen.spec.node != problem.node:
+        raise NotApplicable(solver, f"solves {chosen.spec.node}, not {problem.node}; bring the problem there first")
+    why = chosen.obstacle(problem)
+    if why is not None:
+        raise NotApplicable(solver, why)
+    return chosen.run(problem, budget, chosen.spec.options(**options))

@@ -15,7 +15,7 @@ from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
-from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem
+from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem, write_problem
 from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
 from cpbench.storage.hdf5_writer import new_file, put_point, put_solution
 
@@ -59,11 +59,22 @@ def guesses(address: str | Path) -> list[Any]:
 
 
 def save_answer(
-    path: str | Path, problem: Problem, point: Point, attrs: Mapping[str, Any], *, force: bool = False
+    path: str | Path,
+    problem: Problem,
+    point: Point,
+    attrs: Mapping[str, Any],
+    *,
+    force: bool = False,
+    with_problem: bool = False,
 ) -> None:
-    """Write an answer file for `problem`; raises PointError on an answer of the wrong shape, FormatError."""
+    """Write an answer file for `problem`; raises PointError on an answer of the wrong shape, FormatError.
+
+    `with_problem` puts the problem beside its answer: a converted problem can then be lifted from this one file.
+    """
     problem.check_point(point)
     with new_file() as (root, image):
+        if with_problem:
+            write_problem(root, problem, compress=True)
         put_solution(root, problem, point, {"name": problem.name, **attrs})
     write_atomic(Path(path), image[0], force=force)
 

@@ -70,7 +70,7 @@ def encode_pack(
                     name or "''", "", f"is no name for a member: it may not be empty or hold '/' or '{SEPARATOR}'"
                 )
             group = root.create_group(name)
-            _write(group, problem, compress=compress)
+            write_problem(group, problem, compress=compress)
             if solutions and name in solutions:
                 put_solution(group, problem, solutions[name], {"name": problem.name})
     return image[0]
@@ -112,7 +112,7 @@ class HDF5(Format):
 
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
         with new_file() as (root, image):
-            _write(root, problem, compress=compress)
+            write_problem(root, problem, compress=compress)
         return image[0]
 
     def _require(self, parent: Tree, group: str) -> None:
@@ -143,7 +143,8 @@ formats.add("native", Native())
 formats.add("fclib", FCLIB())
 
 
-def _write(group: h5py.Group, problem: Problem, *, compress: bool) -> None:
+def write_problem(group: h5py.Group, problem: Problem, *, compress: bool) -> None:
+    """Write a problem into a group, each node in its schema; raises FormatError."""
     try:
         native.write(group, problem, compress=compress)
     except OverflowError as cause:

@@ -100,17 +100,20 @@ def advance(T, rhs, basic, nonbasic, where, U, V, state, max_pivots, pivot_toler
             r = state[3]
         else:
             best = np.inf
+            first = -1
             for i in range(n):
                 if not np.isfinite(col[i]):
                     return NOT_FINITE
                 if col[i] > pivot_tolerance and rhs[i] < best * col[i]:
                     best = rhs[i] / col[i]
-            if best == np.inf:
+                    first = i
+            if first < 0:
                 return RAY
             count = 0
             r = -1
             for i in range(n):
-                if col[i] > pivot_tolerance and rhs[i] <= best * col[i] + tie_tolerance:
+                # best * col may round below rhs by more than the tolerance: the row of the minimum always counts
+                if i == first or (col[i] > pivot_tolerance and rhs[i] <= best * col[i] + tie_tolerance):
                     ties[count] = i
                     count += 1
                     if basic[i] == 2 * n:
