@@ -1,0 +1,139 @@
+"""NSGS: its one-contact solve against an independent search, its sweep against plain NumPy, real files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from cpbench import cones, storage
+from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.testing import planted
+from cpbench.verification import judge
+
+
+def one_contact(D: np.ndarray, q: np.ndarray, mu: float) -> np.ndarray:
+    """One contact in 3D by cases, sliding by a bracketed root in λ = ‖u_T‖/‖r_T‖ (Brent), as in the literature."""
+    if q[0] >= 0:
+        return np.zeros(3)
+    r = np.linalg.solve(D, -q)
+    if np.hypot(r[1], r[2]) <= mu * r[0]:
+        return r
+
+    def at(lam: float) -> np.ndarray:
+        return np.linalg.solve(D + np.diag([0.0, lam, lam]), -q)
+
+    def excess(lam: float) -> float:
+        x = at(lam)
+        return np.hypot(x[1], x[2]) - mu * x[0]
+
+    top = 1.0
+    while excess(top) > 0:
+        top *= 4.0
+    return at(brentq(excess, 0.0, top, xtol=1e-15, rtol=1e-14))
+
+
+def block(rng: np.random.Generator, skew: float) -> np.ndarray:
+    G = rng.standard_normal((3, 3))
+    S = rng.standard_normal((3, 3))
+    D = G @ G.T + 0.5 * np.eye(3)
+    # weak coupling of the normal with the tangents keeps the one-contact problem uniquely solvable
+    D[0, 1:] *= 0.2
+    D[1:, 0] *= 0.2
+    return D + skew * (S - S.T)
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.05])
+def test_one_contact_is_solved_exactly(rng: np.random.Generator, skew: float) -> None:
+    for _ in range(60):
+        D, q, mu = block(rng, skew), rng.standard_normal(3) * [1, 3, 3], rng.uniform(0.05, 0.9)
+        problem = FrictionContact(W=D, q=q, mu=[mu], dimension=3)
+        output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-12, iterations=50))
+        assert judge(problem, output.point, 1e-11).solved
+        np.testing.assert_allclose(output.point.r, one_contact(D, q, mu), rtol=1e-7, atol=1e-9)
+
+
+def test_a_sweep_is_that_of_plain_numpy(rng: np.random.Generator) -> None:
+    """Three sweeps over six contacts, every contact solved by `one_contact` with the others held."""
+    nc, mu = 6, 0.4
+    W = np.kron(np.eye(nc), np.zeros((3, 3)))
+    for c in range(nc):
+        W[3 * c : 3 * c + 3, 3 * c : 3 * c + 3] = block(rng, 0.0) + np.eye(3)
+    coupling = 0.05 * rng.standard_normal((3 * nc, 3 * nc))
+    mask = np.kron(np.eye(nc), np.ones((3, 3))) == 0
+    W = W + np.where(mask, coupling + coupling.T, 0.0)
+    q = rng.standard_normal(3 * nc) - np.tile([1.0, 0, 0], nc)
+    r = np.zeros(3 * nc)
+    for _ in range(3):
+        for c in range(nc):
+            at = slice(3 * c, 3 * c + 3)
+            D = W[at, at]
+            r[at] = one_contact(D, W[at] @ r - D @ r[at] + q[at], mu)
+    problem = FrictionContact(W=W, q=q, mu=np.full(nc, mu), dimension=3)
+    output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-300, iterations=3))
+    np.testing.assert_allclose(output.point.r, r, rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("kind", planted.SQUARE[:3])
+def test_planted_contacts(dimension: int, kind: str) -> None:
+    """Positive definite blocks converge; singular and skew ones converge or say that they did not."""
+    for seed in range(5):
+        problem, _ = planted.fc(np.random.default_rng(seed), 8, dimension, kind)
+        output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-8, seconds=10.0))
+        if output.claim is Claim.SOLVED:
+            assert judge(problem, output.point, 1e-8).solved
+        assert output.point is None or np.isfinite(output.point.r).all()
+
+
+def test_singular_and_void_blocks_raise_nothing() -> None:
+    """W_NN = 0, a void block, a rank-one block: an answer or an honest word, no NaN, no warning."""
+    for D in (np.zeros((3, 3)), np.diag([0.0, 1, 1]), np.diag([1.0, 0, 0]), np.ones((3, 3)), -np.eye(3)):
+        for q in ([-1.0, 0.5, 0], [1.0, 0.5, 0], [0.0, 0, 0]):
+            problem = FrictionContact(W=D, q=q, mu=[0.5], dimension=3)
+            output = solvers.get("nsgs").run(problem, Budget(iterations=200))
+            assert np.isfinite(output.point.r).all()
+            assert output.claim is not Claim.SOLVED or judge(problem, output.point, 1e-6).solved
+
+
+def test_frictionless_contacts_have_no_tangential_reaction(rng: np.random.Generator) -> None:
+    problem, _ = planted.fc(rng, 6, 3, "positive definite")
+    smooth = FrictionContact(W=problem.W, q=problem.q, mu=np.zeros(6), dimension=3)
+    r = solvers.get("nsgs").run(smooth, Budget(tolerance=1e-10)).point.r.reshape(-1, 3)
+    assert (r[:, 1:] == 0).all()
+    assert judge(smooth, FCPoint(r=r.ravel()), 1e-10).solved
+
+
+def test_reactions_lie_in_their_cones(rng: np.random.Generator) -> None:
+    problem, _ = planted.fc(rng, 10, 3, "positive definite")
+    r = solvers.get("nsgs").run(problem).point.r.reshape(-1, 3)
+    assert cones.distance_to_friction_cone(r, problem.mu).max() <= 1e-12 * np.abs(r).max()
+
+
+REAL = [
+    ("Capsules-i125-1213.hdf5", 1e-8),  # W is not symmetric: symmetrised blocks stall at 4e-6
+    ("NESpheres_30_1.dat", 1e-6),  # singular diagonal blocks
+    ("Confeti-ex03-Fc3D-SBM.dat", 1e-8),
+    ("Rover1040.dat", 1e-8),
+    ("LMGC_100_PR_PerioBox-i00361-60-03000.hdf5", 1e-8),
+    ("siconos_mix96_NONSYM-nc185.hdf5", 1e-6),
+]
+
+
+@pytest.mark.parametrize(("name", "tolerance"), REAL)
+def test_real_files(shared_data: Path, name: str, tolerance: float) -> None:
+    problem = storage.load(shared_data / "fc3d_local" / name)
+    output = solvers.get("nsgs").run(problem, Budget(tolerance=tolerance, seconds=30.0))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, tolerance).solved
+
+
+def test_a_warm_start_is_used(rng: np.random.Generator) -> None:
+    problem, _ = planted.fc(rng, 12, 3, "positive definite")
+    cold = solvers.get("nsgs").run(problem, Budget(tolerance=1e-8))
+    warm = solvers.get("nsgs").run(problem, Budget(tolerance=1e-8), start=cold.point)
+    assert warm.counters["iterations"] == 0
+    assert cold.counters["iterations"] > 0

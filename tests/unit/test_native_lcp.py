@@ -1,0 +1,176 @@
+"""Native LCP solvers: kernels against plain NumPy, planted problems, classics with published solutions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench import storage
+from cpbench.formulations import LCP, LCPPoint
+from cpbench.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.kernels import cache
+from cpbench.testing import planted
+from cpbench.verification import judge
+
+ALL = ("lemke", "bpp", "newton-min", "pgs", "psor")
+DIRECT = ("lemke", "bpp", "newton-min")
+
+
+def reference_pgs(M: np.ndarray, q: np.ndarray, omega: float, sweeps: int) -> np.ndarray:
+    """Projected over-relaxed Gauss–Seidel, one component after the other (Cottle, Pang, Stone, 5.2)."""
+    z = np.zeros(q.size)
+    for _ in range(sweeps):
+        for i in range(q.size):
+            z[i] = max(0.0, z[i] - omega * (M[i] @ z + q[i]) / M[i, i])
+    return z
+
+
+def reference_lemke(M: np.ndarray, q: np.ndarray) -> np.ndarray | None:
+    """Lemke's method on the full tableau [I, −M, −e | q] for nondegenerate problems (Cottle, Pang, Stone, 4.4)."""
+    n = q.size
+    if q.min() >= 0:
+        return np.zeros(n)
+    T = np.hstack([np.eye(n), -M, -np.ones((n, 1)), q[:, None]])
+    basis = list(range(n))
+    row, entering = int(np.argmin(q)), 2 * n
+    for _ in range(10 * n + 50):
+        T[row] /= T[row, entering]
+        for i in range(n):
+            if i != row:
+                T[i] -= T[i, entering] * T[row]
+        leaving, basis[row] = basis[row], entering
+        if leaving == 2 * n:
+            z = np.zeros(2 * n + 1)
+            z[basis] = T[:, -1]
+            return z[n : 2 * n]
+        entering = leaving + n if leaving < n else leaving - n
+        column = T[:, entering]
+        if not (column > 1e-12).any():
+            return None
+        ratio = np.where(column > 1e-12, T[:, -1] / np.where(column > 1e-12, column, 1.0), np.inf)
+        row = int(np.argmin(ratio))
+    return None
+
+
+@pytest.mark.parametrize("omega", [1.0, 1.3])
+@pytest.mark.parametrize("sparse", [False, True])
+def test_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, omega: float, sparse: bool) -> None:
+    M = planted.square(rng, 12, "positive definite")
+    q = rng.standard_normal(12)
+    problem = LCP(M=sp.csr_array(M) if sparse else M, q=q)
+    solver = solvers.get("psor")
+    output = solver.run(problem, Budget(tolerance=1e-16, iterations=7), solver.spec.options(omega=omega))
+    np.testing.assert_allclose(output.point.z, reference_pgs(M, q, omega, 7), rtol=1e-10, atol=1e-12)
+
+
+def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
+    """For data of size one, the sizes the kernels work in."""
+    kernel = cache.load("splitting")
+    for _ in range(20):
+        M, q, z = rng.uniform(-1, 1, (9, 9)), rng.uniform(-1, 1, 9), rng.uniform(-0.2, 1, 9)
+        M /= np.abs(M).max()
+        q /= np.abs(q).max()
+        error = LCP(M=M, q=q).residuals(LCPPoint(z=z)).error
+        assert kernel.judged(q, z, M @ z + q) == pytest.approx(error, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_lemke_is_the_textbook_method(seed: int) -> None:
+    """The same solution as the full-tableau method wherever that ends; P-matrices have only one."""
+    rng = np.random.default_rng(seed)
+    problem, _ = planted.lcp(rng, 15, "positive definite")
+    expected = reference_lemke(np.array(problem.M), np.array(problem.q))
+    output = solvers.get("lemke").run(problem, Budget(tolerance=1e-9))
+    assert output.claim is Claim.SOLVED
+    if expected is not None:
+        np.testing.assert_allclose(output.point.z, expected, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("solver", DIRECT)
+@pytest.mark.parametrize("n", [10, 60, 150])
+def test_direct_solvers_reach_ten_digits(solver: str, n: int) -> None:
+    rng = np.random.default_rng(n)
+    problem, _ = planted.lcp(rng, n, "positive definite")
+    output = solvers.get(solver).run(problem, Budget(tolerance=1e-10))
+    assert judge(problem, output.point, 1e-10).solved
+
+
+@pytest.mark.parametrize("kind", planted.SQUARE)
+@pytest.mark.parametrize("n", [1, 2, 9, 40])
+def test_lemke_on_every_class(kind: str, n: int) -> None:
+    """Solved where the theory promises it (monotone and feasible); elsewhere solved or honest."""
+    for seed in range(5):
+        problem, _ = planted.lcp(np.random.default_rng(seed), n, kind)
+        output = solvers.get("lemke").run(problem, Budget(tolerance=1e-8))
+        if kind in planted.SQUARE[:3]:
+            assert output.claim is Claim.SOLVED, (seed, output.message)
+        elif output.claim is Claim.SOLVED:
+            assert judge(problem, output.point, 1e-8).solved
+
+
+@pytest.mark.parametrize("n", [10, 100, 400])
+def test_worst_cases_of_murty_and_fathi_take_few_pivots(n: int) -> None:
+    for instance in (murty(n), fathi(min(n, 100))):
+        output = solvers.get("lemke").run(instance.problem, Budget(tolerance=1e-9))
+        assert judge(instance.problem, output.point, 1e-9).solved
+        assert output.counters["pivots"] <= 3 * n
+
+
+@pytest.mark.parametrize("solver", ALL)
+@pytest.mark.parametrize("instance", [murty(8), csizmadia(10), munson1(), unbounded_ray()], ids=lambda i: i.name)
+def test_classics_are_solved_or_honestly_not(solver: str, instance) -> None:
+    chosen = solvers.get(solver)
+    if chosen.obstacle(instance.problem) is not None:
+        return
+    output = chosen.run(instance.problem, Budget(tolerance=1e-8))
+    if output.claim is Claim.SOLVED:
+        assert judge(instance.problem, output.point, 1e-8).solved
+    elif solver == "lemke":
+        pytest.fail(f"Lemke does not solve {instance.name}: {output.message}")
+
+
+def test_a_ray_without_solution_comes_with_its_proof() -> None:
+    problem = isolated_perturbed().problem
+    output = solvers.get("lemke").run(problem)
+    assert output.claim is Claim.INFEASIBLE
+    assert problem.certifies_infeasibility(output.certificate)
+
+
+def test_large_right_hand_sides_keep_a_pivot_row(shared_data: Path) -> None:
+    """deltasigma split: ratios of 1e5 and more, where an absolute tie tolerance once left no row to pivot on."""
+    from cpbench import graph
+    from cpbench.conversions import make
+
+    problem = storage.load(shared_data / "mlcp" / "deltasigma_mlcp.dat")
+    split = graph.arrive(problem, "lcp", via=[make("mlcp-lcp-split")]).problem
+    output = solvers.get("lemke").run(split, Budget(seconds=20.0))
+    assert output.claim in (Claim.SOLVED, Claim.FAILED)
+
+
+def test_divergence_is_said() -> None:
+    """PGS finds no rest on a P-matrix far from diagonal dominance whose only solution is (1, 1), and says so."""
+    problem = LCP(M=np.array([[1.0, 5.0], [-5.0, 1.0]]), q=[-6.0, 4.0])
+    output = solvers.get("pgs").run(problem)
+    assert output.claim is not Claim.SOLVED
+    assert output.message
+
+
+def test_a_warm_start_is_used() -> None:
+    problem, point = planted.lcp(np.random.default_rng(3), 60, "positive definite")
+    for solver in ("pgs", "psor", "newton-min"):
+        cold = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
+        warm = solvers.get(solver).run(problem, Budget(tolerance=1e-8), start=point)
+        assert warm.counters["iterations"] <= min(2, cold.counters["iterations"])
+
+
+def test_histories_end_at_the_answer() -> None:
+    problem, _ = planted.lcp(np.random.default_rng(5), 40, "positive definite")
+    seen: list[tuple[int, float]] = []
+    output = solvers.get("pgs").run(problem, Budget(tolerance=1e-8), record=lambda k, e: seen.append((k, e)))
+    assert output.claim is Claim.SOLVED
+    assert [k for k, _ in seen] == sorted({k for k, _ in seen})
+    assert seen[-1][1] <= 1e-8
