@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from cpbench.conversions.base import find_via, make
-from cpbench.errors import UnknownName
+from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import parse_options, solvers
 
@@ -106,7 +106,7 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     for text in via:
         names = find_via(text)
         if len(names) > 1:
-            raise UnknownName("conversion", text, names)
+            raise CpbenchError(f"'{text}' is the end of several conversions: write {' or '.join(names)}")
         known = make(names[0]).parameters
         steps.append((names[0], {k: v for k, v in parameters.items() if k in known}))
     name = "+".join(make(n, dict(p)).label for n, p in steps)

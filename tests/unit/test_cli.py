@@ -123,6 +123,7 @@ def test_bad_input_is_one_line(monkeypatch, capsys, tmp_path, case, command) -> 
         (["convret", "{lcp}"], "convert"),
         (["convert", "{contact}", "out.h5", "--to", "lcp", "--via", "inne"], "inner"),
         (["run", "{lcp}", "--timeout", "soon"], "10s"),
+        (["convert", "{contact}", "out.h5", "--to", "lcp", "--via", "outer"], "fc-lcp-outer or fc-mlcp-outer"),
     ],
 )
 def test_unknown_names_offer_the_nearest(monkeypatch, capsys, lcp, contact, arguments, word) -> None:
@@ -251,3 +252,23 @@ def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
     assert cpbench(monkeypatch, "run", "deudeu.h5", "-s", "lemke", "-s", "pgs", "--dry-run") == 0
     assert capsys.readouterr().out.count("\n") == 2
     assert set(lcp.parent.iterdir()) == before
+
+
+def test_a_fast_contact_on_four_facets_is_flagged_wherever_it_appears(monkeypatch, capsys, tmp_path) -> None:
+    """Dragged at 5000 towards 44°: the facet answer passes 1e-4, 44° off; the row, the report and `solve` say so."""
+    direction = np.array([np.cos(np.radians(44.0)), np.sin(np.radians(44.0))])
+    q = np.concatenate([[-1.0], 5000.0 * direction])
+    storage.save(FrictionContact(W=np.eye(3), q=q, mu=[0.5], dimension=3, name="fast"), tmp_path / "fast.hdf5")
+    command = [sys.executable, "-m", "cpbench"]
+    facets = ["fast.hdf5", "-s", "lemke", "--facets", "4", "-t", "1e-4"]
+    done = subprocess.run(
+        [*command, "solve", *facets, "--via", "inner", "--json"], cwd=tmp_path, capture_output=True, text=True
+    )
+    row = json.loads(done.stdout)
+    assert (row["status"], row["flags"]) == ("solved", "direction")
+    run = [*command, "run", *facets, "--routes", "facets", "-q", "-o", "r.sqlite"]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    report = (tmp_path / "reports" / "r" / "report.md").read_text()
+    assert "direction" in report.partition("## Methods")[0]
+    assert "lemke@inner4" in report
