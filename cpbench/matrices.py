@@ -14,6 +14,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
+import scipy.sparse.csgraph as csgraph
 import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 
@@ -221,6 +222,20 @@ def rank(M: Matrix) -> int:
     return int(np.linalg.matrix_rank(dense(M))) if min(M.shape) else 0
 
 
+def sparse_lu(A: Any) -> Any | None:
+    """SuperLU's factorization of a sparse matrix, None where it is exactly singular.
+
+    The structure is looked at first: SuperLU has died of structurally singular matrices (a segmentation fault on the
+    KKT matrix of QBEACONF), where it should report a zero pivot.
+    """
+    if csgraph.structural_rank(sp.csr_array(A)) < A.shape[0]:
+        return None
+    try:
+        return spla.splu(sp.csc_array(A))
+    except RuntimeError:  # an exactly zero pivot
+        return None
+
+
 class Factorization:
     """LU of a square matrix, made on first use and remade after pickling; part of a conversion's trace.
 
@@ -244,10 +259,7 @@ class Factorization:
     @cached_property
     def _lu(self) -> Any:
         if sp.issparse(self.A):
-            try:
-                return spla.splu(sp.csc_array(self.A))
-            except RuntimeError:  # SuperLU met an exactly zero pivot
-                return None
+            return sparse_lu(self.A)
         import warnings
 
         with warnings.catch_warnings():  # an exact zero pivot is told by rcond

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Matrix, Vector, dense, max_abs
+from cpbench.matrices import Matrix, Vector, dense, max_abs, sparse_lu
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 
 CLOSE = 100.0
@@ -58,10 +57,10 @@ def solve_linear(A: Matrix, b: Vector) -> Vector | None:
     if b.size == 0:
         return b
     if sp.issparse(A):
-        try:
-            x = spla.splu(sp.csc_array(A)).solve(b)
-        except RuntimeError:
+        lu = sparse_lu(A)
+        if lu is None:
             return None
+        x = lu.solve(b)
     else:
         _, _, x, info = lapack.dgesv(A, b)
         if info != 0:
