@@ -21,7 +21,10 @@ def builtin_folder() -> Path:
 
 
 def write_collections(folder: str | Path) -> Iterator[Path]:
-    """Write every registered collection below `folder`, replacing what is there; yields the files."""
+    """Write every registered collection below `folder`, replacing what is there; yields the files.
+
+    Not compressed: zlib and zlib-ng, which h5py's wheels carry in turn, deflate the same numbers to other bytes.
+    """
     for collection in generators:
         place = Path(folder) / collection.node
         place.mkdir(parents=True, exist_ok=True)
@@ -32,6 +35,7 @@ def write_collections(folder: str | Path) -> Iterator[Path]:
             pack,
             solutions={i.name: i.solution for i in instances if i.solution is not None},
             force=True,
+            compress=False,
         )
         yield pack
         sheet = pack.with_suffix(".toml")

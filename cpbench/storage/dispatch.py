@@ -61,6 +61,7 @@ def save_pack(
     *,
     solutions: Mapping[str, Point] | None = None,
     force: bool = False,
+    compress: bool = True,
 ) -> None:
     """Write several problems into one HDF5 file, each under its name, with known solutions under `/solution`.
 
@@ -71,7 +72,7 @@ def save_pack(
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:
         raise FormatError(file, "", f"a pack is HDF5: expected a name that ends in {' or '.join(SUFFIXES)}")
-    write_atomic(file, encode_pack(problems, solutions), force=force)
+    write_atomic(file, encode_pack(problems, solutions, compress=compress), force=force)
 
 
 def problem_files(paths: Iterable[str | Path]) -> list[str]:
