@@ -16,7 +16,7 @@ from cpbench.bench.runner import Limits, Session, execute
 from cpbench.bench.store import KEEP, Store
 from cpbench.cli.options import Counts, format_option, limit_options, tolerance_option
 from cpbench.cli.progress import Display
-from cpbench.errors import CpbenchError, StoreError
+from cpbench.errors import CpbenchError, NoRoute, StoreError
 
 FROZEN = ("timeout", "memory", "threads", "repeats")
 """Limits that all rows of one results file share."""
@@ -91,54 +91,77 @@ def command(
         raise StoreError(f"{output}: exists; remove it or leave --no-resume out to go on with it")
     limits = Limits(timeout, memory, threads, repeats)
     display = Display(quiet)
-    store = Store(":memory:" if dry_run else output, create=True, keep=keep)
+    if output.exists() and not dry_run:
+        _same_limits(output, limits)
     try:
         with Session(limits) as session:
-            if not dry_run:
-                _claim(store, limits, builtin)
             surveys, refused = _survey(session, addresses, asked, file_format, display)
             _tell_twins(surveys)
             planned = plan.pairs(surveys, entries, asked, tolerance, threads, relaxations=routes == "all")
             if dry_run:
                 _print_plan(planned, refused, limits)
                 return
-            for address, reason in refused:
-                store.refuse(address, reason)
-            store.plan(planned)
-            store.set_meta(
-                command=shlex.join(["cpbench", *sys.argv[1:]]),
-                cpbench=machine.versions().get("cpbench", ""),
-                date=time.strftime("%Y-%m-%d %H:%M"),
-                seed=seed,
-                machine=machine.describe(),
-                versions=machine.versions(),
-                jobs=1,
-            )
-            display.begin(planned, store.pending())
+            _require_pairs(planned, surveys, refused)
+            store = Store(output, create=True, keep=keep)
             try:
-                execute(session, store, planned, seed, display.progress, file_format)
+                for address, reason in refused:
+                    store.refuse(address, reason)
+                store.plan(planned)
+                store.set_meta(
+                    command=shlex.join(["cpbench", *sys.argv[1:]]),
+                    cpbench=machine.versions().get("cpbench", ""),
+                    date=time.strftime("%Y-%m-%d %H:%M"),
+                    seed=seed,
+                    machine=machine.describe(),
+                    versions=machine.versions(),
+                    jobs=1,
+                    builtin=builtin,
+                    **_frozen(limits),
+                )
+                display.begin(planned, store.pending())
+                try:
+                    execute(session, store, planned, seed, display.progress, file_format)
+                finally:
+                    display.end()
+                    store.set_meta(solvers=_solver_sheets(planned, session.versions))
+                _finish(store, output, report_folder, no_report, builtin, refused)
             finally:
-                display.end()
-                store.set_meta(solvers=_solver_sheets(planned, session.versions))
-        _finish(store, output, report_folder, no_report, builtin, refused)
+                store.close()
     except KeyboardInterrupt:
         click.echo(f"cpbench: interrupted; {output} has what was done, the same command goes on", err=True)
         sys.exit(130)
+
+
+def _frozen(limits: Limits) -> dict[str, float]:
+    return dict(zip(FROZEN, (limits.seconds, limits.memory, limits.threads, limits.repeats), strict=True))
+
+
+def _same_limits(output: Path, limits: Limits) -> None:
+    """Refuse to mix limits in an old file, before anything is done."""
+    store = Store(output, create=True)
+    try:
+        before = store.meta()
     finally:
         store.close()
-
-
-def _claim(store: Store, limits: Limits, builtin: bool) -> None:
-    """Write the limits of a new file; refuse to mix limits in an old one."""
-    mine = dict(zip(FROZEN, (limits.seconds, limits.memory, limits.threads, limits.repeats), strict=True))
-    before = store.meta()
-    for name in FROZEN:
-        if name in before and before[name] != mine[name]:
+    for name, mine in _frozen(limits).items():
+        if name in before and before[name] != mine:
             raise StoreError(
-                f"{store.path}: was made with {name} {before[name]:g}, now {mine[name]:g}; results of other limits "
+                f"{output}: was made with {name} {before[name]:g}, now {mine:g}; results of other limits "
                 "do not mix: use another file with -o"
             )
-    store.set_meta(**mine, builtin=builtin)
+
+
+def _require_pairs(planned: list[plan.Pair], surveys: list[dict[str, Any]], refused: list[tuple[str, str]]) -> None:
+    """Nothing to run is bad input, and nothing is written for it."""
+    if planned:
+        return
+    if not surveys:
+        more = f" (and {len(refused) - 1} more files refused)" if len(refused) > 1 else ""
+        raise CpbenchError(f"{refused[0][1]}{more}")
+    raise NoRoute(
+        f"no route leads from {surveys[0]['address']} to any of the solvers asked for; "
+        f"see: cpbench route {surveys[0]['address']} --explain"
+    )
 
 
 def _survey(

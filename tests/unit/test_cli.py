@@ -272,3 +272,47 @@ def test_a_fast_contact_on_four_facets_is_flagged_wherever_it_appears(monkeypatc
     report = (tmp_path / "reports" / "r" / "report.md").read_text()
     assert "direction" in report.partition("## Methods")[0]
     assert "lemke@inner4" in report
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["run", "nowhere.h5", "-s", "lemke"], "nowhere.h5: no such file"),
+        (["run", "{lcp}", "-s", "nsgs"], "no route"),
+        (["solve", "{lcp}", "-s", "nsgs"], "no exact route"),
+    ],
+)
+def test_nothing_to_run_is_bad_input(monkeypatch, capsys, lcp, arguments, word) -> None:
+    monkeypatch.chdir(lcp.parent)
+    before = set(lcp.parent.iterdir())
+    assert cpbench(monkeypatch, *[a.format(lcp=lcp) for a in arguments]) == 2
+    said = capsys.readouterr().err
+    assert word in said
+    assert said.count("\n") == 1
+    assert set(lcp.parent.iterdir()) == before
+
+
+def test_without_a_command_it_says_what_there_is(monkeypatch, capsys) -> None:
+    assert cpbench(monkeypatch) == 0
+    assert capsys.readouterr().out.startswith("Usage: cpbench")
+
+
+def test_an_interrupted_run_goes_on(lcp) -> None:
+    """Ctrl-C: exit code 130, what was done is kept, the same command finishes."""
+    import signal
+    import time
+
+    for n in range(2, 30):
+        storage.save(LCP(M=2.0 * np.eye(n), q=-np.ones(n), name=f"p{n}"), lcp.parent / f"p{n}.h5")
+    command = [sys.executable, "-m", "cpbench", "run", ".", "-s", "lemke", "-s", "pgs", "-s", "bpp", "--no-report"]
+    running = subprocess.Popen([*command, "-o", "r.sqlite"], cwd=lcp.parent, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not (lcp.parent / "r.sqlite").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=60)
+    assert running.returncode == 130, said
+    assert "the same command goes on" in said
+    again = subprocess.run([*command, "-o", "r.sqlite"], cwd=lcp.parent, capture_output=True, text=True)
+    assert again.returncode == 0, again.stderr
+    assert "87 pairs: 87 solved" in again.stdout
