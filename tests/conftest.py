@@ -6,13 +6,14 @@ In CI (`CI=true`) a skip is a failure unless its reason begins with one of ALLOW
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-ALLOWED_SKIPS = ("needs the folder of real files",)
+ALLOWED_SKIPS = ("needs the folder of real files", "does not apply")
 collect_ignore = ["unit/siconos_errors.py", "unit/siconos_read.py", "faults/faulty_solvers.py"]
 _unexpected: list[str] = []
 
@@ -43,7 +44,31 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
+_MARKS = {"passed": ".", "skipped": "-", "xfailed": "x", "failed": "F", "error": "F", "xpassed": "F"}
+
+
+def _conformance(stats) -> dict[str, dict[str, dict[str, str]]]:
+    """kind -> plugin -> check -> mark, from the ids of tests/conformance/test_conformance.py."""
+    found: dict[str, dict[str, dict[str, str]]] = {}
+    for outcome, mark in _MARKS.items():
+        for report in stats.get(outcome, []):
+            named = re.search(r"test_conformance\.py::test_(\w+)\[(.+)-check_(\w+)\]$", getattr(report, "nodeid", ""))
+            if named:
+                kind, plugin, check = named.groups()
+                found.setdefault(kind, {}).setdefault(plugin, {})[check] = mark
+    return found
+
+
 def pytest_terminal_summary(terminalreporter) -> None:
+    table = _conformance(terminalreporter.stats)
+    if table:
+        terminalreporter.section("conformance: . ran, - skipped, x known failure, F failed")
+    for kind, plugins in sorted(table.items()):
+        checks = sorted({check for row in plugins.values() for check in row})
+        terminalreporter.line(f"{kind} checks: " + ", ".join(f"{k} {check}" for k, check in enumerate(checks, 1)))
+        for plugin, row in sorted(plugins.items()):
+            marks = " ".join(row.get(check, " ").rjust(2) for check in checks)
+            terminalreporter.line(f"  {plugin:<24}{marks}")
     if os.environ.get("CI") == "true" and _unexpected:
         terminalreporter.section("skips without a listed reason (failures in CI)")
         for line in _unexpected:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations import LCP, QP, FrictionContact, LCPPoint, Problem
-from cpbench.testing import planted
+from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
+from cpbench.testing import corners, planted
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,8 @@ class Case:
 
 @cache
 def cases(node: str) -> list[Case]:
-    """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, badly scaled."""
-    made = _MAKERS[node]()
+    """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, zero rows, units of 1e±8."""
+    made = {**_MAKERS[node](), **corners.MAKERS[node]()}
     return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in made.items()]
 
 
@@ -37,6 +37,10 @@ def infeasible(node: str) -> list[Case]:
     if node == "qp":  # z ≥ 1 and −z ≥ 1
         crossed = QP.build(np.eye(1), np.zeros(1), A=np.array([[1.0], [-1.0]]), b=np.ones(2))
         return [Case("crossed", crossed, None)]
+    if node == "mlcp":  # 0 = 1 in the equalities; w = −v − 1 < 0 with u idle
+        no_row = MLCP(A=np.zeros((1, 1)), B=np.eye(1), C=np.zeros((1, 1)), D=np.zeros((1, 1)), a=[1.0], b=[0.0])
+        negative = MLCP(A=np.eye(1), B=-np.eye(1), C=np.zeros((1, 1)), D=np.zeros((1, 1)), a=[0.0], b=[-1.0])
+        return [Case("no-row", no_row, None), Case("negative", negative, None)]
     return []
 
 
@@ -53,6 +57,36 @@ def draw(node: str, seed: int, size: int) -> Case:
         "gfc": lambda: planted.gfc(rng, size + 1, size, int(rng.integers(2, 4)), sparse=sparse),
     }[node]()
     return Case(f"{kind}-{size}-{seed}", problem, point)
+
+
+_SYMBOLS: dict[str, dict[str, tuple[str, ...]]] = {
+    "lcp": {"n": ("z",)},
+    "mlcp": {"n": ("u",), "m": ("v",)},
+    "qp": {"n": ("z", "nu"), "m": ("lam",), "k": ("mu",)},
+    "fc": {"m": ("r",), "nc": ()},
+    "gfc": {"n": ("v",), "m": ("r",), "nc": ()},
+}
+"""Dimensions of a node whose order has no meaning, with the parts of a point that they count."""
+
+
+def renumbered(case: Case, seed: int) -> Case | None:
+    """The same problem with unknowns, rows and contacts in another order; None for a node that is not known here."""
+    symbols = _SYMBOLS.get(case.problem.node)
+    if symbols is None:
+        return None
+    rng = _rng(seed)
+    order = {symbol: rng.permutation(case.problem.sizes()[symbol]) for symbol in symbols}
+    if "nc" in order:  # the rows of a contact stay together, normal first
+        d = case.problem.dimension
+        order["m"] = (d * order["nc"][:, None] + np.arange(d)).ravel()
+    data: dict[str, Any] = {}
+    for field in dataclasses.fields(case.problem):
+        if "shape" in field.metadata:
+            rows, *columns = (order[symbol] for symbol in field.metadata["shape"])
+            value = getattr(case.problem, field.name)[rows]
+            data[field.name] = value[:, columns[0]] if columns else value
+    parts = {name: getattr(case.point, name)[order[symbol]] for symbol, names in symbols.items() for name in names}
+    return Case(case.name, dataclasses.replace(case.problem, **data), type(case.point)(**parts))
 
 
 def _rng(seed: int) -> np.random.Generator:

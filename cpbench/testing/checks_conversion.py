@@ -45,6 +45,17 @@ def check_types_are_those_declared(edge: Conversion, cases: list[Case]) -> None:
         assert isinstance(edge.exactness(case.problem), type(edge.kind))
 
 
+def check_promises_agree(edge: Conversion, cases: list[Case]) -> None:
+    """The promise for a problem lies between the edge's weakest and strongest; no solver is asked for less."""
+    weakest, strongest = edge.kind.rank, graph.best_kind(edge).rank
+    for case, target in _open(edge, cases):
+        promise = edge.exactness(case.problem)
+        assert strongest <= promise.rank <= weakest, f"{case.name}: {promise}, declared {edge.kind}"
+        assert target.provenance[-1].kind == promise, f"{case.name}: the step says {target.provenance[-1].kind}"
+    for asked in (1e-4, 1e-8):
+        assert 0.0 < edge.tolerance(asked) <= asked, f"asks a solver for {edge.tolerance(asked):.0e} to get {asked:.0e}"
+
+
 def check_the_input_stays(edge: Conversion, cases: list[Case]) -> None:
     """The data are the same afterwards, bit for bit (they are read-only, but an edge could replace them)."""
     for case in cases:
@@ -67,8 +78,9 @@ def check_obstacles_are_kept(edge: Conversion, cases: list[Case]) -> None:
         why = edge.obstacle(case.problem)
         if why is not None:
             assert why, case.name
-            with pytest.raises(NotApplicable):
+            with pytest.raises(NotApplicable) as refusal:
                 edge.apply(case.problem)
+            assert why in str(refusal.value), f"{case.name}: refuses for another reason: {refusal.value}"
 
 
 def check_lift_undoes_push(edge: Conversion, cases: list[Case]) -> None:
@@ -86,18 +98,22 @@ def check_lift_undoes_push(edge: Conversion, cases: list[Case]) -> None:
 
 
 def check_lift_works_in_another_process(edge: Conversion, cases: list[Case]) -> None:
-    """What is needed for the way back survives a file and a pickle."""
+    """A new instance of the edge, with the trace out of a file or a pickle, lifts as the first one does."""
     with tempfile.TemporaryDirectory() as folder:
         for k, (case, target) in enumerate(_open(edge, cases)):
             path = Path(folder) / f"{k}.h5"
             storage.save(target, path)
-            again = storage.load(path)
-            copied = pickle.loads(pickle.dumps(target))
-            point = again.zero_point()
-            lifted = [graph.lift(p, point).arrays() for p in (target, again, copied)]
-            for other in lifted[1:]:
-                for part, value in lifted[0].items():
-                    np.testing.assert_allclose(other[part], value, rtol=1e-12, atol=1e-12, err_msg=case.name)
+            zero = target.zero_point()
+            point = type(zero)(**{part: value + 1.0 for part, value in zero.arrays().items()})
+            lifted = edge.lift(point, target.provenance[-1].trace).arrays()
+            for other in (storage.load(path), pickle.loads(pickle.dumps(target))):
+                try:
+                    again = type(edge)(**edge.parameters).lift(point, other.provenance[-1].trace).arrays()
+                except Exception as failure:
+                    raise AssertionError(f"{case.name}: the trace alone does not lift: {failure!r}") from failure
+                for part, value in lifted.items():
+                    top = max(matrices.max_abs(value), 1e-300)
+                    np.testing.assert_allclose(again[part] / top, value / top, atol=1e-12, err_msg=case.name)
 
 
 def check_sparse_as_dense(edge: Conversion, cases: list[Case]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from cpbench import matrices
 from cpbench.errors import PointError, ProblemError
 from cpbench.formulations import Problem
-from cpbench.testing.cases import Case
+from cpbench.testing.cases import Case, renumbered
 from cpbench.verification import judge
 
 EXACT = 1e-9
@@ -96,6 +96,19 @@ def check_dense_and_sparse_have_the_same_residuals(node: type[Problem], cases: l
             for change in (matrices.sparse, matrices.dense)
         ]
         assert errors[0] == pytest.approx(errors[1], rel=1e-9, abs=1e-12), case.name
+
+
+def check_renumbering_changes_nothing(node: type[Problem], cases: list[Case]) -> None:
+    """Unknowns, rows and contacts in another order: the same error, of a solution and of a wrong answer."""
+    for case in cases:
+        other = renumbered(case, seed=1)
+        if other is not None:
+            for shift in (0.0, 0.25):
+                errors = [
+                    c.problem.residuals(type(c.point)(**{k: v + shift for k, v in c.point.arrays().items()})).error
+                    for c in (case, other)
+                ]
+                assert errors[0] == pytest.approx(errors[1], rel=1e-9, abs=EXACT), f"{case.name}: {errors}"
 
 
 def check_points_have_their_sizes(node: type[Problem], cases: list[Case]) -> None:

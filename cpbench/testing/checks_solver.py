@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import subprocess
+import sys
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -42,10 +45,15 @@ def _false(solver: Solver, case: Case, output: SolverOutput, tolerance: float) -
     return None if error <= SLACK * tolerance else f"{case.name}: claims solved, error {error:.1e} > {tolerance:.0e}"
 
 
+def _only_for(does: bool, whom: str) -> None:
+    """Skip, so that the table of a run tells a check that ran from one that had nothing to say."""
+    if not does:
+        pytest.skip(f"does not apply: only for {whom}")
+
+
 def check_some_case_is_solved(solver: Solver, cases: list[Case]) -> None:
     """One at least whose solution is not simply 0."""
-    if solver.spec.kind is Kind.RELAXATION:
-        return
+    _only_for(solver.spec.kind is not Kind.RELAXATION, "solvers of the whole law")
     for case in _open(solver, cases):
         if not judge(case.problem, case.problem.zero_point(), TOLERANCE).solved:
             point = _run(solver, case).point
@@ -98,8 +106,7 @@ def check_infeasibility_is_proved_or_not_claimed_solved(solver: Solver, cases: l
 
 
 def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
-    if Trait.DETERMINISTIC not in solver.spec.traits:
-        return
+    _only_for(Trait.DETERMINISTIC in solver.spec.traits, "solvers with the trait deterministic")
     for case in _open(solver, cases):
         first, second = _run(solver, case), _run(solver, case)
         assert first.claim is second.claim, case.name
@@ -110,13 +117,16 @@ def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
 
 
 def check_warm_starts_are_taken(solver: Solver, cases: list[Case]) -> None:
-    """Started from a solution, a solver with the trait ends in a true claim."""
-    if Trait.WARM_START not in solver.spec.traits:
-        return
+    """Started from solutions, a solver with the trait makes true claims, with fewer iterations in all than from 0."""
+    _only_for(Trait.WARM_START in solver.spec.traits, "solvers with the trait warm-start")
+    cold = warm = 0
     for case in _open(solver, cases):
-        output = solver.run(case.problem, Budget(tolerance=TOLERANCE), start=case.point)
+        output = solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=20.0), start=case.point)
         why = _false(solver, case, output, TOLERANCE)
         assert why is None, why
+        warm += output.counters.get("iterations", 0)
+        cold += _run(solver, case).counters.get("iterations", 0)
+    assert warm < cold or cold == 0, f"{warm} iterations from the solutions, {cold} from 0: the start is not used"
 
 
 def check_options_are_known_by_name(solver: Solver, cases: list[Case]) -> None:
@@ -133,3 +143,41 @@ def check_the_spec_is_complete(solver: Solver, cases: list[Case]) -> None:
     assert spec.licence
     assert inspect.getdoc(type(solver)), "the class has no docstring"
     assert all(reason for reason in spec.known_failures.values())
+
+
+def check_known_failures_still_fail(solver: Solver, cases: list[Case]) -> None:
+    """A case that the spec excuses makes it claim what is not, at one of the tolerances; else the excuse must go."""
+    excused = [case for case in cases if f"case-{case.name}" in solver.spec.known_failures]
+    _only_for(bool(excused), "solvers that excuse a case")
+    for case in excused:
+        found = [_false(solver, case, _run(solver, case, tolerance=t), t) for t in (1e-4, TOLERANCE)]
+        assert any(found), f"{case.name} no longer fails: take case-{case.name} out of known_failures"
+
+
+def check_the_spec_is_read_without_the_package(solver: Solver, cases: list[Case]) -> None:
+    """The solver's module loads, and has its spec, where the packages that it needs cannot be imported."""
+    _only_for(bool(solver.spec.requires), "solvers that need a package")
+    cls = type(solver)
+    names = _specs_without(sys.modules[cls.__module__].__file__ or "", tuple(solver.spec.requires))
+    assert solver.spec.name in names.splitlines(), f"{cls.__module__} without its packages: {names}"
+
+
+@cache
+def _specs_without(file: str, packages: tuple[str, ...]) -> str:
+    """Names of the solvers in a Python file, read in a fresh process without some packages; or what went wrong."""
+    run = subprocess.run([sys.executable, "-c", _BLOCKED, file, *packages], capture_output=True, text=True, timeout=120)
+    return run.stdout if run.returncode == 0 else (run.stderr.strip().splitlines() or ["no message"])[-1]
+
+
+_BLOCKED = """
+import importlib.util, sys
+for package in sys.argv[2:]:
+    sys.modules[package] = None  # importing it raises ModuleNotFoundError
+found = importlib.util.spec_from_file_location("module_under_check", sys.argv[1])
+module = importlib.util.module_from_spec(found)
+sys.modules[found.name] = module
+found.loader.exec_module(module)
+for value in vars(module).values():
+    if isinstance(value, type) and hasattr(value, "spec") and value.__module__ == module.__name__:
+        print(value.spec.name)
+"""

@@ -5,15 +5,19 @@ tests/conformance/test_broken.py holds that the named check, and not something e
 
 from __future__ import annotations
 
+import colorsys  # stands for a third-party package in NeedsItsPackageToBeRead
 import dataclasses
+import json
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions.mlcp_to_lcp_schur import MLCPtoLCPSchur
-from cpbench.formulations import LCP, LCPPoint, MLCPPoint, Residuals
+from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
+from cpbench.storage import Format
 
 
 class SignFlippedLift(MLCPtoLCPSchur):
@@ -38,6 +42,25 @@ class IgnoresItsObstacle(MLCPtoLCPSchur):
     def apply(self, problem):
         n = problem.a.size
         return super().apply(dataclasses.replace(problem, A=matrices.dense(problem.A) + np.eye(n)))
+
+
+class PromisesTooMuch(MLCPtoLCPSchur):
+    """Equivalent by its class, approximate for every problem."""
+
+    def exactness(self, problem):
+        return Kind.APPROXIMATE
+
+
+class ForgetsItsTrace(MLCPtoLCPSchur):
+    """Keeps for itself what `lift` needs."""
+
+    def apply(self, problem):
+        target, trace = super().apply(problem)
+        object.__setattr__(self, "kept", trace)
+        return target, {}
+
+    def lift(self, point, trace):
+        return super().lift(point, self.kept)
 
 
 class _LCPSolver(Solver):
@@ -85,6 +108,85 @@ class RollsDice(_LCPSolver):
 
     def solve(self, prepared, budget, options, start=None, record=None):
         return SolverOutput(claim=Claim.FAILED, point=LCPPoint(z=self.rng.random(prepared.q.size)))
+
+
+class IgnoresItsStart(_LCPSolver):
+    """Says that it takes a warm start, and does not look at it."""
+
+    spec = dataclasses.replace(_LCPSolver.spec, traits=frozenset({Trait.WARM_START}))
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        zeros = LCPPoint(z=np.zeros(prepared.q.size))
+        return SolverOutput(claim=Claim.MAX_ITER, point=zeros, counters={"iterations": 7})
+
+
+class EditsTheProblem(_LCPSolver):
+    """Shifts q of the problem it solves."""
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        object.__setattr__(prepared, "q", prepared.q + 1.0)
+        return SolverOutput(claim=Claim.FAILED)
+
+
+class NeedsItsPackageToBeRead(_LCPSolver):
+    """Its package is imported with its module, so that its spec cannot be read without it."""
+
+    spec = dataclasses.replace(_LCPSolver.spec, requires=("colorsys",))
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        return SolverOutput(claim=Claim.FAILED, message=colorsys.__name__)
+
+
+class ExcusesWhatItCan(ClaimsZeros):
+    """Excuses a case whose solution is 0, which it claims rightly."""
+
+    spec = dataclasses.replace(_LCPSolver.spec, known_failures=MappingProxyType({"case-zero-q": "said to fail"}))
+
+
+class _TextLCP(Format):
+    """M and q as JSON."""
+
+    summary = "wrong"
+    suffixes = (".broken",)
+    writes = frozenset({"lcp"})
+
+    def recognises(self, path, head):
+        return False
+
+    def encode(self, problem, *, compress):
+        return json.dumps([matrices.dense(problem.M).tolist(), problem.q.tolist()]).encode()
+
+
+class LosesAField(_TextLCP):
+    """q comes back as zeros."""
+
+    name = "broken-loses-a-field"
+
+    def load(self, path, member):
+        M, q = json.loads(path.read_bytes())
+        return LCP(M=np.array(M).reshape(len(q), len(q)), q=np.zeros(len(q)))
+
+
+class ReadsHalfAFile(_TextLCP):
+    """Reads a diagonal as far as it goes; what is missing is missed by nobody."""
+
+    name = "broken-reads-half-a-file"
+
+    def encode(self, problem, *, compress):
+        return "".join(f"{value}\n" for value in problem.q).encode()
+
+    def load(self, path, member):
+        q = [float(line) for line in path.read_text().split("\n")[:-1]]
+        return LCP(M=np.eye(len(q)), q=q)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LooksAtTheFirst(LCP):
+    """Residuals of the first unknown only."""
+
+    def residuals(self, point, tolerance=1e-6):
+        w = self.M @ point.z + self.q
+        return Residuals({"natural": float(np.abs(np.minimum(point.z, w))[:1].sum())})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,0 +1,144 @@
+"""Planted cases at the edge of what the data may be: units of 1e±8, zero rows and matrices, nothing to find.
+
+A change of units changes no mathematics: whoever solves a problem in newtons should solve it in units of 1e-8 N.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpbench.formulations import (
+    LCP,
+    MLCP,
+    QP,
+    FCPoint,
+    FrictionContact,
+    GFCPoint,
+    GlobalFrictionContact,
+    LCPPoint,
+    MLCPPoint,
+    Problem,
+    QPPoint,
+)
+from cpbench.testing import planted
+
+UNITS = (1e-8, 1e8)
+_NONE = np.zeros(0)
+
+
+def _rng(seed: int) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def _lcp() -> dict[str, tuple[Problem, Any]]:
+    """Impulses and velocities in other units; M, q or a row of M zero."""
+    problem, point = planted.lcp(_rng(20), 8, "positive definite")
+    M, q = problem.M, problem.q
+    made: dict[str, tuple[Problem, Any]] = {}
+    for s in UNITS:
+        made[f"impulse-unit-{s:g}"] = (LCP(M=M / s, q=q), LCPPoint(z=point.z * s))
+        made[f"velocity-unit-{s:g}"] = (LCP(M=M * s, q=q * s), point)
+    made["zero-matrix"] = (LCP(M=np.zeros((3, 3)), q=[0.0, 1.0, 2.0]), LCPPoint(z=np.zeros(3)))
+    made["zero-q"] = (LCP(M=M, q=np.zeros(8)), LCPPoint(z=np.zeros(8)))
+    made["zero-row"] = (LCP(M=np.diag([1.0, 0.0, 1.0]), q=[-1.0, 0.5, 1.0]), LCPPoint(z=[1.0, 0.0, 0.0]))
+    return made
+
+
+def _mlcp() -> dict[str, tuple[Problem, Any]]:
+    """u in another unit, everything smaller or larger; A and B zero; nothing to balance."""
+    problem, point = planted.mlcp(_rng(21), 4, 5, "positive definite")
+    A, B, C, D, a, b = problem.A, problem.B, problem.C, problem.D, problem.a, problem.b
+    made: dict[str, tuple[Problem, Any]] = {}
+    for s in UNITS:
+        other = MLCP(A=A / s / s, B=B, C=C / s, D=D / s, a=a / s, b=b)
+        made[f"u-unit-{s:g}"] = (other, MLCPPoint(u=point.u * s, v=point.v))
+        made[f"both-units-{s:g}"] = (
+            MLCP(A=A, B=B, C=C, D=D, a=a * s, b=b * s),
+            MLCPPoint(u=point.u * s, v=point.v * s),
+        )
+    made["zero-a-b"] = (
+        MLCP(A=A, B=B, C=C, D=D, a=np.zeros(4), b=np.zeros(5)),
+        MLCPPoint(u=np.zeros(4), v=np.zeros(5)),
+    )
+    u, v, w = np.array([1.0, -2.0]), np.array([3.0, 0.0]), np.array([0.0, 1.0])
+    zero, E = np.zeros((2, 2)), np.array([[2.0, 1.0], [1.0, -1.0]])
+    made["zero-A-and-B"] = (MLCP(A=zero, B=zero, C=E, D=-E.T, a=-E @ v, b=w + E.T @ u), MLCPPoint(u=u, v=v))
+    return made
+
+
+def _qp() -> dict[str, tuple[Problem, Any]]:
+    """Objective and z in other units; no unknowns, no objective, rows that say nothing or the same twice."""
+    problem, point = planted.qp(_rng(30), 6, 4, 2)
+    Q, p, A, b, C, d = problem.Q, problem.p, problem.A, problem.b, problem.C, problem.d
+    z, lam, mu, nu = point.z, point.lam, point.mu, point.nu
+    made: dict[str, tuple[Problem, Any]] = {"empty": (QP.build(np.zeros((0, 0)), _NONE), _qp_point(_NONE))}
+    for s in UNITS:
+        made[f"objective-unit-{s:g}"] = (
+            QP.build(Q * s, p * s, A, b, C, d, problem.lb, problem.ub),
+            QPPoint(z=z, lam=lam * s, mu=mu * s, nu=nu * s),
+        )
+        made[f"z-unit-{s:g}"] = (
+            QP.build(Q / s / s, p / s, A / s, b, C / s, d, problem.lb * s, problem.ub * s),
+            QPPoint(z=z * s, lam=lam, mu=mu, nu=nu / s),
+        )
+    E, e = np.eye(2), np.ones(2)
+    made["linear"] = (QP.build(np.zeros((2, 2)), e, A=E, b=e), _qp_point(e, lam=e))
+    made["unconstrained"] = (QP.build(E, -e), _qp_point(e))
+    made["fixed"] = (QP.build(E, np.array([1.0, -1.0]), lb=2.0 * e, ub=2.0 * e), _qp_point(2.0 * e, nu=[3.0, 1.0]))
+    made["zero-row"] = (QP.build(E, -e, A=np.zeros((1, 2)), b=np.array([-1.0])), _qp_point(e, lam=[0.0]))
+    twice = np.array([[1.0, 1.0], [2.0, 2.0]])
+    made["row-twice"] = (QP.build(E, -e, C=twice, d=np.array([1.0, 2.0])), _qp_point(e / 2, mu=[-0.5, 0.0]))
+    return made
+
+
+def _qp_point(z: Any, lam: Any = _NONE, mu: Any = _NONE, nu: Any = None) -> QPPoint:
+    return QPPoint(z=z, lam=lam, mu=mu, nu=np.zeros(len(z)) if nu is None else nu)
+
+
+def _fc() -> dict[str, tuple[Problem, Any]]:
+    """Impulses and velocities in other units, fast sliding, nothing pushes, a contact without any inertia in it."""
+    made: dict[str, tuple[Problem, Any]] = {}
+    for d in (2, 3):
+        problem, point = planted.fc(_rng(40), 4, d, "positive definite")
+        W, q, mu = problem.W, problem.q, problem.mu
+        for s in UNITS:
+            made[f"impulse-unit-{s:g}-{d}d"] = (
+                FrictionContact(W=W / s, q=q, mu=mu, dimension=d),
+                FCPoint(r=point.r * s),
+            )
+            made[f"velocity-unit-{s:g}-{d}d"] = (FrictionContact(W=W * s, q=q * s, mu=mu, dimension=d), point)
+        made[f"zero-q-{d}d"] = (
+            FrictionContact(W=W, q=np.zeros(4 * d), mu=mu, dimension=d),
+            FCPoint(r=np.zeros(4 * d)),
+        )
+        made[f"zero-W-{d}d"] = (
+            FrictionContact(W=np.zeros((d, d)), q=np.eye(d)[0], mu=[0.5], dimension=d),
+            FCPoint(r=np.zeros(d)),
+        )
+    r, u = np.array([8.0, -3.0, -4.0]), np.array([0.0, 3000.0, 4000.0])
+    made["fast-3d"] = (FrictionContact(W=np.eye(3), q=u - r, mu=[0.625], dimension=3), FCPoint(r=r))
+    return made
+
+
+def _gfc() -> dict[str, tuple[Problem, Any]]:
+    """Masses in other units; two contacts in one place, which share a reaction in infinitely many ways."""
+    problem, point = planted.gfc(_rng(50), 3, 4, 3)
+    M, H, f, w, mu = problem.M, problem.H, problem.f, problem.w, problem.mu
+    made: dict[str, tuple[Problem, Any]] = {}
+    for s in UNITS:
+        made[f"mass-unit-{s:g}"] = (
+            GlobalFrictionContact(M=M * s, H=H, f=f * s, w=w, mu=mu, dimension=3),
+            GFCPoint(v=point.v, r=point.r * s),
+        )
+    twice = np.r_[0:3, 0:12]  # the first contact once more
+    r = point.r[twice]
+    made["contact-twice"] = (
+        GlobalFrictionContact(M=M, H=H[:, twice], f=M @ point.v - H[:, twice] @ r, w=w[twice], mu=mu[[0, 0, 1, 2, 3]]),
+        GFCPoint(v=point.v, r=r),
+    )
+    return made
+
+
+MAKERS = {"lcp": _lcp, "mlcp": _mlcp, "qp": _qp, "fc": _fc, "gfc": _gfc}
