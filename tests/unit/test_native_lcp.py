@@ -68,14 +68,14 @@ def test_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, omega: float,
 
 
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
-    """For data of size one, the sizes the kernels work in."""
+    """Whatever the units of M, q and z."""
     kernel = cache.load("splitting")
-    for _ in range(20):
-        M, q, z = rng.uniform(-1, 1, (9, 9)), rng.uniform(-1, 1, 9), rng.uniform(-0.2, 1, 9)
-        M /= np.abs(M).max()
-        q /= np.abs(q).max()
-        error = LCP(M=M, q=q).residuals(LCPPoint(z=z)).error
-        assert kernel.judged(q, z, M @ z + q) == pytest.approx(error, rel=1e-12)
+    for _ in range(40):
+        m, p, s = 10.0 ** rng.uniform(-6, 6, 3)
+        M, q, z = m * rng.uniform(-1, 1, (9, 9)), p * rng.uniform(-1, 1, 9), s * rng.uniform(-0.2, 1, 9)
+        problem = LCP(M=M, q=q)
+        error = problem.residuals(LCPPoint(z=z)).error
+        assert kernel.judged(q, z, M @ z + q, problem.z_unit) == pytest.approx(error, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -14,14 +14,13 @@ INDEX = types.Array(int64, 1, "C", readonly=True)
 VECTOR = float64[::1]
 
 
-@njit(float64(DATA, DATA, DATA), cache=True, fastmath=FAST, error_model="numpy")
-def judged(q, z, w):
-    """max(natural, unit_free) of `cpbench.formulations.lcp` for data of size one (max|M| = max|q| = 1, or q = 0),
-    with Mz = w - q; NaN when anything is."""
+@njit(float64(DATA, DATA, DATA, float64), cache=True, fastmath=FAST, error_model="numpy")
+def judged(q, z, w, z_unit):
+    """max(natural, unit_free) of `cpbench.formulations.lcp`, with Mz = w - q and its `z_unit`; NaN when anything is."""
     n = q.size
     natural = 0.0
     q_square = 0.0
-    z_top = 0.0
+    z_top = z_unit
     w_top = 0.0
     for i in range(n):
         least = z[i] if z[i] < w[i] else w[i]
@@ -29,8 +28,6 @@ def judged(q, z, w):
         q_square += q[i] * q[i]
         z_top = max(z_top, abs(z[i]))
         w_top = max(w_top, max(abs(q[i]), abs(w[i] - q[i])))
-    if q_square > 0.0:
-        z_top = max(z_top, 1.0)
     z_scale = 1.0 / z_top if z_top > 0.0 else 1.0
     w_scale = 1.0 / w_top if w_top > 0.0 else 1.0
     unit_free = 0.0
@@ -47,12 +44,12 @@ def judged(q, z, w):
 
 
 @njit(
-    int64(DATA_2D, DATA, DATA, VECTOR, VECTOR, float64, float64, VECTOR),
+    int64(DATA_2D, DATA, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR),
     cache=True,
     fastmath=FAST,
     error_model="numpy",
 )
-def sweeps_dense(columns, diagonal, q, z, w, omega, tolerance, errors):
+def sweeps_dense(columns, diagonal, q, z, w, z_unit, omega, tolerance, errors):
     """At most `errors.size` sweeps, in place on z and w; returns how many were done.
 
     Parameters
@@ -69,19 +66,19 @@ def sweeps_dense(columns, diagonal, q, z, w, omega, tolerance, errors):
                 z[i] = new
                 for j in range(n):
                     w[j] += columns[i, j] * change
-        errors[s] = judged(q, z, w)
+        errors[s] = judged(q, z, w, z_unit)
         if not errors[s] > tolerance:
             return s + 1
     return errors.size
 
 
 @njit(
-    int64(INDEX, INDEX, DATA, DATA, DATA, VECTOR, VECTOR, float64, float64, VECTOR),
+    int64(INDEX, INDEX, DATA, DATA, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR),
     cache=True,
     fastmath=FAST,
     error_model="numpy",
 )
-def sweeps_sparse(start, rows, values, diagonal, q, z, w, omega, tolerance, errors):
+def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, tolerance, errors):
     """As `sweeps_dense`; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
     n = q.size
     for s in range(errors.size):
@@ -93,7 +90,7 @@ def sweeps_sparse(start, rows, values, diagonal, q, z, w, omega, tolerance, erro
                 z[i] = new
                 for k in range(start[i], start[i + 1]):
                     w[rows[k]] += values[k] * change
-        errors[s] = judged(q, z, w)
+        errors[s] = judged(q, z, w, z_unit)
         if not errors[s] > tolerance:
             return s + 1
     return errors.size

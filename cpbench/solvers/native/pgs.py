@@ -97,7 +97,7 @@ class _Splitting(Solver):
         while error > budget.tolerance and sweeps < limit:
             w = problem.M @ z + q
             errors = np.empty(min(chunk, limit - sweeps))
-            rest = (prepared.diagonal, q, z, w, omega, budget.tolerance, errors)
+            rest = (prepared.diagonal, q, z, w, problem.z_unit, omega, budget.tolerance, errors)
             if prepared.start is None:
                 done = kernel.sweeps_dense(prepared.values, *rest)
             else:
