@@ -77,6 +77,64 @@ def test_a_sweep_is_that_of_plain_numpy(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(output.point.r, r, rtol=1e-8, atol=1e-10)
 
 
+def one_contact_2d(D: np.ndarray, q: np.ndarray, mu: float) -> list[np.ndarray]:
+    """Every solution of one contact in 2D: each of the four modes is solved for and its inequalities looked at."""
+    found = [np.zeros(2)] if q[0] >= 0 else []
+    r = np.linalg.solve(D, -q)
+    if abs(r[1]) <= mu * r[0]:
+        found.append(r)
+    for side in (1.0, -1.0):
+        edge = np.array([1.0, side * mu])
+        r = edge * (-q[0] / (D[0] @ edge))
+        if r[0] >= 0 and side * (D[1] @ r + q[1]) <= 0:
+            found.append(r)
+    return found
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.3])
+def test_one_contact_in_the_plane_is_one_of_its_modes(rng: np.random.Generator, skew: float) -> None:
+    modes = set()
+    for _ in range(200):
+        G = rng.standard_normal((2, 2))
+        D = G @ G.T + 0.1 * np.eye(2) + skew * np.array([[0.0, 1.0], [-1.0, 0.0]])
+        q, mu = rng.standard_normal(2) * [1, 2], rng.uniform(0.05, 1.5)
+        problem = FrictionContact(W=D, q=q, mu=[mu], dimension=2)
+        r = solvers.get("nsgs").run(problem, Budget(tolerance=1e-12, iterations=1)).point.r
+        expected = one_contact_2d(D, q, mu)
+        assert min(np.linalg.norm(r - x) for x in expected) <= 1e-9 * (1 + np.linalg.norm(r))
+        modes.add("none" if not r.any() else "slide" if abs(abs(r[1]) - mu * r[0]) <= 1e-12 * r[0] else "stick")
+    assert modes == {"none", "slide", "stick"}
+
+
+def test_a_strongly_coupled_contact_is_solved_in_one_sweep(rng: np.random.Generator) -> None:
+    """Full nonsymmetric coupling of normal and tangents, where there may be several solutions: any of them will do."""
+    for _ in range(200):
+        G, S = rng.standard_normal((2, 3, 3))
+        D = G @ G.T + 0.1 * np.eye(3) + 0.5 * (S - S.T)
+        q, mu = rng.standard_normal(3) * [1, 3, 3], rng.uniform(0.05, 1.5)
+        problem = FrictionContact(W=D, q=q, mu=[mu])
+        output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-10, iterations=1))
+        assert output.claim is Claim.SOLVED, (D, q, mu)
+        assert judge(problem, output.point, 1e-10).solved
+
+
+def test_no_contact_is_no_work() -> None:
+    problem = FrictionContact(W=np.zeros((0, 0)), q=[], mu=[])
+    output = solvers.get("nsgs").run(problem)
+    assert output.claim is Claim.SOLVED
+    assert output.counters["iterations"] == 0
+
+
+def test_a_seed_gives_the_same_shuffled_sweeps(rng: np.random.Generator) -> None:
+    problem, _ = planted.fc(rng, 12, 3, "positive definite")
+    solver = solvers.get("nsgs")
+    options = solver.spec.options(shuffle=True)
+    a, b, c = (solver.run(problem, Budget(tolerance=1e-9, seed=s), options) for s in (1, 1, 2))
+    assert (a.point.r == b.point.r).all()
+    assert (a.point.r != c.point.r).any()
+    assert {a.claim, c.claim} == {Claim.SOLVED}
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("kind", planted.SQUARE[:3])
 def test_planted_contacts(dimension: int, kind: str) -> None:
@@ -137,3 +195,22 @@ def test_a_warm_start_is_used(rng: np.random.Generator) -> None:
     warm = solvers.get("nsgs").run(problem, Budget(tolerance=1e-8), start=cold.point)
     assert warm.counters["iterations"] == 0
     assert cold.counters["iterations"] > 0
+
+
+@pytest.mark.parametrize("folder", ["fc2d_local", "fc3d_local"])
+@pytest.mark.filterwarnings("ignore:sparse matrices in this text file")
+def test_no_claim_on_a_real_file_is_false(shared_data: Path, folder: str) -> None:
+    """Every file, few sweeps: what is claimed solved is, and what is not solved says why."""
+    solved = 0
+    for path in sorted((shared_data / folder).iterdir()):
+        problem = storage.load(path)
+        if problem.node != "fc":
+            continue
+        for tolerance in (1e-4, 1e-8):
+            output = solvers.get("nsgs").run(problem, Budget(tolerance=tolerance, iterations=500))
+            if output.claim is Claim.SOLVED:
+                solved += 1
+                assert judge(problem, output.point, tolerance).solved, path.name
+            else:
+                assert output.message, path.name
+    assert solved > 0

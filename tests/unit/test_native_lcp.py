@@ -174,3 +174,70 @@ def test_histories_end_at_the_answer() -> None:
     assert output.claim is Claim.SOLVED
     assert [k for k, _ in seen] == sorted({k for k, _ in seen})
     assert seen[-1][1] <= 1e-8
+
+
+@pytest.mark.parametrize("solver", ALL)
+def test_no_claim_on_a_real_file_is_false(shared_data: Path, solver: str) -> None:
+    """Every LCP file: what is claimed solved is, what is claimed infeasible is proven, anything else says why."""
+    chosen = solvers.get(solver)
+    for path in sorted((shared_data / "lcp").glob("*.dat")):
+        problem = storage.load(path)
+        if chosen.obstacle(problem) is not None:
+            continue
+        for tolerance in (1e-4, 1e-8):
+            output = chosen.run(problem, Budget(tolerance=tolerance, seconds=5.0))
+            if output.claim is Claim.SOLVED:
+                assert judge(problem, output.point, tolerance).solved, path.name
+            elif output.claim is Claim.INFEASIBLE:
+                assert problem.certifies_infeasibility(output.certificate), path.name
+            else:
+                assert output.message, path.name
+
+
+def test_a_bimatrix_game_ends_in_a_ray_and_nothing_is_made_of_it(shared_data: Path) -> None:
+    """lcp_CPS_3 has three solutions (Cottle, Pang and Stone, example 4.4.23): a ray is no proof of anything."""
+    output = solvers.get("lemke").run(storage.load(shared_data / "lcp" / "lcp_CPS_3.dat"))
+    assert output.claim is Claim.FAILED
+    assert "ray" in output.message
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lemke_never_cycles_on_degenerate_integers(seed: int) -> None:
+    """PSD plus skew with entries -1, 0, 1, many of z and w zero together: the ratio test ties all the time."""
+    rng = np.random.default_rng(seed)
+    for _ in range(100):
+        n = int(rng.integers(2, 9))
+        A, S = rng.integers(-1, 2, (2, n, n)).astype(float)
+        M = A @ A.T + S - S.T
+        z = rng.integers(0, 2, n)
+        q = rng.integers(0, 2, n) * (1 - z) - M @ z
+        output = solvers.get("lemke").run(LCP(M=M, q=q), Budget(tolerance=1e-10))
+        assert output.claim is Claim.SOLVED, (M, q)
+
+
+@pytest.mark.parametrize("solver", DIRECT)
+def test_badly_scaled_right_hand_sides(solver: str) -> None:
+    """q over sixteen orders of magnitude, and M and q in units of 1e±8."""
+    rng = np.random.default_rng(11)
+    M = planted.square(rng, 20, "positive definite")
+    spread = rng.standard_normal(20) * 10.0 ** rng.uniform(-8, 8, 20)
+    for m, q in ((1.0, spread), (1e8, 1e-8 * spread), (1e-8, 1e8 * spread)):
+        problem = LCP(M=m * M, q=q)
+        output = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
+        assert output.claim is Claim.SOLVED, output.message
+        assert judge(problem, output.point, 1e-8).solved
+
+
+@pytest.mark.parametrize("solver", ALL)
+def test_nothing_to_do(solver: str) -> None:
+    for M, q in ((np.zeros((0, 0)), []), (np.eye(2), [0.0, 0.0]), (np.eye(2), [1.0, 0.0])):
+        output = solvers.get(solver).run(LCP(M=M, q=q))
+        assert output.claim is Claim.SOLVED
+        assert not output.point.z.any()
+
+
+def test_a_budget_of_pivots_is_kept() -> None:
+    problem, _ = planted.lcp(np.random.default_rng(0), 200, "positive definite")
+    output = solvers.get("lemke").run(problem, Budget(iterations=40))
+    assert output.claim is Claim.MAX_ITER
+    assert output.counters["pivots"] == 40

@@ -1,0 +1,110 @@
+"""Where compiled kernels go, that nothing compiles after the warm-up, and that processes may start at once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench.formulations import LCP, FrictionContact
+from cpbench.solvers import solvers
+from cpbench.solvers.kernels import cache
+
+NATIVE = ("lemke", "bpp", "newton-min", "pgs", "psor", "nsgs")
+
+
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch):
+    """`ensure_cache_dir` as in a new process, with the environment put back afterwards."""
+    monkeypatch.setenv(cache.VARIABLE, "")
+    cache.ensure_cache_dir.cache_clear()
+    yield monkeypatch
+    cache.ensure_cache_dir.cache_clear()
+
+
+def test_a_setting_of_the_user_is_left_alone(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    fresh.setenv(cache.VARIABLE, str(tmp_path / "mine"))
+    assert cache.ensure_cache_dir() == tmp_path / "mine"
+
+
+def test_beside_the_source_where_that_is_writable(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    fresh.setattr(cache, "_PACKAGE", tmp_path)
+    assert cache.ensure_cache_dir() == tmp_path / "__pycache__"
+    assert os.environ[cache.VARIABLE] == ""
+
+
+def test_the_users_cache_where_the_package_is_read_only(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import numba
+
+    blocked = tmp_path / "a file, so no directory can be made below it"
+    blocked.touch()
+    fresh.setattr(cache, "_PACKAGE", blocked)
+    fresh.setattr("platformdirs.user_cache_dir", lambda *_, **__: str(tmp_path / "home"))
+    assert cache.ensure_cache_dir() == tmp_path / "home" / "numba"
+    assert os.environ[cache.VARIABLE] == str(tmp_path / "home" / "numba")
+    assert str(tmp_path / "home" / "numba") == numba.config.CACHE_DIR
+
+
+def test_a_private_place_where_nothing_is_writable(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.touch()
+    fresh.setattr(cache, "_PACKAGE", blocked)
+    fresh.setattr("platformdirs.user_cache_dir", lambda *_, **__: str(blocked))
+    fresh.setattr("tempfile.tempdir", str(tmp_path))
+    chosen = cache.ensure_cache_dir()
+    assert chosen.parent == tmp_path
+    assert chosen.stat().st_mode & 0o077 == 0
+
+
+def test_the_registry_does_not_import_numba() -> None:
+    code = "import sys; from cpbench.solvers import solvers; solvers.names(); sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_processes_that_start_at_once_share_one_compilation(tmp_path: Path) -> None:
+    """Three cold processes: each solves, and the cache holds each kernel once."""
+    code = (
+        "import numpy as np; from cpbench.solvers import solvers; from cpbench.formulations import LCP;"
+        "M = np.array([[2.0, 1.0], [1.0, 2.0]]);"
+        "print(solvers.get('pgs').run(LCP(M=M, q=np.array([-1.0, -1.0]))).claim)"
+    )
+    environment = {**os.environ, cache.VARIABLE: str(tmp_path)}
+    started = [
+        subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
+    assert [p.communicate(timeout=120)[0].strip() for p in started] == ["solved"] * 3
+    compiled = [p.name for p in tmp_path.rglob("*.nbc")]
+    assert len(compiled) == len({name.rsplit(".", 2)[0] for name in compiled})
+    assert len(compiled) == 3  # the judge, dense and sparse sweeps
+
+
+@pytest.mark.parametrize("name", NATIVE)
+def test_nothing_compiles_after_the_warm_up(name: str) -> None:
+    """Read-only data, views and another size meet the signatures that the warm-up has compiled."""
+    from numba.core.compiler import CompilerBase
+
+    solver = solvers.get(name)
+    solver.warmup()
+    compiled: list[str] = []
+    before = CompilerBase.compile_extra
+
+    def watched(self, func):
+        compiled.append(func.__name__)
+        return before(self, func)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(CompilerBase, "compile_extra", watched)
+        for n in (1, 3, 70):
+            M = np.eye(3 * n) * 2 + np.diag(np.full(3 * n - 1, -0.5), 1)
+            for matrix in (M, sp.csr_array(M), np.asfortranarray(M)):
+                if solver.spec.node == "lcp":
+                    solver.run(LCP(M=matrix, q=np.tile([-1.0, 0.5, 0.0], n)))
+                else:
+                    solver.run(FrictionContact(W=matrix, q=np.tile([-1.0, 0.5, 0.0], n), mu=np.full(n, 0.4)))
+    assert compiled == []
