@@ -35,6 +35,8 @@ def _room(module: str) -> str:
 def _imports(path: Path) -> set[str]:
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path.name}:{node.lineno} imports relatively: the arrow could not be read"
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [f"cpbench.{a.name}" for a in node.names] if node.module == "cpbench" else [node.module]
             found.update(n for n in names if n.startswith("cpbench."))

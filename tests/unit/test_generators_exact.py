@@ -1,0 +1,140 @@
+"""Known solutions in exact arithmetic, by code that shares nothing with the residuals; and the properties as said."""
+
+from __future__ import annotations
+
+import dataclasses
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from cpbench import matrices
+from cpbench.generators import Instance, generators
+
+INSTANCES = {i.name: i for c in generators for i in c.instances()}
+SOLVED = [name for name, i in INSTANCES.items() if i.solution is not None]
+
+Numbers = list[Fraction]
+
+
+def _exact(vector: np.ndarray) -> Numbers:
+    return [Fraction(float(x)) for x in vector]
+
+
+def _times(M: matrices.Matrix, x: Numbers) -> Numbers:
+    """Mx without rounding."""
+    S = matrices.sparse(M)
+    rows = zip(S.indptr[:-1], S.indptr[1:], strict=True)
+    return [sum((Fraction(float(S.data[k])) * x[S.indices[k]] for k in range(a, b)), Fraction(0)) for a, b in rows]
+
+
+def _sum(*terms: Numbers) -> Numbers:
+    return [sum(row, Fraction(0)) for row in zip(*terms, strict=True)]
+
+
+def _minus(x: Numbers) -> Numbers:
+    return [-value for value in x]
+
+
+def _complementary(x: Numbers, y: Numbers) -> bool:
+    return all(a >= 0 and b >= 0 and a * b == 0 for a, b in zip(x, y, strict=True))
+
+
+def _coulomb(r: Numbers, u: Numbers, mu: Numbers, d: int) -> bool:
+    """Signorini and Coulomb in squares: ‖r_T‖ ≤ μ r_N; with u_T ≠ 0, equality and r_T against u_T."""
+    for c, friction in enumerate(mu):
+        (r_N, *r_T), (u_N, *u_T) = r[d * c : d * c + d], u[d * c : d * c + d]
+        limit, held = (friction * r_N) ** 2, sum(x * x for x in r_T)
+        speed, power = sum(x * x for x in u_T), sum(x * y for x, y in zip(r_T, u_T, strict=True))
+        if not _complementary([r_N], [u_N]) or held > limit:
+            return False
+        if speed > 0 and not (held == limit and power <= 0 and power * power == held * speed):
+            return False
+    return True
+
+
+def _solved(instance: Instance) -> bool:
+    p, x = instance.problem, {k: _exact(v) for k, v in instance.solution.arrays().items()}
+    data = {k: _exact(v) for k, v in p.data().items() if v.ndim == 1 and np.isfinite(v).all()}
+    match p.node:
+        case "lcp":
+            return _complementary(x["z"], _sum(_times(p.M, x["z"]), data["q"]))
+        case "mlcp":
+            equality = _sum(_times(p.A, x["u"]), _times(p.C, x["v"]), data["a"])
+            w = _sum(_times(p.D, x["u"]), _times(p.B, x["v"]), data["b"])
+            return not any(equality) and _complementary(x["v"], w)
+        case "qp":
+            forces = [_minus(v) for v in (_times(p.A.T, x["lam"]), _times(p.C.T, x["mu"]), x["nu"])]
+            stationarity = _sum(_times(p.Q, x["z"]), data["p"], *forces)
+            slack = _sum(_times(p.A, x["z"]), _minus(data["b"]))
+            held = _sum(_times(p.C, x["z"]), _minus(data["d"]))
+            z, nu = instance.solution.z, instance.solution.nu
+            box = (p.lb <= z) & (z <= p.ub) & ((nu <= 0) | (z == p.lb)) & ((nu >= 0) | (z == p.ub))
+            return not any(stationarity) and _complementary(x["lam"], slack) and not any(held) and bool(box.all())
+        case "fc":
+            return _coulomb(x["r"], _sum(_times(p.W, x["r"]), data["q"]), data["mu"], p.dimension)
+        case _:
+            dynamics = _sum(_times(p.M, x["v"]), _minus(_times(p.H, x["r"])), _minus(data["f"]))
+            u = _sum(_times(p.H.T, x["v"]), data["w"])
+            return not any(dynamics) and _coulomb(x["r"], u, data["mu"], p.dimension)
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_known_solutions_hold_without_any_rounding(name: str) -> None:
+    assert _solved(INSTANCES[name])
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_the_last_bit_of_a_solution_matters(name: str) -> None:
+    """The exact test is no formality: the largest number of the answer, changed in its last bit, fails it."""
+    instance = INSTANCES[name]
+    part, value = max(instance.solution.arrays().items(), key=lambda item: matrices.max_abs(item[1]))
+    changed = value.copy()
+    at = int(np.abs(changed).argmax())
+    changed[at] = np.nextafter(changed[at], np.inf)
+    wrong = dataclasses.replace(instance.solution, **{part: changed})
+    assert not _solved(dataclasses.replace(instance, solution=wrong))
+
+
+def _matrix(instance: Instance) -> matrices.Matrix:
+    p = instance.problem
+    if p.node == "mlcp":
+        return matrices.block([[p.A, p.C], [p.D, p.B]])
+    return {"lcp": lambda: p.M, "qp": lambda: p.Q, "fc": lambda: p.W, "gfc": lambda: p.M}[p.node]()
+
+
+@pytest.mark.parametrize("name", INSTANCES)
+def test_properties_are_as_said(name: str) -> None:
+    instance = INSTANCES[name]
+    said, D = instance.properties, matrices.dense(_matrix(instance))
+    kind = str(said.get("class", ""))
+    least = float(np.linalg.eigvalsh((D + D.T) / 2)[0])
+    noise = 1e-12 * max(1.0, float(np.abs(D).max()))
+    if "symmetric" in said:
+        assert bool((D == D.T).all()) == said["symmetric"]
+    if "SPD" in kind:
+        assert (D == D.T).all()
+        assert least > 0
+    if kind == "PD nonsymmetric":
+        assert least > 0
+        assert (D != D.T).any()
+    if kind.startswith("PSD"):
+        assert least >= -noise
+        assert np.linalg.matrix_rank(D) < len(D) or "rank_A" in said
+    if "M-matrix" in kind:
+        off = D - np.diag(np.diag(D))
+        assert (off <= 0).all()
+        assert (np.linalg.inv(D) >= -noise).all()
+    if kind == "P" and len(D) <= 12:
+        minors = [D[np.ix_(s, s)] for s in _subsets(len(D))]
+        assert min(np.linalg.det(m) for m in minors) > 0
+    if kind == "LP":
+        assert not D.any()
+    if "rank" in said:
+        assert np.linalg.matrix_rank(D) == said["rank"]
+    if "rank_A" in said:
+        assert np.linalg.matrix_rank(matrices.dense(instance.problem.A)) == said["rank_A"]
+
+
+def _subsets(n: int) -> list[np.ndarray]:
+    return [np.flatnonzero([(k >> i) & 1 for i in range(n)]) for k in range(1, 2**n)]
