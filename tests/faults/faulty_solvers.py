@@ -33,7 +33,8 @@ def _hang(problem):
 def _eat(problem):
     hoard = []
     while True:
-        hoard.append(np.ones(2**22))  # 32 MiB that are really written
+        hoard.append(np.empty(2**22))  # 32 MiB, a page of each written: quick on a busy machine too
+        hoard[-1][0] = 1.0
 
 
 def _children(problem):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,8 +11,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Matrix, Vector, dense, max_abs, sparse_lu
+from cpbench.formulations.base import scaled
+from cpbench.formulations.lcp import LCP, LCPPoint, unit_free_complementarity
+from cpbench.matrices import Matrix, Vector, dense, max_abs, norm, sparse_lu
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 
 CLOSE = 100.0
@@ -85,8 +87,14 @@ def refined(M: Matrix, q: Vector, z: Vector, active: np.ndarray[Any, Any]) -> Ve
 
 
 def error_of(problem: LCP, z: Vector) -> float:
-    """The judged error, infinite for an answer that is not finite."""
-    return problem.residuals(LCPPoint(z)).error if np.isfinite(z).all() else np.inf
+    """The judged error (`LCP.residuals`, without its readable parts), infinite for an answer that is not finite."""
+    with np.errstate(all="ignore"):
+        q, Mz = problem.q, problem.M @ z
+        w = Mz + q
+        natural = scaled(norm(np.minimum(z, w)), norm(q))
+        z_scale, w_scale = max(max_abs(z), problem.z_unit), max(max_abs(q), max_abs(Mz))
+        error = max(natural, unit_free_complementarity(z, w, z_scale, w_scale))
+    return error if math.isfinite(natural) and math.isfinite(error) else math.inf
 
 
 def conclude(
@@ -102,9 +110,9 @@ def conclude(
 
     Without `otherwise` the method has ended regularly: inaccurate when the error is close, failed when not.
     """
+    error = error_of(problem, z)
     if not np.isfinite(z).all():
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
-    error = error_of(problem, z)
     if error <= budget.tolerance:
         return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z), counters=counters)
     if otherwise is None:
