@@ -96,6 +96,10 @@ class Qpalm(QPSolversBackend):
         install="pip install qpsolvers qpalm",
         licence="LGPL-3.0-or-later",
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        known_failures={
+            "case-many-units": "claims a QP with entries of Q from 1e-8 to 1e8 solved at a relative gap of 4e-3: "
+            "its test has no gap",
+        },
     )
     claims = {
         "solved": Claim.SOLVED,
