@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import subprocess
 import sys
@@ -10,13 +11,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import pytest
 
 from cpbench import matrices
 from cpbench.errors import UnknownName
 from cpbench.formulations import Kind, formulations
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, Trait, parse_options
 from cpbench.testing.cases import Case, infeasible
+from cpbench.testing.expect import only_for, refused
 from cpbench.verification import certified_infeasible, judge
 
 TOLERANCE = 1e-6
@@ -45,15 +46,9 @@ def _false(solver: Solver, case: Case, output: SolverOutput, tolerance: float) -
     return None if error <= SLACK * tolerance else f"{case.name}: claims solved, error {error:.1e} > {tolerance:.0e}"
 
 
-def _only_for(does: bool, whom: str) -> None:
-    """Skip, so that the table of a run tells a check that ran from one that had nothing to say."""
-    if not does:
-        pytest.skip(f"does not apply: only for {whom}")
-
-
 def check_some_case_is_solved(solver: Solver, cases: list[Case]) -> None:
     """One at least whose solution is not simply 0."""
-    _only_for(solver.spec.kind is not Kind.RELAXATION, "solvers of the whole law")
+    only_for(solver.spec.kind is not Kind.RELAXATION, "solvers of the whole law")
     for case in _open(solver, cases):
         if not judge(case.problem, case.problem.zero_point(), TOLERANCE).solved:
             point = _run(solver, case).point
@@ -106,7 +101,7 @@ def check_infeasibility_is_proved_or_not_claimed_solved(solver: Solver, cases: l
 
 
 def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
-    _only_for(Trait.DETERMINISTIC in solver.spec.traits, "solvers with the trait deterministic")
+    only_for(Trait.DETERMINISTIC in solver.spec.traits, "solvers with the trait deterministic")
     for case in _open(solver, cases):
         first, second = _run(solver, case), _run(solver, case)
         assert first.claim is second.claim, case.name
@@ -117,22 +112,37 @@ def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
 
 
 def check_warm_starts_are_taken(solver: Solver, cases: list[Case]) -> None:
-    """Started from solutions, a solver with the trait makes true claims, with fewer iterations in all than from 0."""
-    _only_for(Trait.WARM_START in solver.spec.traits, "solvers with the trait warm-start")
+    """Started from solutions, a solver with the trait makes true claims, with fewer iterations in all than from 0.
+
+    Started from its own right answer, it ends in a right answer again.
+    """
+    only_for(Trait.WARM_START in solver.spec.traits, "solvers with the trait warm-start")
     cold = warm = 0
     for case in _open(solver, cases):
         output = solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=20.0), start=case.point)
         why = _false(solver, case, output, TOLERANCE)
         assert why is None, why
         warm += output.counters.get("iterations", 0)
-        cold += _run(solver, case).counters.get("iterations", 0)
+        own = _run(solver, case)
+        cold += own.counters.get("iterations", 0)
+        if own.claim is Claim.SOLVED:
+            again = solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=20.0), start=own.point)
+            assert again.claim is Claim.SOLVED, f"{case.name}: from its own answer it ends as {again.claim}"
+            why = _false(solver, case, again, TOLERANCE)
+            assert why is None, f"from its own answer: {why}"
     assert warm < cold or cold == 0, f"{warm} iterations from the solutions, {cold} from 0: the start is not used"
 
 
 def check_options_are_known_by_name(solver: Solver, cases: list[Case]) -> None:
-    with pytest.raises(UnknownName, match="option"):
+    """The options are a frozen dataclass in which everything has a default, and nothing else is an option."""
+    options: Any = solver.spec.options
+    assert dataclasses.is_dataclass(options), f"{options.__name__} is no dataclass"
+    assert options.__dataclass_params__.frozen, f"{options.__name__} is not frozen"  # pyright: ignore
+    for option in dataclasses.fields(options):
+        assert option.default is not dataclasses.MISSING, f"the option {option.name} has no default"
+    assert parse_options(solver.spec, {}) == options()
+    with refused(UnknownName, "option", "an option that nobody knows"):
         parse_options(solver.spec, {"no_such_option": "1"})
-    assert parse_options(solver.spec, {}) == solver.spec.options()
 
 
 def check_the_spec_is_complete(solver: Solver, cases: list[Case]) -> None:
@@ -148,7 +158,7 @@ def check_the_spec_is_complete(solver: Solver, cases: list[Case]) -> None:
 def check_known_failures_still_fail(solver: Solver, cases: list[Case]) -> None:
     """A case that the spec excuses makes it claim what is not, at one of the tolerances; else the excuse must go."""
     excused = [case for case in cases if f"case-{case.name}" in solver.spec.known_failures]
-    _only_for(bool(excused), "solvers that excuse a case")
+    only_for(bool(excused), "solvers that excuse a case")
     for case in excused:
         found = [_false(solver, case, _run(solver, case, tolerance=t), t) for t in (1e-4, TOLERANCE)]
         assert any(found), f"{case.name} no longer fails: take case-{case.name} out of known_failures"
@@ -156,7 +166,7 @@ def check_known_failures_still_fail(solver: Solver, cases: list[Case]) -> None:
 
 def check_the_spec_is_read_without_the_package(solver: Solver, cases: list[Case]) -> None:
     """The solver's module loads, and has its spec, where the packages that it needs cannot be imported."""
-    _only_for(bool(solver.spec.requires), "solvers that need a package")
+    only_for(bool(solver.spec.requires), "solvers that need a package")
     cls = type(solver)
     names = _specs_without(sys.modules[cls.__module__].__file__ or "", tuple(solver.spec.requires))
     assert solver.spec.name in names.splitlines(), f"{cls.__module__} without its packages: {names}"

@@ -1,4 +1,4 @@
-"""Planted cases at the edge of what the data may be: units of 1e±8, zero rows and matrices, nothing to find.
+"""Planted cases at the edge of what the data may be: units of 1e±8, zero rows and matrices, ties, nothing to find.
 
 A change of units changes no mathematics: whoever solves a problem in newtons should solve it in units of 1e-8 N.
 """
@@ -43,6 +43,9 @@ def _lcp() -> dict[str, tuple[Problem, Any]]:
     made["zero-matrix"] = (LCP(M=np.zeros((3, 3)), q=[0.0, 1.0, 2.0]), LCPPoint(z=np.zeros(3)))
     made["zero-q"] = (LCP(M=M, q=np.zeros(8)), LCPPoint(z=np.zeros(8)))
     made["zero-row"] = (LCP(M=np.diag([1.0, 0.0, 1.0]), q=[-1.0, 0.5, 1.0]), LCPPoint(z=[1.0, 0.0, 0.0]))
+    z = np.array([1.0, 0, 2, 0, 0, 1, 0, 3])
+    monotone = planted.square(_rng(22), 8, "monotone")
+    made["all-ties"] = (LCP(M=monotone, q=-monotone @ z), LCPPoint(z=z))  # w = 0 everywhere, z = 0 in half of the rows
     return made
 
 
@@ -62,6 +65,8 @@ def _mlcp() -> dict[str, tuple[Problem, Any]]:
         MLCP(A=A, B=B, C=C, D=D, a=np.zeros(4), b=np.zeros(5)),
         MLCPPoint(u=np.zeros(4), v=np.zeros(5)),
     )
+    made["one"] = planted.mlcp(_rng(23), 1, 1, "positive definite")
+    made["sparse-singular-A"] = planted.mlcp(_rng(24), 5, 5, "singular", sparse=True)
     u, v, w = np.array([1.0, -2.0]), np.array([3.0, 0.0]), np.array([0.0, 1.0])
     zero, E = np.zeros((2, 2)), np.array([[2.0, 1.0], [1.0, -1.0]])
     made["zero-A-and-B"] = (MLCP(A=zero, B=zero, C=E, D=-E.T, a=-E @ v, b=w + E.T @ u), MLCPPoint(u=u, v=v))
@@ -87,6 +92,15 @@ def _qp() -> dict[str, tuple[Problem, Any]]:
     made["linear"] = (QP.build(np.zeros((2, 2)), e, A=E, b=e), _qp_point(e, lam=e))
     made["unconstrained"] = (QP.build(E, -e), _qp_point(e))
     made["fixed"] = (QP.build(E, np.array([1.0, -1.0]), lb=2.0 * e, ub=2.0 * e), _qp_point(2.0 * e, nu=[3.0, 1.0]))
+    at, push = np.array([1.0, -1, 2, 0, 3, -2]), np.array([1.0, 0, -1, 0, 2, -2])
+    lower = push >= 0  # every unknown at a bound, two of the multipliers 0
+    boxed = QP.build(Q, push - Q @ at, lb=np.where(lower, at, at - 1.0), ub=np.where(lower, np.inf, at))
+    made["at-its-bounds"] = (boxed, _qp_point(at, nu=push))
+    unit = 10.0 ** np.array([-4, 4, 0, 2, -2, 3])  # every unknown in a unit of its own: Q from 1e-8 to 1e8
+    made["many-units"] = (
+        QP.build(Q * unit[:, None] * unit, p * unit, A * unit, b, C * unit, d, problem.lb / unit, problem.ub / unit),
+        QPPoint(z=z / unit, lam=lam, mu=mu, nu=nu * unit),
+    )
     made["zero-row"] = (QP.build(E, -e, A=np.zeros((1, 2)), b=np.array([-1.0])), _qp_point(e, lam=[0.0]))
     twice = np.array([[1.0, 1.0], [2.0, 2.0]])
     made["row-twice"] = (QP.build(E, -e, C=twice, d=np.array([1.0, 2.0])), _qp_point(e / 2, mu=[-0.5, 0.0]))
@@ -117,6 +131,8 @@ def _fc() -> dict[str, tuple[Problem, Any]]:
             FrictionContact(W=np.zeros((d, d)), q=np.eye(d)[0], mu=[0.5], dimension=d),
             FCPoint(r=np.zeros(d)),
         )
+    made["empty-2d"] = planted.fc(_rng(41), 0, 2)
+    made["nonsymmetric-2d"] = planted.fc(_rng(42), 3, 2, "any")
     r, u = np.array([8.0, -3.0, -4.0]), np.array([0.0, 3000.0, 4000.0])
     made["fast-3d"] = (FrictionContact(W=np.eye(3), q=u - r, mu=[0.625], dimension=3), FCPoint(r=r))
     return made
@@ -137,6 +153,13 @@ def _gfc() -> dict[str, tuple[Problem, Any]]:
     made["contact-twice"] = (
         GlobalFrictionContact(M=M, H=H[:, twice], f=M @ point.v - H[:, twice] @ r, w=w[twice], mu=mu[[0, 0, 1, 2, 3]]),
         GFCPoint(v=point.v, r=r),
+    )
+    made["one-2d"] = planted.gfc(_rng(51), 1, 1, 2)
+    still, E = planted.gfc(_rng(52), 2, 0, 3)[0].M, np.eye(12)[:, :3]
+    v, push = np.r_[0.0, 1.0, -1.0, np.zeros(9)], np.array([2.0, 0.0, 0.0])  # slides freely: μ = 0
+    made["frictionless-3d"] = (
+        GlobalFrictionContact(M=still, H=E, f=still @ v - E @ push, w=np.zeros(3), mu=np.zeros(1)),
+        GFCPoint(v=v, r=push),
     )
     return made
 

@@ -15,8 +15,10 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions.mlcp_to_lcp_schur import MLCPtoLCPSchur
+from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
+from cpbench.solvers.native.lemke import Lemke
 from cpbench.storage import Format
 
 
@@ -61,6 +63,24 @@ class ForgetsItsTrace(MLCPtoLCPSchur):
 
     def lift(self, point, trace):
         return super().lift(point, self.kept)
+
+
+class RefusesOnTheWay(MLCPtoLCPSchur):
+    """Tells no obstacle, and refuses nevertheless."""
+
+    def obstacle(self, problem):
+        return None
+
+    def apply(self, problem):
+        raise NotApplicable(self.label, "changed its mind")
+
+
+class LooksAtTheStorage(MLCPtoLCPSchur):
+    """Converts a sparse problem to another one than the same problem when dense."""
+
+    def apply(self, problem):
+        target, trace = super().apply(problem)
+        return (dataclasses.replace(target, q=2.0 * target.q) if matrices.is_sparse(problem.A) else target), trace
 
 
 class _LCPSolver(Solver):
@@ -143,6 +163,32 @@ class ExcusesWhatItCan(ClaimsZeros):
     spec = dataclasses.replace(_LCPSolver.spec, known_failures=MappingProxyType({"case-zero-q": "said to fail"}))
 
 
+@dataclass(frozen=True)
+class _NeedsAStep:
+    step: float
+
+
+class TakesNoDefaults(_LCPSolver):
+    """An option without a default: nobody can run it without knowing it."""
+
+    spec = dataclasses.replace(_LCPSolver.spec, options=_NeedsAStep)
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        return SolverOutput(claim=Claim.FAILED)
+
+
+class SpoilsItsOwnAnswer(_LCPSolver):
+    """Solves by another solver; a start that is right already makes it move away and claim the same."""
+
+    spec = dataclasses.replace(_LCPSolver.spec, traits=frozenset({Trait.WARM_START}))
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        output = Lemke().run(prepared, budget)
+        if start is not None and output.point is not None and np.array_equal(start.z, output.point.z):
+            return dataclasses.replace(output, point=LCPPoint(z=1.5 * output.point.z))
+        return output
+
+
 class _TextLCP(Format):
     """M and q as JSON."""
 
@@ -167,6 +213,29 @@ class LosesAField(_TextLCP):
         return LCP(M=np.array(M).reshape(len(q), len(q)), q=np.zeros(len(q)))
 
 
+class ForgetsWhoMadeIt(_TextLCP):
+    """Promises to keep everything, and keeps the numbers."""
+
+    name = "broken-forgets-who-made-it"
+    keeps_provenance = True
+
+    def load(self, path, member):
+        M, q = json.loads(path.read_bytes())
+        return LCP(M=np.array(M).reshape(len(q), len(q)), q=q)
+
+
+class WritesNothing(_TextLCP):
+    """Refuses every problem of the node that it says it writes."""
+
+    name = "broken-writes-nothing"
+
+    def encode(self, problem, *, compress):
+        raise FormatError(self.name, "", "not today")
+
+    def load(self, path, member):
+        raise FormatError(path, "", "not today")
+
+
 class ReadsHalfAFile(_TextLCP):
     """Reads a diagonal as far as it goes; what is missing is missed by nobody."""
 
@@ -187,6 +256,23 @@ class LooksAtTheFirst(LCP):
     def residuals(self, point, tolerance=1e-6):
         w = self.M @ point.z + self.q
         return Residuals({"natural": float(np.abs(np.minimum(point.z, w))[:1].sum())})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CanBeWritten(LCP):
+    """Data that anybody may change afterwards."""
+
+    def check(self):
+        object.__setattr__(self, "q", self.q.copy())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HashesTheStorage(LCP):
+    """Another fingerprint for the same numbers when they are stored sparse."""
+
+    @property
+    def fingerprint(self):
+        return f"{type(self.M).__name__} {matrices.digest(self.M).hex()} {matrices.digest(self.q).hex()}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -18,13 +18,14 @@ ALLOWED: dict[str, set[str]] = {
     "formulations": BASE,
     **{room: BASE | {"formulations"} for room in ROOMS},
     "graph": BASE | {"formulations"} | ROOMS,
-    "generators": BASE | {"formulations", "storage"},
+    "generators": BASE | {"formulations"},
     "bench": BASE | {"formulations", "graph"} | ROOMS,
     "analysis": BASE | {"formulations", "graph"} | ROOMS,
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "generators"} | ROOMS,
     "cli": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
 }
+EXCEPTIONS = {"generators/collection.py": {"storage"}}  # it reads what stands in files
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent != PACKAGE or p.stem not in ("__init__", "__main__"))
 
 
@@ -49,7 +50,7 @@ def _imports(path: Path) -> set[str]:
 def test_imports_point_one_way(path: Path) -> None:
     relative = path.relative_to(PACKAGE)
     room = relative.parts[0].removesuffix(".py")
-    up = _imports(path) - ALLOWED[room] - {room}
+    up = _imports(path) - ALLOWED[room] - {room} - EXCEPTIONS.get(relative.as_posix(), set())
     assert not up, f"{relative} imports {', '.join(sorted(up))}"
 
 
