@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from cpbench import cones, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.kernels import cache
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -116,6 +117,22 @@ def test_a_strongly_coupled_contact_is_solved_in_one_sweep(rng: np.random.Genera
         output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-10, iterations=1))
         assert output.claim is Claim.SOLVED, (D, q, mu)
         assert judge(problem, output.point, 1e-10).solved
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: int) -> None:
+    """At any point, in any units, on any blocks: what NSGS stops on is what `residuals` judges."""
+    kernel, solver = cache.load("gauss_seidel"), solvers.get("nsgs")
+    for _ in range(60):
+        nc = int(rng.integers(1, 8))
+        w, s, p = 10.0 ** rng.uniform(-5, 5, 3)
+        W = w * rng.standard_normal((nc * dimension, nc * dimension))
+        q, r = s * rng.standard_normal(nc * dimension), p * rng.standard_normal(nc * dimension)
+        problem = FrictionContact(W=W, q=q, mu=rng.uniform(0, 1, nc), dimension=dimension)
+        rows = solver.setup(problem, Budget(), solver.spec.options())
+        matrix = (rows.start, rows.column, rows.blocks, rows.diagonal)
+        measured = kernel.judged(*matrix, q, problem.mu, problem.rho, r, dimension)
+        assert measured == pytest.approx(problem.residuals(FCPoint(r=r)).error, rel=1e-9)
 
 
 def test_no_contact_is_no_work() -> None:

@@ -120,9 +120,10 @@ def _basic_solution(lcp: ScaledLCP, F: np.ndarray[Any, Any]) -> tuple[Vector, Ve
 
 
 def _finish(problem: LCP, z: Vector, F: np.ndarray[Any, Any], budget: Budget, counters: dict[str, int]) -> SolverOutput:
-    if not error_of(problem, z) <= budget.tolerance:
+    error = error_of(problem, z)
+    if not error <= budget.tolerance:
         candidate = refined(dense(problem.M), problem.q, z, F)
         counters["factorizations"] += 1
-        if error_of(problem, candidate) < error_of(problem, z):
-            z = candidate
-    return conclude(problem, z, budget, counters)
+        if (better := error_of(problem, candidate)) < error:
+            z, error = candidate, better
+    return conclude(problem, z, budget, counters, error=error)

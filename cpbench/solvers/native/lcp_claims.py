@@ -103,14 +103,16 @@ def conclude(
     budget: Budget,
     counters: Mapping[str, int],
     *,
+    error: float | None = None,
     otherwise: Claim | None = None,
     message: str = "",
 ) -> SolverOutput:
     """Solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
 
-    Without `otherwise` the method has ended regularly: inaccurate when the error is close, failed when not.
+    `error` is `error_of(problem, z)` where the caller has it at hand. Without `otherwise` the method has ended
+    regularly: inaccurate when the error is close, failed when not.
     """
-    error = error_of(problem, z)
+    error = error_of(problem, z) if error is None else error
     if not np.isfinite(z).all():
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
     if error <= budget.tolerance:

@@ -76,12 +76,13 @@ class Lemke(Solver):
         if outcome != "complementary":
             claim = Claim.FAILED if outcome == "not finite" else Claim.MAX_ITER
             return conclude(problem, z, budget, counters, otherwise=claim, message=f"{outcome} after {pivots} pivots")
-        if not error_of(problem, z) <= budget.tolerance:
+        error = error_of(problem, z)
+        if not error <= budget.tolerance:
             candidate = refined(dense(problem.M), problem.q, z, np.flatnonzero(z))
-            if error_of(problem, candidate) < error_of(problem, z):
-                z = candidate
+            if (better := error_of(problem, candidate)) < error:
+                z, error = candidate, better
             counters["factorizations"] = 1
-        return conclude(problem, z, budget, counters)
+        return conclude(problem, z, budget, counters, error=error)
 
 
 def _pivot(prepared: ScaledLCP, budget: Budget, options: LemkeOptions) -> tuple[str, Vector, int]:
