@@ -7,6 +7,7 @@ once, written to the scratch folder for the solvers to load, and kept here to li
 from __future__ import annotations
 
 import io
+import os
 import time
 import zlib
 from dataclasses import dataclass
@@ -97,7 +98,8 @@ class Referee:
 
         arrival = graph.arrive(problem, node, kinds, via, apply)
         steps = len(arrival.route.steps)
-        path = self._scratch / f"problem-{self._files}.h5"
+        # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
+        path = self._scratch / f"problem-{os.getpid()}-{self._files}.h5"
         self._files += 1
         storage.save(arrival.problem, path, compress=False, force=True)
         ready = Prepared(

@@ -22,6 +22,8 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
         total = 0
         for key, blob in store.answers():
             row = store.row(key)
+            if row["status"] == "timeout":  # it came too late, whatever it is worth
+                continue
             address = str(row["address"])
             if address not in loaded:
                 problem = storage.load(address)

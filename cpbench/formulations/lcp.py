@@ -97,8 +97,8 @@ class LCP(Problem):
             return False
         y = y / y.max()
         My = self.M.T @ y
-        slack = 1e-12 * max(max_abs(self.M), 1e-300)
-        return bool(My.max() <= slack and self.q @ y < -1e-9 * max(max_abs(self.q), 1e-300))
+        rounding = 1e-12 * (abs(self.M).T @ y)  # of each column by itself: a small column may decide
+        return bool((My <= rounding).all() and self.q @ y < -1e-9 * max(max_abs(self.q), 1e-300))
 
 
 def unit_free_complementarity(z: Vector, w: Vector, z_scale: float, w_scale: float) -> float:

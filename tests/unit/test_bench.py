@@ -160,3 +160,20 @@ def test_a_referee_that_dies_is_replaced(session: Session, tmp_path: Path) -> No
     assert row["status"] == "error"
     assert "could not be judged" in row["message"]
     assert session.run(pair, prepared)[0]["status"] == "solved"
+
+
+def test_a_worker_never_meets_a_dead_referees_file(session: Session, tmp_path: Path) -> None:
+    """Solve A, kill the referee, solve B, then A again: names of converted problems are not used twice."""
+    asked, entries = [plan.exact()], [plan.Entry("lemke")]
+    pairs = []
+    for name, n in (("a", 3), ("b", 5)):
+        survey = session.survey(str(_lcp(tmp_path, name, n)), asked)
+        pairs += plan.pairs([survey], entries, asked, 1e-6, 1, relaxations=False)
+    first = session.prepare(pairs[0])
+    assert session.run(pairs[0], first)[0]["status"] == "solved"
+    assert session._referee is not None
+    session._referee.kill()
+    session.prepare(pairs[1])  # meets the dead one
+    second = session.prepare(pairs[1])
+    assert second["path"] != first["path"]
+    assert session.run(pairs[1], second)[0]["status"] == "solved"

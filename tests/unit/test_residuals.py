@@ -206,3 +206,10 @@ def test_a_sticking_contact_has_no_direction_to_judge(rng: np.random.Generator) 
     verdict = judge(problem, FCPoint(r=r), 1e-6)
     assert verdict.solved
     assert "direction" not in verdict.flags
+
+
+def test_a_small_column_does_not_hide_in_the_rounding_of_a_large_one() -> None:
+    """diag(1, 1e-12), q = (−1, −1e-8): z = (1, 1e4) solves it, so that nothing may prove it infeasible."""
+    problem = LCP(M=np.diag([1.0, 1e-12]), q=[-1.0, -1e-8])
+    assert judge(problem, LCPPoint(z=[1.0, 1e4]), 1e-6).solved
+    assert not problem.certifies_infeasibility(np.array([0.0, 1.0]))
