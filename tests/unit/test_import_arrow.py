@@ -8,13 +8,15 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
-BASE = {"errors", "matrices", "cones", "registry"}
+BASE = {"errors", "matrices", "cones", "product_cones", "registry", "kernel_cache"}
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "matrices": {"errors"},
     "cones": {"matrices"},
+    "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
+    "kernel_cache": set(),
     "formulations": BASE,
     **{room: BASE | {"formulations"} for room in ROOMS},
     "graph": BASE | {"formulations"} | ROOMS,

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from cpbench import kernel_cache as cache
 from cpbench.formulations import LCP, FrictionContact
 from cpbench.solvers import solvers
-from cpbench.solvers.kernels import cache
 
 NATIVE = ("lemke", "bpp", "newton-min", "pgs", "psor", "nsgs")
 

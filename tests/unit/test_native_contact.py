@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from cpbench import cones, storage
+from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.kernels import cache
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -122,7 +121,7 @@ def test_a_strongly_coupled_contact_is_solved_in_one_sweep(rng: np.random.Genera
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: int) -> None:
     """At any point, in any units, on any blocks: what NSGS stops on is what `residuals` judges."""
-    kernel, solver = cache.load("gauss_seidel"), solvers.get("nsgs")
+    kernel, solver = kernel_cache.load("cpbench.solvers.kernels.gauss_seidel"), solvers.get("nsgs")
     for _ in range(60):
         nc = int(rng.integers(1, 8))
         w, s, p = 10.0 ** rng.uniform(-5, 5, 3)

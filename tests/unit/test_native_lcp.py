@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import storage
+from cpbench import kernel_cache, storage
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.kernels import cache
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -69,7 +68,7 @@ def test_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, omega: float,
 
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
     """Whatever the units of M, q and z."""
-    kernel = cache.load("splitting")
+    kernel = kernel_cache.load("cpbench.solvers.kernels.splitting")
     for _ in range(40):
         m, p, s = 10.0 ** rng.uniform(-6, 6, 3)
         M, q, z = m * rng.uniform(-1, 1, (9, 9)), p * rng.uniform(-1, 1, 9), s * rng.uniform(-0.2, 1, 9)

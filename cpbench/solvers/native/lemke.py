@@ -87,9 +87,9 @@ class Lemke(Solver):
 
 def _pivot(prepared: ScaledLCP, budget: Budget, options: LemkeOptions) -> tuple[str, Vector, int]:
     """Outcome in words, z of the basis it ended in (unscaled), number of pivots."""
-    from cpbench.solvers.kernels.cache import load
+    from cpbench.kernel_cache import load
 
-    kernel = load("pivoting")
+    kernel = load("cpbench.solvers.kernels.pivoting")
     n = prepared.q.size
     block = 1 if n <= SMALL else BLOCK
     T = np.empty((n, n + 1))

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
@@ -109,9 +110,9 @@ class NSGS(Solver):
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
-        from cpbench.solvers.kernels.cache import load
+        from cpbench.kernel_cache import load
 
-        kernel = load("gauss_seidel")
+        kernel = load("cpbench.solvers.kernels.gauss_seidel")
         sweeps = kernel.sweeps_3d if problem.dimension == 3 else kernel.sweeps_2d
         limit = budget.iterations or options.max_iterations
         call = max(50, BLOCKS_A_CALL // (prepared.column.size + 10 * problem.nc))

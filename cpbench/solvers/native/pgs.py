@@ -81,9 +81,9 @@ class _Splitting(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.solvers.kernels.cache import load
+        from cpbench.kernel_cache import load
 
-        kernel = load("splitting")
+        kernel = load("cpbench.solvers.kernels.splitting")
         problem, q = prepared.problem, prepared.problem.q
         omega = options.omega if isinstance(options, PSOROptions) else 1.0
         z = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0)

@@ -1,8 +1,9 @@
 """Where compiled kernels are kept, and how several processes share them.
 
-numba writes its cache beside the source. Where that is not writable (a system-wide installation, a read-only
-image) the user's cache directory is taken. One process compiles at a time: the others wait and then read what
-it wrote, instead of compiling the same code and racing for the index.
+Kernels live in `solvers/kernels` and `conversions/kernels`, and numba writes its cache beside the source. Where that
+is not writable (a system-wide installation, a read-only image) the user's cache directory is taken. One process
+compiles at a time: the others wait and then read what it wrote, instead of compiling the same code and racing for
+the index.
 """
 
 from __future__ import annotations
@@ -47,16 +48,15 @@ def ensure_cache_dir() -> Path:
     return chosen
 
 
-def load(name: str) -> ModuleType:
-    """The kernel module `name`, compiled on the first call on this machine and read from the cache later."""
-    full = f"cpbench.solvers.kernels.{name}"
-    loaded = sys.modules.get(full)
+def load(module: str) -> ModuleType:
+    """The kernel module of that full name, compiled on the first call on this machine, read from the cache later."""
+    loaded = sys.modules.get(module)
     if loaded is not None and hasattr(loaded, "READY"):
         return loaded
     directory = ensure_cache_dir()
     importlib.import_module("numba")  # slow, and needs no lock
     with _one_at_a_time(directory / "cpbench-kernels.lock"):
-        return importlib.import_module(full)
+        return importlib.import_module(module)
 
 
 def _writable(directory: Path) -> bool:
