@@ -6,6 +6,9 @@ The friction cone of a contact is K_μ = {r : ‖r_T‖ ≤ μ r_N}, normal firs
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 
 from cpbench.matrices import Dense, Vector
@@ -52,3 +55,93 @@ def de_saxce(u: Dense, mu: Vector) -> Dense:
 def project_box(x: Vector, lower: Vector, upper: Vector) -> Vector:
     """Projection on lower ≤ x ≤ upper (infinite bounds allowed)."""
     return np.minimum(np.maximum(x, lower), upper)
+
+
+def rolling_norms(x: Dense) -> tuple[Vector, Vector]:
+    """‖x_T‖ and ‖x_M‖ of rows (N, T, M) or (N, T1, T2, M1, M2)."""
+    k = (x.shape[1] - 1) // 2
+    return np.linalg.norm(x[:, 1 : 1 + k], axis=1), np.linalg.norm(x[:, 1 + k :], axis=1)
+
+
+def project_rolling_cone(x: Dense, mu: Vector, mu_r: Vector) -> Dense:
+    """Euclidean projection of every row on {r : ‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}; shape (nc, 3) or (nc, 5).
+
+    For a given r_N the nearest r_T and m are x_T and x_M clipped, so r_N minimises a convex function of one
+    variable that is quadratic between kinks; its minimum is one of four candidates, by which clips are active.
+    """
+    k = (x.shape[1] - 1) // 2
+    xn = x[:, 0]
+    t, m = rolling_norms(x)
+    best, value = np.zeros_like(xn), np.full_like(xn, np.inf)
+    for a in (0.0, 1.0):
+        for b in (0.0, 1.0):
+            r = np.maximum((xn + a * mu * t + b * mu_r * m) / (1.0 + a * mu**2 + b * mu_r**2), 0.0)
+            distance = (r - xn) ** 2 + np.maximum(t - mu * r, 0.0) ** 2 + np.maximum(m - mu_r * r, 0.0) ** 2
+            better = distance < value
+            best, value = np.where(better, r, best), np.where(better, distance, value)
+    result = np.empty_like(x)
+    result[:, 0] = best
+    for part, size, bound in ((slice(1, 1 + k), t, mu * best), (slice(1 + k, None), m, mu_r * best)):
+        result[:, part] = x[:, part] * _shrink(size, bound)[:, None]
+    return result
+
+
+def rolling_de_saxce(u: Dense, mu: Vector, mu_r: Vector) -> Dense:
+    """û = u + (μ‖u_T‖ + μ_r‖ω‖) e_N, the change of variable for rolling friction (Acary and Bourrier 2021)."""
+    t, m = rolling_norms(u)
+    shifted = u.copy()
+    shifted[:, 0] += mu * t + mu_r * m
+    return shifted
+
+
+def project_cylinder(x: Dense, radius: Vector) -> Dense:
+    """Projection of every row on ℝ₊ × disk of that radius (Tresca's friction with a given threshold)."""
+    result = x.copy()
+    result[:, 0] = np.maximum(x[:, 0], 0.0)
+    result[:, 1:] *= _shrink(np.linalg.norm(x[:, 1:], axis=1), radius)[:, None]
+    return result
+
+
+def _shrink(size: Vector, bound: Vector) -> Vector:
+    """Factor that takes a length `size` to at most `bound`."""
+    outside = size > bound
+    return np.where(outside, bound / np.where(outside, size, 1.0), 1.0)
+
+
+class Law(Protocol):
+    """Friction law of all contacts: De Saxcé's shift, and the cone of the reactions."""
+
+    def shift(self, u: Dense) -> Dense:
+        """û of velocities u, shape (nc, d)."""
+        ...
+
+    def project(self, r: Dense) -> Dense:
+        """Projection of every row on the cone K of its contact."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Coulomb:
+    """‖r_T‖ ≤ μ r_N, û = u + μ‖u_T‖e_N."""
+
+    mu: Vector
+
+    def shift(self, u: Dense) -> Dense:
+        return de_saxce(u, self.mu)
+
+    def project(self, r: Dense) -> Dense:
+        return project_friction_cone(r, self.mu)
+
+
+@dataclass(frozen=True, eq=False)
+class RollingCoulomb:
+    """‖r_T‖ ≤ μ r_N and ‖m‖ ≤ μ_r r_N, û = u + (μ‖u_T‖ + μ_r‖ω‖)e_N."""
+
+    mu: Vector
+    mu_r: Vector
+
+    def shift(self, u: Dense) -> Dense:
+        return rolling_de_saxce(u, self.mu, self.mu_r)
+
+    def project(self, r: Dense) -> Dense:
+        return project_rolling_cone(r, self.mu, self.mu_r)

@@ -52,7 +52,7 @@ class Verdict:
     Attributes
     ----------
     solved : every judged number is at most the tolerance. error : the largest of them (NaN counts as ∞).
-    flags : `direction` (accepted, but some contact slips more than 5° off), `scale` (the natural residual
+    flags : `direction` (accepted, but some contact slips or rolls more than 5° off), `scale` (the natural residual
     passes and the energy norm does not), `stationary`, `absolute`, ...
     """
 
@@ -79,7 +79,7 @@ def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = 
     natural, energy = residuals.judged.get("natural", 0.0), residuals.judged.get("energy", 0.0)
     if natural <= tolerance < energy:
         flags.append("scale")
-    if solved and residuals.parts.get("slip_angle [deg]", 0.0) > DIRECTION_DEGREES:
+    if solved and any(residuals.parts.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
         flags.append("direction")
     return Verdict(tolerance, solved, error, residuals.judged, residuals.parts, tuple(flags))
 

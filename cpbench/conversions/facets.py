@@ -18,7 +18,8 @@ import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.formulations.base import Trace
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Dense, Matrix, Sparse, Vector
 

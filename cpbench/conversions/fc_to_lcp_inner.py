@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from cpbench.conversions import facets as polygon
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Dense
 

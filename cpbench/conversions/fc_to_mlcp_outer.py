@@ -17,7 +17,8 @@ import numpy as np
 from cpbench.conversions import facets as polygon
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Dense
 

@@ -14,8 +14,10 @@ from cpbench import matrices
 from cpbench.conversions import elimination
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.fc import FCPoint, FrictionContact
-from cpbench.formulations.gfc import GFCPoint, GlobalFrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GFCPoint
 from cpbench.matrices import Matrix
 
 

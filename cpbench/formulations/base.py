@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias, cast
 
 import numpy as np
 
@@ -53,14 +53,22 @@ class Kind(StrEnum):
         return self in (Kind.EQUIVALENT, Kind.ONE_WAY)
 
 
-def matrix_field(rows: str, cols: str) -> Any:
-    """A matrix of the problem; the symbols are its dimensions, shared with the other fields."""
-    return field(metadata={"shape": (rows, cols)})
+def matrix_field(rows: str, cols: str, *, optional: bool = False) -> Any:
+    """A matrix of the problem; the symbols are its dimensions, shared with the other fields, or fixed numbers.
+
+    An optional one may be left out: it is zero, and a dimension that no earlier field has is 0.
+    """
+    metadata = {"shape": (rows, cols)}
+    return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
 
 
-def vector_field(size: str, *, finite: bool = True) -> Any:
-    """A vector of the problem; `finite=False` admits infinite bounds (never NaN)."""
-    return field(metadata={"shape": (size,), "finite": finite})
+def vector_field(size: str, *, finite: bool = True, fill: float | None = None) -> Any:
+    """A vector of the problem; `finite=False` admits infinite bounds (never NaN).
+
+    One with a `fill` may be left out: all its numbers are `fill`, as many as earlier fields say, or none.
+    """
+    metadata = {"shape": (size,), "finite": finite, "fill": fill}
+    return field(metadata=metadata) if fill is None else field(default=None, metadata=metadata)
 
 
 @dataclass(frozen=True)
@@ -192,6 +200,8 @@ class Problem(ABC):
     node: ClassVar[str]
     title: ClassVar[str]
     equation: ClassVar[str]
+    relations: ClassVar[tuple[str, ...]]
+    """The problem in formulas, one relation a line."""
     point_type: ClassVar[type[Point]]
 
     name: str = ""
@@ -205,22 +215,37 @@ class Problem(ABC):
             label = f"{self.node}.{f.name}"
             shape = f.metadata["shape"]
             value = getattr(self, f.name)
+            if value is None:
+                value = self._left_out(f, sizes)
             if len(shape) == 2:
                 value = matrices.matrix(value, label)
             else:
-                value = matrices.vector(value, label, finite=f.metadata["finite"])
+                value = matrices.vector(cast(Any, value), label, finite=f.metadata["finite"])
                 if np.isnan(value).any():
                     raise ProblemError(label, f"is NaN at {int(np.flatnonzero(np.isnan(value))[0])}")
             for symbol, size in zip(shape, value.shape, strict=True):
-                if sizes.setdefault(symbol, size) != size:
+                if symbol.isdigit():
+                    if size != int(symbol):
+                        raise ProblemError(label, f"has shape {value.shape}, expected {' x '.join(shape)}")
+                elif sizes.setdefault(symbol, size) != size:
                     raise ProblemError(
                         label,
                         f"has shape {value.shape}, but {symbol} = {sizes[symbol]} from {origin[symbol]}",
                     )
-                origin.setdefault(symbol, f"{self.node}.{f.name}")
+                origin.setdefault(symbol, label)
             object.__setattr__(self, f.name, value)
         object.__setattr__(self, "_sizes", sizes)
         self.check()
+
+    def _left_out(self, f: dataclasses.Field[Any], sizes: Mapping[str, int]) -> Matrix | Vector:
+        """What an optional field is when it is not given."""
+        shape = tuple(sizes.get(symbol, 0) for symbol in f.metadata["shape"])
+        if len(shape) == 1:
+            if f.metadata["fill"] is None:
+                raise ProblemError(f"{self.node}.{f.name}", "is missing")
+            return np.full(shape, f.metadata["fill"])
+        first = next(getattr(self, g.name) for g in self._data_fields() if len(g.metadata["shape"]) == 2)
+        return matrices.zeros(shape[0], shape[1], first)
 
     def check(self) -> None:
         """Conditions beyond shapes; raises ProblemError."""

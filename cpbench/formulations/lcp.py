@@ -41,6 +41,7 @@ class LCP(Problem):
     node: ClassVar[str] = "lcp"
     title: ClassVar[str] = "linear complementarity problem"
     equation: ClassVar[str] = "(13)"
+    relations: ClassVar[tuple[str, ...]] = ("0 ≤ z ⟂ w = Mz + q ≥ 0",)
     point_type: ClassVar[type[Point]] = LCPPoint
 
     M: Matrix = matrix_field("n", "n")
@@ -77,7 +78,9 @@ class LCP(Problem):
             return Residuals(
                 judged={
                     "natural": scaled(natural, norm(self.q)),
-                    "unit_free": unit_free_complementarity(
+                    "unit_free": natural
+                    if not self.q.any()
+                    else unit_free_complementarity(
                         z, w, max(max_abs(z), self.z_unit), max(max_abs(self.q), max_abs(Mz))
                     ),
                 },

@@ -42,6 +42,7 @@ class MLCP(Problem):
     node: ClassVar[str] = "mlcp"
     title: ClassVar[str] = "mixed linear complementarity problem"
     equation: ClassVar[str] = "(14)"
+    relations: ClassVar[tuple[str, ...]] = ("Au + Cv + a = 0", "0 ≤ v ⟂ w = Du + Bv + b ≥ 0")
     point_type: ClassVar[type[Point]] = MLCPPoint
 
     A: Matrix = matrix_field("n", "n")
@@ -57,9 +58,14 @@ class MLCP(Problem):
 
     @cached_property
     def v_unit(self) -> float:
-        """The least size of a v that can balance the data: max(‖b‖∞/max|B|, ‖a‖∞/max|C|) over nonzero B and C."""
-        pairs = ((self.b, self.B), (self.a, self.C))
-        return max((max_abs(x) / max_abs(X) for x, X in pairs if max_abs(X) > 0), default=max_abs(self.b))
+        """The least size of a v that can balance b, ‖b‖∞/max|B|; without b or B, the same for a and C.
+
+        Not the larger of both: with a large a and a weak C, v has nothing to do with a/C, and would not be measured.
+        """
+        for x, X in ((self.b, self.B), (self.a, self.C)):
+            if max_abs(x) > 0 and max_abs(X) > 0:
+                return max_abs(x) / max_abs(X)
+        return max_abs(self.b)
 
     @cached_property
     def factorization(self) -> Factorization:
@@ -82,10 +88,14 @@ class MLCP(Problem):
             return Residuals(
                 judged={
                     "natural": scaled(natural, data),
-                    "unit_free": unit_free_complementarity(
+                    "unit_free": natural
+                    if data == 0.0
+                    else unit_free_complementarity(
                         v, w, max(max_abs(v), self.v_unit), max(max_abs(self.b), max_abs(Du), max_abs(Bv))
                     ),
-                    "equality": scaled(norm(equality), norm(self.a), norm(Au), norm(Cv)),
+                    "equality": norm(equality)
+                    if data == 0.0
+                    else scaled(norm(equality), norm(self.a), norm(Au), norm(Cv)),
                 },
                 parts={
                     "natural_absolute": natural,

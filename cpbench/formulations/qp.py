@@ -18,6 +18,7 @@ from cpbench.formulations.base import (
     matrix_field,
     vector_field,
 )
+from cpbench.formulations.box import check_bounds
 from cpbench.matrices import Matrix, Vector, max_abs
 
 
@@ -45,6 +46,7 @@ class QP(Problem):
     node: ClassVar[str] = "qp"
     title: ClassVar[str] = "quadratic program"
     equation: ClassVar[str] = "(1)"
+    relations: ClassVar[tuple[str, ...]] = ("min ½zᵀQz + pᵀz", "Az ≥ b", "Cz = d", "lb ≤ z ≤ ub")
     point_type: ClassVar[type[Point]] = QPPoint
 
     Q: Matrix = matrix_field("n", "n")
@@ -87,13 +89,7 @@ class QP(Problem):
     def check(self) -> None:
         if not matrices.is_symmetric(self.Q, 1e-9):
             raise ProblemError("qp.Q", f"is not symmetric: max|Q-Qᵀ|/max|Q| = {matrices.asymmetry(self.Q):.1e}")
-        crossed = np.flatnonzero(self.lb > self.ub)
-        if crossed.size:
-            i = int(crossed[0])
-            raise ProblemError("qp.lb", f"exceeds ub at {i}: {self.lb[i]:g} > {self.ub[i]:g}")
-        for name, bad in (("lb", self.lb == np.inf), ("ub", self.ub == -np.inf)):
-            if bad.any():
-                raise ProblemError(f"qp.{name}", f"is infinite on the wrong side at {int(np.flatnonzero(bad)[0])}")
+        check_bounds(self.node, self.lb, self.ub)
 
     @property
     def point_sizes(self) -> dict[str, int]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.gfc import GFCPoint, GlobalFrictionContact
+from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GFCPoint
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.contact_planted import MU, contact_states
 from cpbench.matrices import Dense

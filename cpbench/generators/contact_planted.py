@@ -13,7 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.matrices import Dense, Matrix, Vector
 

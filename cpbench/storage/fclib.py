@@ -63,11 +63,13 @@ def write(parent: h5py.Group, problem: FrictionContact | GlobalFrictionContact, 
     local = isinstance(problem, FrictionContact)
     group = parent.create_group(LOCAL if local else GLOBAL)
     put_integer(group, "spacedim", problem.dimension)
-    for name, value in problem.data().items():
+    data = {name: value for name, value in problem.data().items() if name != "G" or value.shape[1]}
+    data = {name: value for name, value in data.items() if name != "b" or value.size}
+    for name, value in data.items():
         if value.ndim == 2:
             write_sparse(group, name, value, compress=compress, triplet=not local, int32=True)
     vectors = group.create_group("vectors")
-    for name, value in problem.data().items():
+    for name, value in data.items():
         if value.ndim == 1:
             put_array(vectors, name, matrices.dense(value), compress=compress)
     info = problem.info

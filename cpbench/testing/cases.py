@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
-from cpbench.testing import corners, planted
+from cpbench.testing import cases_conic, cases_contact, corners, planted, planted_conic, planted_contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,10 @@ class Case:
 @cache
 def cases(node: str) -> list[Case]:
     """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, zero rows, units of 1e±8."""
-    made = {**_MAKERS[node](), **corners.MAKERS[node]()}
+    made: dict[str, tuple[Problem, Any]] = {}
+    for makers in (_MAKERS, cases_contact.MAKERS, cases_conic.MAKERS, corners.MAKERS):
+        if node in makers:
+            made |= makers[node]()
     return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in made.items()]
 
 
@@ -54,7 +57,25 @@ def draw(node: str, seed: int, size: int) -> Case:
         "mlcp": lambda: planted.mlcp(rng, size, int(rng.integers(0, size + 1)), kind, sparse=sparse),
         "qp": lambda: planted.qp(rng, size, int(rng.integers(0, 4)), min(size, int(rng.integers(0, 3))), sparse=sparse),
         "fc": lambda: planted.fc(rng, size, int(rng.integers(2, 4)), kind, sparse=sparse),
-        "gfc": lambda: planted.gfc(rng, size + 1, size, int(rng.integers(2, 4)), sparse=sparse),
+        "gfc": lambda: planted_contact.gfc(
+            rng, size + 1, size, int(rng.integers(0, 3)), int(rng.integers(2, 4)), sparse=sparse
+        ),
+        "fcm": lambda: planted_contact.fcm(
+            rng, size, int(rng.integers(0, 3)), int(rng.integers(2, 4)), kind, sparse=sparse
+        ),
+        "rfc": lambda: planted_contact.rfc(rng, size, int(rng.choice([3, 5])), kind, sparse=sparse),
+        "grfc": lambda: planted_contact.grfc(
+            rng, size + 1, size, int(rng.integers(0, 3)), int(rng.choice([3, 5])), sparse=sparse
+        ),
+        "afc": lambda: planted_contact.afc(rng, size, kind, sparse=sparse),
+        "relay": lambda: planted_conic.relay(rng, size, kind, sparse=sparse),
+        "avi": lambda: planted_conic.avi(
+            rng, size, int(rng.integers(0, 4)), min(size, int(rng.integers(0, 3))), kind, sparse=sparse
+        ),
+        "soclcp": lambda: planted_conic.soclcp(rng, None, kind, sparse=sparse),
+        "coneqp": lambda: planted_conic.coneqp(
+            rng, size, None, "positive definite" if kind in ("monotone", "any") else kind, sparse=sparse
+        ),
     }[node]()
     return Case(f"{kind}-{size}-{seed}", problem, point)
 
@@ -64,7 +85,13 @@ _SYMBOLS: dict[str, dict[str, tuple[str, ...]]] = {
     "mlcp": {"n": ("u",), "m": ("v",)},
     "qp": {"n": ("z", "nu"), "m": ("lam",), "k": ("mu",)},
     "fc": {"m": ("r",), "nc": ()},
-    "gfc": {"n": ("v",), "m": ("r",), "nc": ()},
+    "gfc": {"n": ("v",), "m": ("r",), "nc": (), "p": ("lam",)},
+    "fcm": {"m": ("r",), "nc": (), "p": ("lam",)},
+    "rfc": {"m": ("r",), "nc": ()},
+    "grfc": {"n": ("v",), "m": ("r",), "nc": (), "p": ("lam",)},
+    "afc": {"m": ("r",), "nc": ()},
+    "relay": {"n": ("z",)},
+    "avi": {"n": ("z",), "m": ("lam",), "k": ("mu",)},
 }
 """Dimensions of a node whose order has no meaning, with the parts of a point that they count."""
 
@@ -82,7 +109,7 @@ def renumbered(case: Case, seed: int) -> Case | None:
     data: dict[str, Any] = {}
     for field in dataclasses.fields(case.problem):
         if "shape" in field.metadata:
-            rows, *columns = (order[symbol] for symbol in field.metadata["shape"])
+            rows, *columns = (order.get(symbol, slice(None)) for symbol in field.metadata["shape"])
             value = getattr(case.problem, field.name)[rows]
             data[field.name] = value[:, columns[0]] if columns else value
     parts = {name: getattr(case.point, name)[order[symbol]] for symbol, names in symbols.items() for name in names}
@@ -164,6 +191,7 @@ def _gfc() -> dict[str, tuple[Problem, Any]]:
         "nonsymmetric-3d": planted.gfc(_rng(2), 3, 4, 3, symmetric=False),
         "plane-2d": planted.gfc(_rng(3), 2, 3, 2),
         "no-contact": planted.gfc(_rng(4), 2, 0, 3),
+        **cases_contact.gfc_with_joints(),
     }
 
 

@@ -88,7 +88,10 @@ def check_fingerprint_is_of_the_content(node: type[Problem], cases: list[Case]) 
             assert twin.fingerprint == problem.fingerprint, f"{case.name}: depends on the storage"
         for name, value in problem.data().items():
             if value.ndim == 1 and value.size and np.isfinite(value).all():
-                other = dataclasses.replace(problem, **{name: value + (0.5 if name != "lb" else -0.5)})
+                try:
+                    other = dataclasses.replace(problem, **{name: value + (0.5 if name != "lb" else -0.5)})
+                except ProblemError:  # kinds and sizes of cones are not any numbers
+                    continue
                 assert other.fingerprint != problem.fingerprint, f"{case.name}: does not depend on {name}"
 
 

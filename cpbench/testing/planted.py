@@ -149,15 +149,20 @@ def fc(
     directions: np.ndarray | None = None,
 ) -> tuple[FrictionContact, FCPoint]:
     W = square(rng, nc * d, kind)
-    mu = np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0.1, 1.0, nc))
+    mu = friction(rng, nc)
     r, u = contact_state(rng, nc, d, mu, directions=directions)
     return FrictionContact(W=stored(W, sparse), q=u - W @ r, mu=mu, dimension=d), FCPoint(r=r)
 
 
-def gfc(
-    rng: np.random.Generator, bodies: int, nc: int, d: int, *, symmetric: bool = True, sparse: bool = False
-) -> tuple[GlobalFrictionContact, GFCPoint]:
-    """Rigid bodies of six unknowns each; every contact touches one or two of them."""
+def friction(rng: np.random.Generator, nc: int) -> np.ndarray:
+    """Coefficients, one in five 0."""
+    return np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0.1, 1.0, nc))
+
+
+def bodies_and_contacts(
+    rng: np.random.Generator, bodies: int, nc: int, d: int, symmetric: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mass matrix of rigid bodies of six unknowns each, and H of contacts that touch one or two of them."""
     n = 6 * bodies
     M = np.zeros((n, n))
     for b in range(bodies):
@@ -169,6 +174,15 @@ def gfc(
     for c in range(nc):
         for b in rng.choice(bodies, size=min(bodies, 2), replace=False):
             H[6 * b : 6 * b + 6, d * c : d * c + d] = rng.standard_normal((6, d))
+    return M, H
+
+
+def gfc(
+    rng: np.random.Generator, bodies: int, nc: int, d: int, *, symmetric: bool = True, sparse: bool = False
+) -> tuple[GlobalFrictionContact, GFCPoint]:
+    """Rigid bodies of six unknowns each; every contact touches one or two of them."""
+    n = 6 * bodies
+    M, H = bodies_and_contacts(rng, bodies, nc, d, symmetric)
     mu = rng.uniform(0.0, 1.0, nc)
     r, u = contact_state(rng, nc, d, mu)
     v = rng.standard_normal(n)

@@ -7,7 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench import cones
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 

@@ -23,7 +23,8 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.formulations.base import Kind
-from cpbench.formulations.fc import FCPoint, FrictionContact
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers.base import (
     Budget,
     Claim,

@@ -1,0 +1,116 @@
+"""Quadratic program over a product of cones: min ½xᵀQx + pᵀx subject to Ax + b ∈ K."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.errors import ProblemError
+from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
+from cpbench.formulations.conic import ConicProblem, cone_fields, cone_residuals
+from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.product_cones import ProductCone
+
+
+@dataclass(frozen=True, eq=False)
+class ConeQPPoint(Point):
+    """x, shape (n,), and the multiplier y of Ax + b ∈ K, shape (m,)."""
+
+    x: Vector
+    y: Vector
+
+
+@formulations.register("coneqp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConeQP(ConicProblem):
+    """min ½xᵀQx + pᵀx subject to s = Ax + b ∈ K, Q symmetric; Qx + p = Aᵀy, K ∋ s ⟂ y ∈ K*.
+
+    K may have factors ℝ₊ × disk, which are convex and no cones; there the conditions are −y ∈ N_K(s), of which
+    s = P_K(s − y) is the general form. Judged: `natural` = ‖(Qx + p − Aᵀy, s − P_K(s − y))‖/‖(p, b)‖; `stationarity`
+    = ‖Qx + p − Aᵀy‖/max(‖Qx‖, ‖p‖, ‖Aᵀy‖); `unit_free`, the cone part with s and y over their own sizes. When Q
+    is not positive semidefinite, the flag `stationary` says that these conditions are not sufficient.
+    """
+
+    node: ClassVar[str] = "coneqp"
+    title: ClassVar[str] = "cone quadratic program"
+    equation: ClassVar[str] = "(1) over a cone"
+    relations: ClassVar[tuple[str, ...]] = ("min ½xᵀQx + pᵀx", "Ax + b ∈ K")
+    point_type: ClassVar[type[Point]] = ConeQPPoint
+    cone_rows: ClassVar[str] = "b"
+
+    Q: Matrix = matrix_field("n", "n")
+    p: Vector = vector_field("n")
+    A: Matrix = matrix_field("m", "n")
+    b: Vector = vector_field("m", fill=0.0)
+    cone_kind: Vector = vector_field("k")
+    cone_size: Vector = vector_field("k")
+    cone_mu: Vector = vector_field("k", finite=False)
+    cone_mu_r: Vector = vector_field("k", fill=0.0)
+
+    @classmethod
+    def over(cls, Q: Matrix, p: Vector, K: ProductCone, A: Matrix | None = None, b: Vector | None = None) -> ConeQP:
+        """The program with K given as a product; A = I and b = 0 unless given."""
+        if A is None:
+            A = matrices.identity(np.size(p), Q)
+        return cls(Q=Q, p=p, A=A, b=b, **cone_fields(K))  # pyright: ignore[reportArgumentType]
+
+    def check(self) -> None:
+        super().check()
+        if not matrices.is_symmetric(self.Q, 1e-10):
+            raise ProblemError(
+                "coneqp.Q", f"is not symmetric, max|Q-Qᵀ|/max|Q| = {matrices.asymmetry(self.Q):.1e}; use soclcp"
+            )
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"x": self.p.size, "y": self.b.size}
+
+    @cached_property
+    def convex(self) -> bool:
+        """Q positive semidefinite (matrices.is_psd)."""
+        return matrices.is_psd(self.Q)
+
+    @cached_property
+    def s_unit(self) -> float:
+        """The least size of an s that can balance the data: max(‖b‖∞, max|A| ‖p‖∞/max|Q|) over nonzero Q."""
+        top = max_abs(self.Q)
+        return max(max_abs(self.b), max_abs(self.A) * max_abs(self.p) / top if top > 0 else 0.0)
+
+    def objective(self, x: Vector) -> float:
+        return float(0.5 * x @ (self.Q @ x) + self.p @ x)
+
+    def slacks(self, point: ConeQPPoint) -> dict[str, Vector]:
+        return {"s": self.A @ point.x + self.b}
+
+    def residuals(self, point: ConeQPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            x, y = point.x, point.y
+            Qx, Aty = self.Q @ x, self.A.T @ y
+            s = self.A @ x + self.b
+            stationarity = Qx + self.p - Aty
+            cone_part, unit_free = cone_residuals(self.K, s, y, self.s_unit, ())
+            natural = norm(np.array([norm(stationarity), cone_part]))
+            data = norm(np.concatenate([self.p, self.b]))
+            absolute = data == 0.0
+            return Residuals(
+                judged={
+                    "natural": scaled(natural, data),
+                    "unit_free": cone_part if absolute else unit_free,
+                    "stationarity": norm(stationarity)
+                    if absolute
+                    else scaled(norm(stationarity), norm(Qx), norm(self.p), norm(Aty)),
+                },
+                parts={
+                    "natural_absolute": natural,
+                    "stationarity_absolute": norm(stationarity),
+                    "cone_violation": norm(s - self.K.project(s)),
+                    "complementarity": abs(float(s @ y)),
+                    "objective": self.objective(x),
+                },
+                flags=(("absolute",) if absolute else ()) + (() if self.convex else ("stationary",)),
+            )

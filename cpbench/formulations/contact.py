@@ -1,0 +1,220 @@
+"""What the contact nodes share: their law, the conditions on their data, and how their answers are measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.cones import Coulomb, Law, RollingCoulomb
+from cpbench.errors import ProblemError
+from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, scaled
+from cpbench.matrices import Dense, Matrix, Vector, norm
+
+
+@dataclass(frozen=True, eq=False)
+class FCPoint(Point):
+    """r, shape (nc·d,): reactions (impulses), normal first in every contact."""
+
+    r: Vector
+
+
+class _HasFriction:
+    """`mu` is declared by the nodes, in the order of their data; a dataclass would put it first."""
+
+    mu: Any
+
+
+class _HasDelassus:
+    W: Matrix
+    q: Vector
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactProblem(_HasFriction, Problem):
+    """nc contacts of `dimension` rows each, consecutive and normal first.
+
+    Rows are (N, T) or (N, T1, T2) for dimension 2 or 3; with rolling friction (N, T, M) or (N, T1, T2, M1, M2)
+    for dimension 3 or 5, where M are moments of the reaction and angular velocities ω.
+    """
+
+    dimensions: ClassVar[tuple[int, ...]] = (2, 3)
+    rows_of: ClassVar[str]
+    """Name of the vector with one number a contact row (q or w)."""
+
+    dimension: int = 3
+    sequence: Sequence | None = None
+    contacts: Contacts | None = None
+
+    def check(self) -> None:
+        d, rows, nc = self.dimension, getattr(self, self.rows_of).size, self.nc
+        if d not in self.dimensions:
+            allowed = " or ".join(map(str, self.dimensions))
+            raise ProblemError(f"{self.node}.dimension", f"is {d}, must be {allowed}")
+        if rows != d * nc:
+            raise ProblemError(
+                f"{self.node}.{self.rows_of}", f"has {rows} rows, expected {d} for each of the {nc} contacts in mu"
+            )
+        for name in ("mu", "mu_r"):
+            value = matrices.dense(getattr(self, name, np.zeros(0)))
+            if (value < 0).any():
+                i = int(np.flatnonzero((value < 0).reshape(nc, -1).any(axis=1))[0])
+                raise ProblemError(f"{self.node}.{name}", f"is negative at contact {i}: {np.min(value[i]):g}")
+        if self.contacts is not None and len(self.contacts.id) != nc:
+            raise ProblemError(f"{self.node}.contacts", f"describe {len(self.contacts.id)} contacts, mu has {nc}")
+
+    @property
+    def nc(self) -> int:
+        return int(self.mu.shape[0])
+
+    @property
+    def law(self) -> Law:
+        """Coulomb's, or with rolling friction."""
+        mu_r = getattr(self, "mu_r", None)
+        return Coulomb(self.mu) if mu_r is None else RollingCoulomb(self.mu, mu_r)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DelassusContact(_HasDelassus, ContactProblem):
+    """Contact with the Delassus operator W from reactions to velocities."""
+
+    rows_of: ClassVar[str] = "q"
+
+    @cached_property
+    def diagonal_blocks(self) -> Dense:
+        """W_cc, shape (nc, d, d), read-only."""
+        return matrices.freeze(diagonal_blocks(self.W, self.dimension))
+
+    @cached_property
+    def rho(self) -> Vector:
+        """ρ_c = d / tr W_cc, 1 where the trace is not positive."""
+        return natural_rho(np.einsum("cii->c", self.diagonal_blocks), self.dimension)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LocalContact(DelassusContact):
+    """Contact in terms of reactions alone: u = Wr + q."""
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"r": self.q.size}
+
+    def slacks(self, point: FCPoint) -> dict[str, Vector]:
+        return {"u": self.W @ point.r + self.q}
+
+    def residuals(self, point: FCPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            u = self.W @ point.r + self.q
+            judged, parts, flags = contact_residuals(
+                point.r, u, self.q, self.law, self.rho, tolerance, absolute=not self.q.any()
+            )
+            return Residuals(judged, parts, flags)
+
+
+def diagonal_blocks(W: Matrix, d: int) -> Dense:
+    """The d×d diagonal blocks of a square matrix, shape (nc, d, d)."""
+    nc = W.shape[0] // d
+    if not sp.issparse(W):
+        c = np.arange(nc)
+        return np.ascontiguousarray(np.asarray(W).reshape(nc, d, nc, d)[c, :, c, :])
+    coo = sp.coo_array(W)
+    inside = coo.row // d == coo.col // d
+    blocks = np.zeros((nc, d, d))
+    row, col = coo.row[inside], coo.col[inside]
+    np.add.at(blocks, (row // d, row % d, col % d), coo.data[inside])
+    return blocks
+
+
+def natural_rho(trace: Vector, d: int) -> Vector:
+    """ρ_c = d / trace, 1 where the trace is not positive."""
+    positive = trace > 0
+    return matrices.freeze(np.where(positive, d / np.where(positive, trace, 1.0), 1.0))
+
+
+def contact_residuals(
+    r: Vector, u: Vector, q: Vector, law: Law, rho: Vector, tolerance: float, *, absolute: bool
+) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
+    """Judged numbers, readable parts and flags of reactions r with velocities u (recomputed by the caller).
+
+    Judged: `natural` = ‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖), Siconos' fc3d_compute_error; the energy norm
+    `energy` = √Σ‖Δ_c‖²/ρ_c / max(√Σ‖r_c‖²/ρ_c, √Σρ_c‖u_c‖², √Σρ_c‖q_c‖²), Δ_c = r_c − P(r_c − ρ_c û_c), which
+    does not change with the units of r and u; and `opening` = Σρ_c dist(û_c, K*)² / max(Σρ_c‖u_c‖², Σρ_c‖q_c‖²),
+    the energy in velocities that no contact may have over that in all velocities. The first two have ‖r‖ in their
+    scale, so that reactions that grow without bound would pass on a problem without solution; the third has not.
+    All are absolute (unscaled) where the caller says so: q = 0.
+
+    The slip angle ∠(−u_T, r_T) is taken over contacts that push (r_N > 0), rub (μ > 0, r_T ≠ 0) and slide: ρ_c‖u_T‖
+    above tolerance·‖r_c‖, and √ρ_c‖u_T‖ above tolerance times the scale of `energy`, below which an answer within
+    the tolerance may have any velocity. Rolling angles ∠(−ω, m) in the same way.
+    """
+    nc = rho.size
+    if nc == 0:
+        return {"natural": 0.0, "energy": 0.0, "opening": 0.0}, {}, ("no contact",)
+    R, U, Q = r.reshape(nc, -1), u.reshape(nc, -1), q.reshape(nc, -1)
+    hat = law.shift(U)
+    defect = R - law.project(R - hat)
+    delta = R - law.project(R - rho[:, None] * hat)
+    cone_violation = R - law.project(R)
+    dual_violation = law.project(-hat)  # û − P_{K*}(û) = −P_K(−û), Moreau
+    row = _row_norms
+    r_c, u_c, q_c, delta_c = row(R), row(U), row(Q), row(delta)
+    natural = norm(defect.ravel())
+    root = np.sqrt(rho)
+    energy = norm(delta_c / root)
+    opening = norm(root * row(dual_violation))
+    per_contact_scale = np.maximum(np.maximum(r_c, rho * u_c), rho * q_c)
+    per_contact = np.divide(delta_c, per_contact_scale, out=delta_c.copy(), where=per_contact_scale > 0)
+    velocity_scale = max(norm(root * u_c), norm(root * q_c))
+    energy_scale = max(norm(r_c / root), velocity_scale)
+    judged = {
+        "natural": natural if absolute else scaled(natural, norm(q), norm(r), norm(u)),
+        "energy": energy if absolute else scaled(energy, energy_scale),
+        "opening": (opening if absolute else scaled(opening, velocity_scale)) ** 2,
+    }
+    noise = tolerance * np.maximum(r_c / rho, energy_scale / root)
+    work = float(np.einsum("ci,ci->", R, hat))
+    parts = {
+        "per_contact": float(per_contact.max()),
+        "natural_absolute": natural,
+        "fclib2018": scaled(natural, norm(q)),
+        "cone_violation [N s]": norm(row(cone_violation)),
+        "dual_violation [m/s]": norm(row(dual_violation)),
+        "work [J]": abs(work),
+        "penetration_velocity [m/s]": float(max(0.0, -U[:, 0].min())),
+        "work_cosine": scaled(abs(work), norm(r) * norm(hat.ravel())),
+        **_angles(R, U, law, noise),
+    }
+    return judged, parts, ("absolute",) if absolute else ()
+
+
+def _angles(R: Dense, U: Dense, law: Law, noise: Vector) -> dict[str, float]:
+    """Largest and r_N-weighted mean angle between what moves and what resists, sliding and rolling."""
+    mu_r = getattr(law, "mu_r", None)
+    last = R.shape[1] if mu_r is None else 1 + (R.shape[1] - 1) // 2
+    kinds = {"slip": (slice(1, last), getattr(law, "mu", np.ones(len(R))))}
+    if mu_r is not None:
+        kinds["rolling"] = (slice(last, None), mu_r)
+    parts: dict[str, float] = {}
+    for name, (columns, coefficient) in kinds.items():
+        angles, weights = opposition(R[:, 0], R[:, columns], U[:, columns], coefficient, noise)
+        parts[f"{name}_angle [deg]"] = float(angles.max(initial=0.0))
+        parts[f"mean_{name}_angle [deg]"] = float(np.average(angles, weights=weights)) if angles.size else 0.0
+    return parts
+
+
+def opposition(normal: Vector, rt: Dense, ut: Dense, mu: Vector, noise: Vector) -> tuple[Vector, Vector]:
+    """∠(−u_T, r_T) in degrees and r_N of the contacts that push, rub, and slide faster than `noise`."""
+    sliding = (normal > 0) & (mu > 0) & (_row_norms(rt) > 0) & (_row_norms(ut) > noise)
+    rt, ut = rt[sliding], ut[sliding]
+    opposite = -np.einsum("ci,ci->c", rt, ut)
+    across = rt[:, 0] * ut[:, 1] - rt[:, 1] * ut[:, 0] if rt.shape[1] == 2 else np.zeros_like(opposite)
+    return np.degrees(np.arctan2(np.abs(across), opposite)), normal[sliding]
+
+
+def _row_norms(X: Dense) -> Vector:
+    return np.sqrt(np.einsum("ij,ij->i", X, X))

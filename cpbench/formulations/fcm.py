@@ -1,0 +1,83 @@
+"""Frictional contact in local mixed form (FCLIB local with V, R, s): bilateral constraints stay unknown beside r."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
+from cpbench.formulations.contact import DelassusContact, contact_residuals
+from cpbench.matrices import Factorization, Matrix, Vector, norm
+
+
+@dataclass(frozen=True, eq=False)
+class FCMPoint(Point):
+    """r, shape (nc·d,): reactions of the contacts; lam, shape (p,): reactions λ of the bilateral constraints."""
+
+    r: Vector
+    lam: Vector
+
+
+@formulations.register("fcm")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MixedFrictionContact(DelassusContact):
+    """u = Wr + Vλ + q, Vᵀr + Rλ + s = 0, K*_μ ∋ û ⟂ r ∈ K_μ at every contact.
+
+    Judged: the contact errors with u recomputed, and `constraint` = ‖Vᵀr + Rλ + s‖/max(‖Vᵀr‖, ‖Rλ‖, ‖s‖).
+    Absolute when q and s are 0.
+    """
+
+    node: ClassVar[str] = "fcm"
+    title: ClassVar[str] = "frictional contact, local mixed"
+    equation: ClassVar[str] = "P_L, mixed"
+    relations: ClassVar[tuple[str, ...]] = (
+        "u = Wr + Vλ + q",
+        "Vᵀr + Rλ + s = 0",
+        "û = u + μ‖u_T‖e_N",
+        "K*_μ ∋ û ⟂ r ∈ K_μ",
+    )
+    point_type: ClassVar[type[Point]] = FCMPoint
+
+    W: Matrix = matrix_field("m", "m")
+    V: Matrix = matrix_field("m", "p")
+    R: Matrix = matrix_field("p", "p")
+    q: Vector = vector_field("m")
+    s: Vector = vector_field("p")
+    mu: Vector = vector_field("nc")
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"r": self.q.size, "lam": self.s.size}
+
+    @cached_property
+    def factorization(self) -> Factorization:
+        """LU of R."""
+        return Factorization(self.R)
+
+    @cached_property
+    def free_velocity(self) -> Vector:
+        """q − VR⁻¹s, the velocities for r = 0: the scale of the contact errors (q alone where R is singular)."""
+        if self.factorization.singular:
+            return self.q
+        return matrices.freeze(self.q - self.V @ self.factorization.solve(self.s))
+
+    def slacks(self, point: FCMPoint) -> dict[str, Vector]:
+        return {"u": self.W @ point.r + self.V @ point.lam + self.q}
+
+    def residuals(self, point: FCMPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            Vr, Rl = self.V.T @ point.r, self.R @ point.lam
+            u = self.W @ point.r + self.V @ point.lam + self.q
+            constraint = norm(Vr + Rl + self.s)
+            absolute = not (self.q.any() or self.s.any())
+            judged, parts, flags = contact_residuals(
+                point.r, u, self.free_velocity, self.law, self.rho, tolerance, absolute=absolute
+            )
+            judged["constraint"] = constraint if absolute else scaled(constraint, *map(norm, (Vr, Rl, self.s)))
+            parts["constraint_absolute [m/s]"] = constraint
+            return Residuals(judged, parts, flags)

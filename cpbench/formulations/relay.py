@@ -1,0 +1,74 @@
+"""Relay problem: an affine variational inequality over a finite box, −(Mz + q) ∈ N_[lb,ub](z)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.cones import project_box
+from cpbench.formulations.base import Point, Problem, Residuals, formulations, matrix_field, vector_field
+from cpbench.formulations.box import box_residuals, check_bounds
+from cpbench.formulations.lcp import LCPPoint
+from cpbench.matrices import Matrix, Vector, max_abs, norm
+
+
+@formulations.register("relay")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Relay(Problem):
+    """w = Mz + q, lb ≤ z ≤ ub finite: w ≥ 0 where z = lb, w ≤ 0 where z = ub, w = 0 between, any w where lb = ub.
+
+    Judged: `natural` = ‖z − P_[lb,ub](z − w)‖/(1 + ‖q‖), and `unit_free`, the same with z and w over their own sizes.
+    """
+
+    node: ClassVar[str] = "relay"
+    title: ClassVar[str] = "relay problem"
+    equation: ClassVar[str] = "(22), affine over a box"
+    relations: ClassVar[tuple[str, ...]] = ("w = Mz + q", "lb ≤ z ≤ ub", "−w ∈ N_[lb,ub](z)")
+    point_type: ClassVar[type[Point]] = LCPPoint
+
+    M: Matrix = matrix_field("n", "n")
+    q: Vector = vector_field("n")
+    lb: Vector = vector_field("n")
+    ub: Vector = vector_field("n")
+
+    def check(self) -> None:
+        check_bounds(self.node, self.lb, self.ub)
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"z": self.q.size}
+
+    @cached_property
+    def symmetric(self) -> bool:
+        return matrices.is_symmetric(self.M)
+
+    @cached_property
+    def monotone(self) -> bool:
+        """M + Mᵀ positive semidefinite."""
+        return matrices.is_psd(self.M)
+
+    def slacks(self, point: LCPPoint) -> dict[str, Vector]:
+        return {"w": self.M @ point.z + self.q}
+
+    def residuals(self, point: LCPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            z, Mz = point.z, self.M @ point.z
+            w = Mz + self.q
+            natural = norm(z - project_box(z - w, self.lb, self.ub))
+            z_scale = max(map(max_abs, (z, self.lb, self.ub)))
+            w_scale = max(max_abs(self.q), max_abs(Mz))
+            return Residuals(
+                judged={
+                    "natural": natural / (1.0 + norm(self.q)),
+                    "unit_free": box_residuals(z, w, self.lb, self.ub, z_scale, w_scale),
+                },
+                parts={
+                    "natural_absolute": natural,
+                    "infeasibility": norm(z - project_box(z, self.lb, self.ub)),
+                },
+            )
