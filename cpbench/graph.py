@@ -1,51 +1,34 @@
-"""Routes between formulations: cheapest first, ties by name. Knows no mathematics.
+"""Problems on their way between formulations: routes, dead ends, lifting. Knows no mathematics.
 
-Nodes are formulations, edges are conversions. Which edges a problem can take is only known while converting
-it, so a search walks candidate paths in order of cost and applies them step by step until one arrives; dead
-ends are kept, with their obstacles, for `explain`.
+Nodes are formulations, edges are conversions. Which edges a problem can take is only known while converting it, so a
+search converts prefixes of paths as `routes.best_first` grows them: each once, from what its parent became, and not
+at all when something cheaper arrives. An edge that refuses ends everything behind it; it is kept, with its obstacle,
+for `explain`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from itertools import islice
+from typing import Any, TypeAlias
 
-from cpbench.conversions.base import Conversion, conversions, lift_step, make
+from cpbench.conversions.base import Conversion, lift_step, make
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations.base import Kind, Problem, formulations
+from cpbench.routes import Prefix, Route, best_first, best_kind, edges, weakest
 
 EXACT = frozenset({Kind.EQUIVALENT, Kind.ONE_WAY})
 ALL = frozenset(Kind)
+SHOWN = 4
+"""Routes, or obstacles, that a message names."""
 
-
-@dataclass(frozen=True)
-class Route:
-    """Conversions in order of application; the empty route is the problem itself."""
-
-    steps: tuple[Conversion, ...] = ()
-
-    @property
-    def cost(self) -> float:
-        return sum(step.cost for step in self.steps)
-
-    @property
-    def label(self) -> str:
-        return " > ".join(step.label for step in self.steps) or "direct"
-
-    @property
-    def nodes(self) -> tuple[str, ...]:
-        return (self.steps[0].source, *(step.target for step in self.steps)) if self.steps else ()
-
-    @property
-    def kind(self) -> Kind:
-        """The weakest static promise along the way."""
-        return max((step.kind for step in self.steps), key=lambda k: k.rank, default=Kind.EQUIVALENT)
+Apply: TypeAlias = Callable[[Conversion, Problem], Problem]
 
 
 @dataclass(frozen=True)
 class DeadEnd:
-    """A route that stopped: after `done` steps, `edge` refused with `obstacle`."""
+    """A route that stopped: its first `done` steps were taken, its last one, `edge`, refused with `obstacle`."""
 
     route: Route
     done: int
@@ -67,39 +50,25 @@ class Arrival:
     dead_ends: tuple[DeadEnd, ...] = field(default=())
 
 
-def edges(extra: Iterable[Conversion] = ()) -> list[Conversion]:
-    """Every registered conversion with default knobs; `extra` ones replace their namesakes."""
-    by_name = {name: make(name) for name in conversions.names()}
-    by_name |= {edge.name: edge for edge in extra}
-    return [by_name[name] for name in sorted(by_name)]
+@dataclass(frozen=True)
+class _State:
+    """What a prefix made of the problem, and the weakest promise on the way."""
+
+    problem: Problem
+    kind: Kind
 
 
 def candidates(source: str, target: str, kinds: frozenset[Kind] = EXACT, via: Sequence[Conversion] = ()) -> list[Route]:
     """Paths from node to node that pass no node twice, cheapest first, ties by label.
 
     An edge is considered when one of `kinds` could be its promise; with `via`, a path must contain those
-    conversions, which are allowed whatever their kind.
+    conversions, which are allowed whatever their kind. An edge from a node to itself is taken only then, once.
     """
-    pinned = {edge.name for edge in via}
-    usable = [e for e in edges(via) if e.name in pinned or best_kind(e) in kinds]
-    found: list[Route] = []
-
-    def walk(node: str, path: tuple[Conversion, ...], seen: frozenset[str]) -> None:
-        if node == target:
-            if pinned <= {step.name for step in path}:
-                found.append(Route(path))
-            return
-        for edge in usable:
-            if edge.source == node and edge.target not in seen:
-                walk(edge.target, (*path, edge), seen | {edge.target})
-
-    walk(source, (), frozenset({source}))
-    return sorted(found, key=lambda r: (r.cost, r.label))
+    return list(_candidates(source, target, kinds, via))
 
 
-def best_kind(edge: Conversion) -> Kind:
-    """The strongest promise an edge can make on some problem."""
-    return getattr(edge, "best_kind", edge.kind)
+def _candidates(source: str, target: str, kinds: frozenset[Kind], via: Sequence[Conversion]) -> Iterator[Route]:
+    return (route for route, _ in best_first(source, target, kinds, via, True, lambda prefix: True))
 
 
 def arrive(
@@ -107,69 +76,115 @@ def arrive(
     target: str,
     kinds: frozenset[Kind] = EXACT,
     via: Sequence[Conversion] = (),
-    apply: Callable[[Conversion, Problem], Problem] = lambda edge, p: edge.step(p),
+    apply: Apply = Conversion.step,
 ) -> Arrival:
-    """Bring `problem` to `target` by the first candidate that works; raises NoRoute with every obstacle met.
+    """Bring `problem` to `target` by the first candidate that works; raises NoRoute with the obstacles met.
 
-    `apply` may be a memoising stand-in for `Conversion.step`, so that shared prefixes are converted once.
+    `apply` may be a memoising stand-in for `Conversion.step`, which outlives this search.
     """
-    arrival, dead = _try(problem, target, kinds, via, apply)
-    if arrival is None:
-        raise NoRoute(_no_route(problem, target, kinds, dead))
-    return arrival
+    dead: list[DeadEnd] = []
+    for arrival in _arrivals(problem, target, kinds, via, apply, dead, once=True):
+        return arrival
+    raise NoRoute(_no_route(problem, target, kinds, via, dead))
+
+
+def arrivals(
+    problem: Problem,
+    target: str,
+    kinds: frozenset[Kind] = EXACT,
+    via: Sequence[Conversion] = (),
+    apply: Apply = Conversion.step,
+) -> Iterator[Arrival]:
+    """Bring `problem` to `target` by every route that works, cheapest first; each knows the dead ends before it."""
+    return _arrivals(problem, target, kinds, via, apply, [], once=False)
 
 
 def explain(
-    problem: Problem, target: str, kinds: frozenset[Kind] = EXACT, via: Sequence[Conversion] = ()
+    problem: Problem,
+    target: str,
+    kinds: frozenset[Kind] = EXACT,
+    via: Sequence[Conversion] = (),
+    apply: Apply = Conversion.step,
 ) -> tuple[DeadEnd, ...]:
     """The routes that do not bring `problem` to `target`, each with its obstacle, up to the first one that does."""
-    return _try(problem, target, kinds, via, lambda edge, p: edge.step(p))[1]
+    dead: list[DeadEnd] = []
+    next(_arrivals(problem, target, kinds, via, apply, dead, once=True), None)
+    return tuple(dead)
 
 
-def _try(
+def _arrivals(
     problem: Problem,
     target: str,
     kinds: frozenset[Kind],
     via: Sequence[Conversion],
-    apply: Callable[[Conversion, Problem], Problem],
-) -> tuple[Arrival | None, tuple[DeadEnd, ...]]:
-    dead: list[DeadEnd] = []
+    apply: Apply,
+    dead: list[DeadEnd],
+    *,
+    once: bool,
+) -> Iterator[Arrival]:
+    """Routes that work; `dead` collects the refusals.
+
+    With `once`, a prefix that made the same problem as an earlier one is dropped if it has passed every node that
+    the earlier one passed: nothing is behind it that was not behind the other, for less.
+    """
     pinned = {edge.name for edge in via}
-    for route in candidates(problem.node, target, kinds, via):
-        current, worst = problem, Kind.EQUIVALENT
-        for done, edge in enumerate(route.steps):
-            why = edge.obstacle(current)
-            if why is None:  # a promise means something only where the edge applies
-                kind = edge.exactness(current)
-                worst = max(worst, kind, key=lambda k: k.rank)
-                if kind not in kinds and edge.name not in pinned:
-                    why = f"is {kind} for this problem, only {', '.join(sorted(kinds))} routes were asked for"
-            if why is None:
-                try:
-                    current = apply(edge, current)
-                    continue
-                except NotApplicable as refusal:
-                    why = refusal.obstacle
-            dead.append(DeadEnd(route, done, edge.label, why))
-            break
-        else:
-            return Arrival(current, route, worst, tuple(dead)), tuple(dead)
-    return None, tuple(dead)
+    made: dict[tuple[str, frozenset[str]], list[frozenset[str]]] = {}
+
+    def take(prefix: Prefix[_State]) -> _State | None:
+        before, edge = prefix.state, prefix.path[-1]
+        why = edge.obstacle(before.problem)
+        kind = before.kind
+        if why is None:  # a promise means something only where the edge applies
+            own = edge.exactness(before.problem)
+            kind = weakest((kind, own))
+            if own not in kinds and edge.name not in pinned:
+                why = f"is {own} for this problem, only {', '.join(sorted(kinds))} routes were asked for"
+        if why is None:
+            try:
+                after = _State(apply(edge, before.problem), kind)
+                return after if edge.target == target or not once or is_new(after, prefix) else None
+            except NotApplicable as refusal:
+                why = refusal.obstacle
+        dead.append(DeadEnd(Route(prefix.path), len(prefix.path) - 1, edge.label, why))
+        return None
+
+    def is_new(after: _State, prefix: Prefix[_State]) -> bool:
+        earlier = made.setdefault((after.problem.fingerprint, prefix.left), [])
+        if any(seen <= prefix.seen for seen in earlier):
+            return False
+        earlier.append(prefix.seen)
+        return True
+
+    start = _State(problem, Kind.EQUIVALENT)
+    for route, state in best_first(problem.node, target, kinds, via, start, take):
+        yield Arrival(state.problem, route, state.kind, tuple(dead))
 
 
-def _no_route(problem: Problem, target: str, kinds: frozenset[Kind], dead: Sequence[DeadEnd]) -> str:
-    tried = "; ".join(dict.fromkeys(f"{d.edge}: {d.obstacle}" for d in dead)) or "no conversion leads there"
-    message = f"no {'exact ' if kinds == EXACT else ''}route from {problem.node} to {target}: {tried}"
-    others = [r for r in candidates(problem.node, target, ALL) if not r.kind.exact]
-    if kinds != ALL and others:
-        shown = ", ".join(f"{r.label} ({r.kind})" for r in others[:4])
+def _no_route(
+    problem: Problem, target: str, kinds: frozenset[Kind], via: Sequence[Conversion], dead: Sequence[DeadEnd]
+) -> str:
+    met = list(dict.fromkeys(f"{d.edge}: {d.obstacle}" for d in dead))
+    tried = "; ".join(met[:SHOWN]) + (f"; and {len(met) - SHOWN} more" if len(met) > SHOWN else "")
+    nothing = (
+        f"no path takes {' and '.join(e.label for e in via)} and no node twice" if via else "no conversion leads there"
+    )
+    message = f"no {'exact ' if kinds == EXACT else ''}route from {problem.node} to {target}: {tried or nothing}"
+    inexact = (r for r in _candidates(problem.node, target, ALL, ()) if not r.kind.exact)
+    others = list(islice(inexact, SHOWN)) if kinds != ALL else []
+    if others:
+        shown = ", ".join(f"{r.label} ({r.kind})" for r in others)
         message += f". With --routes all: {shown}"
     return message
 
 
 def reachable(node: str, kinds: frozenset[Kind] = EXACT) -> list[str]:
     """Nodes that some path of edges of these kinds connects to `node`, itself included."""
-    return [target for target in formulations.names() if target == node or candidates(node, target, kinds)]
+    usable = [edge for edge in edges() if best_kind(edge) in kinds]
+    found, new = {node}, {node}
+    while new:
+        new = {edge.target for edge in usable if edge.source in new} - found
+        found |= new
+    return [name for name in formulations.names() if name in found]
 
 
 def lift(problem: Problem, point: Any, steps: int | None = None) -> Any:
@@ -180,9 +195,10 @@ def lift(problem: Problem, point: Any, steps: int | None = None) -> Any:
     return point
 
 
-def push(problem: Problem, point: Any) -> Any:
-    """Carry an answer to the source of a converted problem forward through its provenance."""
-    for step in problem.provenance:
+def push(problem: Problem, point: Any, steps: int | None = None) -> Any:
+    """Carry an answer to the source of a converted problem forward through its provenance (its last `steps`)."""
+    recorded = problem.provenance if steps is None else problem.provenance[len(problem.provenance) - steps :]
+    for step in recorded:
         point = make(step.conversion, dict(step.parameters)).push(point, step.trace)
     return point
 

@@ -89,15 +89,10 @@ class Referee:
         """Bring the problem to `node` along the request; the reply names the file that solvers load."""
         problem = self._open(address, format)
         kinds, via = parse_request(request)
-        seconds: list[float] = []
-
-        def apply(edge: Conversion, p: Problem) -> Problem:
-            converted, spent = self._convert(edge, p)
-            seconds.append(spent)
-            return converted
-
-        arrival = graph.arrive(problem, node, kinds, via, apply)
+        arrival = graph.arrive(problem, node, kinds, via, lambda edge, p: self._convert(edge, p)[0])
         steps = len(arrival.route.steps)
+        taken = zip(arrival.problem.provenance[len(problem.provenance) :], arrival.route.steps, strict=True)
+        seconds = sum(self._steps[step.source, edge.label][1] for step, edge in taken)  # not of dead ends before it
         # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
         path = self._scratch / f"problem-{os.getpid()}-{self._files}.h5"
         self._files += 1
@@ -107,7 +102,7 @@ class Referee:
             arrival.kind,
             arrival.route.label,
             steps,
-            sum(seconds[len(seconds) - steps :]),  # the steps of the route taken, not of dead ends before it
+            seconds,
             str(path),
         )
         self._prepared[f"{request['name']}>{node}"] = ready

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 
 import pytest
@@ -9,6 +10,23 @@ import pytest
 from cpbench import graph
 from cpbench.conversions.base import conversions, make
 from cpbench.formulations import formulations
+
+FIRST = frozenset(
+    {
+        "fc-lcp-2d",
+        "fc-lcp-inner",
+        "fc-lcp-outer",
+        "fc-mlcp-outer",
+        "gfc-fc",
+        "lcp-mlcp",
+        "lcp-qp",
+        "lcp-qp-nonsymmetric",
+        "mlcp-lcp-schur",
+        "mlcp-lcp-split",
+        "qp-mlcp",
+    }
+)
+"""The edges between the first five nodes. What is pinned of them holds whatever else there is."""
 
 EXACT = {
     ("fc", "lcp"): ["fc-lcp-2d"],
@@ -38,7 +56,7 @@ EXACT = {
     ("qp", "lcp"): ["qp-mlcp > mlcp-lcp-schur", "qp-mlcp > mlcp-lcp-split"],
     ("qp", "mlcp"): ["qp-mlcp"],
 }
-"""Every other ordered pair of distinct nodes has no exact route."""
+"""Every other ordered pair of the first five nodes has no exact route over those edges."""
 
 CHEAPEST_OF_ALL = {
     ("fc", "lcp"): ["fc-lcp-2d", "fc-lcp-inner", "fc-lcp-outer", "fc-mlcp-outer > mlcp-lcp-schur"],
@@ -51,7 +69,9 @@ PAIRS = [(a, b) for a in ("fc", "gfc", "lcp", "mlcp", "qp") for b in ("fc", "gfc
 
 
 def labels(source: str, target: str, kinds=graph.EXACT, via=()) -> list[str]:
-    return [route.label for route in graph.candidates(source, target, kinds, via)]
+    """Routes over the first edges alone."""
+    found = graph.candidates(source, target, kinds, via)
+    return [route.label for route in found if {step.name for step in route.steps} <= FIRST]
 
 
 @pytest.mark.parametrize(("source", "target"), PAIRS)
@@ -63,6 +83,15 @@ def test_exact_routes(source, target):
 def test_all_routes_begin_with(source, target):
     expected = CHEAPEST_OF_ALL[source, target]
     assert labels(source, target, graph.ALL)[: len(expected)] == expected
+
+
+def test_candidates_come_by_cost_then_label():
+    for source, target in itertools.product(formulations.names(), repeat=2):
+        found = graph.candidates(source, target, graph.ALL)
+        assert found == sorted(found, key=lambda route: (route.cost, route.label)), (source, target)
+        assert len({route.label for route in found}) == len(found)
+        for route in found:
+            assert len(set(route.nodes)) == len(route.nodes), route.label
 
 
 def test_the_pinned_pairs_are_all_pairs():
@@ -88,5 +117,8 @@ def test_a_pinned_conversion_is_on_every_route_with_its_knobs():
 
 
 def test_reachable():
-    assert graph.reachable("gfc") == ["fc", "gfc", "lcp", "mlcp", "qp"]
-    assert graph.reachable("qp") == ["lcp", "mlcp", "qp"]
+    assert {"fc", "gfc", "lcp", "mlcp", "qp"} <= set(graph.reachable("gfc"))
+    assert {"lcp", "mlcp", "qp"} <= set(graph.reachable("qp"))
+    for source, target in itertools.product(formulations.names(), repeat=2):
+        leads = source == target or bool(graph.candidates(source, target))
+        assert (target in graph.reachable(source)) == leads, (source, target)

@@ -1,0 +1,132 @@
+"""Paths through the graph of formulations and conversions, cheapest first, ties by label; no problem is looked at.
+
+The search grows prefixes of paths, best first: the next one is that with the least cost so far plus the least that
+any path would add from there to the target (A*). What a prefix makes of its parent is the caller's business.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from cpbench.conversions.base import Conversion, conversions, make
+from cpbench.formulations.base import Kind
+
+S = TypeVar("S")
+
+
+@dataclass(frozen=True)
+class Route:
+    """Conversions in order of application; the empty route is the problem itself."""
+
+    steps: tuple[Conversion, ...] = ()
+
+    @property
+    def cost(self) -> float:
+        return sum(step.cost for step in self.steps)
+
+    @property
+    def label(self) -> str:
+        return " > ".join(step.label for step in self.steps) or "direct"
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        return (self.steps[0].source, *(step.target for step in self.steps)) if self.steps else ()
+
+    @property
+    def kind(self) -> Kind:
+        """The weakest static promise along the way."""
+        return weakest(step.kind for step in self.steps)
+
+
+@dataclass(frozen=True, order=True)
+class Prefix(Generic[S]):
+    """A path not yet taken to its end: `state` is that of its parent, `left` the pinned conversions still to take."""
+
+    bound: float
+    label: str
+    path: tuple[Conversion, ...] = field(compare=False)
+    state: S = field(compare=False)
+    seen: frozenset[str] = field(compare=False)
+    left: frozenset[str] = field(compare=False)
+
+
+def edges(extra: Iterable[Conversion] = ()) -> list[Conversion]:
+    """Every registered conversion with default knobs; `extra` ones replace their namesakes."""
+    by_name = {name: make(name) for name in conversions.names()}
+    by_name |= {edge.name: edge for edge in extra}
+    return [by_name[name] for name in sorted(by_name)]
+
+
+def best_kind(edge: Conversion) -> Kind:
+    """The strongest promise an edge can make on some problem."""
+    return getattr(edge, "best_kind", edge.kind)
+
+
+def weakest(kinds: Iterable[Kind]) -> Kind:
+    """What a chain of promises is worth."""
+    return max(kinds, key=lambda k: k.rank, default=Kind.EQUIVALENT)
+
+
+def best_first(
+    source: str,
+    target: str,
+    kinds: frozenset[Kind],
+    via: Sequence[Conversion],
+    start: S,
+    take: Callable[[Prefix[S]], S | None],
+) -> Iterator[tuple[Route, S]]:
+    """Paths from `source` to `target` with what `take` made of them step by step; None ends a path.
+
+    They come in the order of cost and label, because a prefix comes before all that begin with it: its bound is at
+    most theirs, and its label is the beginning of theirs.
+    """
+    pinned = frozenset(edge.name for edge in via)
+    usable = [e for e in edges(via) if e.name in pinned or (best_kind(e) in kinds and e.source != e.target)]
+    ahead = _cost_ahead(target, usable, pinned)
+    if (source, pinned) not in ahead:
+        return
+    heap = [Prefix(ahead[source, pinned], "", (), start, frozenset({source}), pinned)]
+    while heap:
+        prefix = heapq.heappop(heap)
+        path, node, state = prefix.path, source, prefix.state
+        if path:
+            node, made = path[-1].target, take(prefix)
+            if made is None:
+                continue
+            state = made
+        if node == target and not prefix.left:
+            yield Route(path), state
+            continue
+        for edge in usable:
+            left = prefix.left - {edge.name}
+            again = edge.target in prefix.seen and (edge.target != node or left == prefix.left)
+            if edge.source == node and not again and (edge.target, left) in ahead:
+                longer = Route((*path, edge))
+                bound = round(longer.cost + ahead[edge.target, left], 9)  # sums in any order are the same
+                seen = prefix.seen | {edge.target}
+                heapq.heappush(heap, Prefix(bound, longer.label, longer.steps, state, seen, left))
+
+
+def _cost_ahead(
+    target: str, usable: Sequence[Conversion], pinned: frozenset[str]
+) -> dict[tuple[str, frozenset[str]], float]:
+    """Least cost of getting from a node to the target when these pinned conversions are still to be taken.
+
+    No entry where nothing leads there. Dijkstra backwards; out of the target lead only its own loops.
+    """
+    ahead: dict[tuple[str, frozenset[str]], float] = {}
+    heap: list[tuple[float, str, tuple[str, ...]]] = [(0.0, target, ())]
+    while heap:
+        cost, node, names = heapq.heappop(heap)
+        left = frozenset(names)
+        if (node, left) in ahead:
+            continue
+        ahead[node, left] = cost
+        for edge in usable:
+            if edge.target == node and edge.name not in left and (edge.source != target or node == target):
+                before = tuple(sorted(left | ({edge.name} & pinned)))
+                heapq.heappush(heap, (cost + edge.cost, edge.source, before))
+    return ahead
