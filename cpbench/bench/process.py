@@ -16,7 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ class TimedOut(Exception):
 
 
 class Died(Exception):
-    """The child ended: `signal` (a number) or `code`, and the last lines it printed."""
+    """The child ended: `signal` (a number) or `code`, and what it printed (first and last part)."""
 
     def __init__(self, code: int | None, output: str) -> None:
         self.signal = -code if code is not None and code < 0 else None
@@ -85,13 +85,20 @@ class Child:
             raise self._death() from None
 
     def receive(self, seconds: float) -> bytes:
-        """The next message; raises TimedOut after `seconds`, Died when the child has ended."""
+        """The next message; raises TimedOut after `seconds`, Died when the child has ended.
+
+        The end of the process is waited for beside the pipe, which children of its own may hold open after it.
+        """
+        sources = [self._connection, self._process.sentinel]
         try:
-            if not self._connection.poll(max(seconds, 0.0)):
-                raise TimedOut
-            return self._connection.recv_bytes()
+            ready = wait(sources, max(seconds, 0.0))
+            if ready and self._connection.poll():  # what it sent before it died still counts
+                return self._connection.recv_bytes()
         except (EOFError, ConnectionError, OSError):
             raise self._death() from None
+        if ready:
+            raise self._death()
+        raise TimedOut
 
     def output(self, characters: int = 2000) -> str:
         """The end of what the child printed since the last call; the file is emptied."""

@@ -44,11 +44,18 @@ def _children(problem):
     time.sleep(3600)
 
 
+def _orphan(problem):
+    if os.fork() == 0:
+        time.sleep(3600)
+    os._exit(3)
+
+
 _faulty("abort", lambda p: os.abort())
 _faulty("segfault", lambda p: ctypes.string_at(0))
 _faulty("exit", lambda p: sys.exit(3))
 _faulty("hang", _hang)
 _faulty("children", _children)
+_faulty("orphan", _orphan)
 _faulty("raise", lambda p: 1 / 0)
 _faulty("nan", lambda p: _claim(np.full(p.q.size, np.nan)))
 _faulty("liar", lambda p: _claim(np.zeros(p.q.size)))

@@ -25,6 +25,7 @@ EXPECTED = {
     "faulty-exit": ("crash", None),
     "faulty-hang": ("timeout", None),
     "faulty-children": ("timeout", None),
+    "faulty-orphan": ("crash", None),
     "faulty-raise": ("error", None),
     "faulty-nan": ("wrong", None),
     "faulty-liar": ("wrong", None),
