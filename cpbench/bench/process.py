@@ -13,12 +13,13 @@ import os
 import resource
 import signal
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
+
+from cpbench.bench.log import Log
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -30,6 +31,8 @@ THREAD_VARIABLES = (
     "RAYON_NUM_THREADS",
 )
 PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.worker"]
+LOOK = 0.1
+"""Seconds between two looks at the size of what a child prints."""
 _PR_SET_PDEATHSIG = 1
 
 
@@ -62,14 +65,12 @@ def context(threads: int) -> Any:
 
 
 class Child:
-    """A process running `target(connection, *args)` in its own session; what it prints goes to a log in `folder`."""
+    """A process running `target(connection, *args)` in its own session; what it prints goes to a `Log` in `folder`."""
 
     def __init__(self, ctx: Any, folder: Path, target: Callable[..., None], args: tuple[Any, ...]) -> None:
-        handle, path = tempfile.mkstemp(dir=folder, suffix=".log")
-        os.close(handle)
-        self._log = Path(path)
+        self._log = Log(folder)
         self._connection, theirs = ctx.Pipe()
-        self._process = ctx.Process(target=_enter, args=(target, theirs, str(self._log), args), daemon=True)
+        self._process = ctx.Process(target=_enter, args=(target, theirs, self._log.path, args), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -90,26 +91,24 @@ class Child:
         The end of the process is waited for beside the pipe, which children of its own may hold open after it.
         """
         sources = [self._connection, self._process.sentinel]
-        try:
-            ready = wait(sources, max(seconds, 0.0))
-            if ready and self._connection.poll():  # what it sent before it died still counts
-                return self._connection.recv_bytes()
-        except (EOFError, ConnectionError, OSError):
-            raise self._death() from None
-        if ready:
-            raise self._death()
-        raise TimedOut
+        deadline = time.monotonic() + seconds
+        while True:
+            left = max(deadline - time.monotonic(), 0.0)
+            try:
+                ready = wait(sources, min(left, LOOK))
+                if ready and self._connection.poll():  # what it sent before it died still counts
+                    return self._connection.recv_bytes()
+            except (EOFError, ConnectionError, OSError):
+                raise self._death() from None
+            self._log.trim()
+            if ready:
+                raise self._death()
+            if left == 0.0:
+                raise TimedOut
 
-    def output(self, characters: int = 2000) -> str:
-        """The end of what the child printed since the last call; the file is emptied."""
-        with contextlib.suppress(OSError):
-            with self._log.open("rb+") as log:
-                size = log.seek(0, os.SEEK_END)
-                log.seek(max(0, size - characters))
-                text = log.read().decode(errors="replace").strip()
-                log.truncate(0)
-            return text
-        return ""
+    def output(self) -> str:
+        """What the child printed since the last call, first and last part."""
+        return self._log.take()
 
     def kill(self) -> None:
         """SIGKILL to the whole process group, reaped; the log is removed."""
@@ -119,7 +118,7 @@ class Child:
             os.kill(self.pid, signal.SIGKILL)
         self._process.join(10.0)
         self._connection.close()
-        self._log.unlink(missing_ok=True)
+        self._log.close()
 
     def _death(self) -> Died:
         deadline = time.monotonic() + 5.0

@@ -184,7 +184,7 @@ class Session:
             self._drop(pair.entry.solver)
             out_of_memory = "bad_alloc" in death.output or "MemoryError" in death.output
             status = "memout" if out_of_memory else "crash"
-            message = f"{death.cause}: {death.output[-500:]}" if death.output else death.cause
+            message = f"{death.cause}: {death.output}" if death.output else death.cause
             return {**row, "status": status, "message": message, "signal": death.signal}, None
         except wire.WireError as noise:
             self._drop(pair.entry.solver)

@@ -50,8 +50,18 @@ def _orphan(problem):
     os._exit(3)
 
 
+def _flood(problem):
+    os.write(1, b"first words\n")
+    for _ in range(100):
+        os.write(1, b"noise\n" * 2**19)  # 3 MiB, 300 MiB in all
+        time.sleep(0.01)
+    os.write(2, b"last words\n")
+    os.abort()
+
+
 _faulty("abort", lambda p: os.abort())
 _faulty("segfault", lambda p: ctypes.string_at(0))
+_faulty("flood", _flood)
 _faulty("exit", lambda p: sys.exit(3))
 _faulty("hang", _hang)
 _faulty("children", _children)

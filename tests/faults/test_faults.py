@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
@@ -113,6 +114,31 @@ def test_no_process_is_left(tmp_path: Path) -> None:
         if p.info["cwd"] == str(tmp_path) and p.info["status"] != psutil.STATUS_ZOMBIE
     ]
     assert mine == []
+
+
+def test_a_flood_of_output_is_cut(tmp_path: Path) -> None:
+    """300 MiB are printed before an abort: the file stays small meanwhile, and the row has both ends."""
+    path = _problem(tmp_path, "p", 3)
+    command = [sys.executable, "-m", "cpbench", "--plugin", str(PLUGIN), "run", str(path), "-s", "faulty-flood"]
+    running = subprocess.Popen(
+        [*command, "--timeout", "60s", "--no-report", "-q", "-o", "r.sqlite"],
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        stdout=subprocess.DEVNULL,
+    )
+    largest = 0
+    while running.poll() is None:
+        for log in tmp_path.glob("cpbench-run-*/*.log"):
+            with contextlib.suppress(FileNotFoundError):
+                largest = max(largest, log.stat().st_size)
+        time.sleep(0.01)
+    assert running.returncode == 0
+    assert 0 < largest < 2**27
+    row = Store(tmp_path / "r.sqlite").table().iloc[0]
+    assert (row.status, row.signal) == ("crash", 6)
+    assert "first words" in row.message
+    assert "last words" in row.message
+    assert len(row.message) < 2000
 
 
 def test_kill_and_resume(tmp_path: Path) -> None:
