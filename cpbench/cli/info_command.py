@@ -2,23 +2,44 @@
 
 from __future__ import annotations
 
-import click
+import json
+from collections.abc import Mapping
+from typing import Any
 
-from cpbench import matrices, storage
+import click
+import numpy as np
+
+from cpbench import facts, matrices, storage
 from cpbench.cli.options import format_option, number
+from cpbench.facts import Fact
 from cpbench.formulations import Problem
+
+LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True)
+@click.option("--json", "as_json", is_flag=True, help="Everything, machine readable: a list with one object a problem.")
+@click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
 @format_option
-def command(files: tuple[str, ...], file_format: str | None) -> None:
-    """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders)."""
+def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
+    """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
+
+    A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.
+    """
+    records: list[dict[str, Any]] = []
     for address in storage.problem_files(files) or list(files):
-        _print(address, storage.load(address, format=file_format))
+        problem = storage.load(address, format=file_format)
+        measured = facts.of(problem) if measure else ()
+        if as_json:
+            records.append(_record(address, problem, measured))
+        else:
+            _print(address, problem, measured)
+    if as_json:
+        click.echo(json.dumps(records, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def _print(address: str, problem: Problem) -> None:
+def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
     click.echo(f"{address}: {problem.title} {problem.equation}")
     click.echo(f"  node         {problem.node}")
     click.echo(f"  name         {problem.name}")
@@ -27,7 +48,7 @@ def _print(address: str, problem: Problem) -> None:
         click.echo(f"  {symbol:<12} {size}")
     for name, value in problem.data().items():
         click.echo(f"  {name:<12} {_describe(value)}")
-    for label in ("title", "description", "math_info", "family", "source", "licence", "citation"):
+    for label in LABELS:
         text = getattr(problem.info, label)
         if text:
             click.echo(f"  {label:<12} {text}")
@@ -38,6 +59,8 @@ def _print(address: str, problem: Problem) -> None:
         click.echo(
             f"  made by      {step.conversion}({parameters}), {step.kind}, from {step.source_node} {step.source}"
         )
+    for fact in measured:
+        click.echo(f"  fact         {fact}")
 
 
 def _describe(value: matrices.Matrix | matrices.Vector) -> str:
@@ -45,10 +68,52 @@ def _describe(value: matrices.Matrix | matrices.Vector) -> str:
         return f"vector of {value.size}, max |.| {number(matrices.max_abs(value))}"
     rows, cols = value.shape
     storage_kind = "sparse" if matrices.is_sparse(value) else "dense"
-    text = f"{storage_kind} {rows}x{cols}, {matrices.nnz(value)} nonzeros, max |.| {number(matrices.max_abs(value))}"
-    if rows == cols and rows:
-        skew = matrices.asymmetry(value)
-        text += ", symmetric" if skew <= matrices.SYMMETRY_TOLERANCE else f", asymmetry {number(skew)}"
-        if rows <= 3000:
-            text += ", positive semidefinite" if matrices.is_psd(value) else ", not positive semidefinite"
-    return text
+    return f"{storage_kind} {rows}x{cols}, {matrices.nnz(value)} nonzeros, max |.| {number(matrices.max_abs(value))}"
+
+
+def _record(address: str, problem: Problem, measured: tuple[Fact, ...]) -> dict[str, Any]:
+    return {
+        "address": address,
+        "node": problem.node,
+        "title": problem.title,
+        "equation": problem.equation,
+        "relations": list(problem.relations),
+        "name": problem.name,
+        "fingerprint": problem.fingerprint,
+        "sizes": problem.sizes(),
+        "data": {name: _data_record(value) for name, value in problem.data().items()},
+        "unknowns": problem.point_sizes,
+        "info": {label: getattr(problem.info, label) for label in LABELS},
+        "properties": {key: _plain(value) for key, value in problem.info.properties.items()},
+        "provenance": [
+            {
+                "conversion": step.conversion,
+                "parameters": {k: _plain(v) for k, v in step.parameters.items()},
+                "kind": step.kind,
+                "source_node": step.source_node,
+                "source": step.source,
+            }
+            for step in problem.provenance
+        ],
+        "facts": [{k: _plain(v) for k, v in fact.record().items()} for fact in measured],
+    }
+
+
+def _data_record(value: matrices.Matrix | matrices.Vector) -> dict[str, Any]:
+    record: dict[str, Any] = {"shape": list(value.shape), "max_abs": _plain(matrices.max_abs(value))}
+    if value.ndim == 2:
+        record |= {"storage": "sparse" if matrices.is_sparse(value) else "dense", "nonzeros": matrices.nnz(value)}
+    return record
+
+
+def _plain(value: Any) -> Any:
+    """A value that JSON has: NumPy scalars and arrays unpacked, infinities and NaN by name."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (np.ndarray, list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value if isinstance(value, (bool, int, float, str)) or value is None else str(value)

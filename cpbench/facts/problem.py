@@ -1,0 +1,103 @@
+"""The facts of a whole problem: those of its matrices, and what a contact problem or a block matrix adds."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.facts.copositivity import copositivity
+from cpbench.facts.fact import Fact, How
+from cpbench.facts.sign_classes import m_matrix, p_matrix, z_matrix
+from cpbench.facts.spectrum import definiteness, rank, symmetry
+from cpbench.formulations import MLCP, Problem
+from cpbench.formulations.contact import ContactProblem, DelassusContact
+from cpbench.matrices import PSD_TOLERANCE, Matrix
+
+_OTHER_SETS = frozenset({("mlcp", "A"), ("qp", "Q"), ("coneqp", "Q"), ("soclcp", "M")})
+"""Square matrices whose unknowns do not live in an orthant or a box: the classes of the LCP say nothing of them."""
+
+
+def of(problem: Problem) -> tuple[Fact, ...]:
+    """All facts of a problem, matrix by matrix in the order of its definition."""
+    found: list[Fact] = []
+    contact = isinstance(problem, ContactProblem)
+    for f in fields(problem):
+        shape = f.metadata.get("shape", ())
+        if len(shape) != 2 or shape[1].isdigit():  # a table of coefficients is no operator
+            continue
+        M = getattr(problem, f.name)
+        classes = not contact and (problem.node, f.name) not in _OTHER_SETS
+        found += of_matrix(M, f.name, square=shape[0] == shape[1], classes=classes)
+    if isinstance(problem, MLCP):
+        whole = matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
+        found.append(definiteness(whole, "[[A, C], [D, B]]"))
+    if contact:
+        found += _contact(problem, {f.matrix: f for f in found if f.name == "rank"})
+    return tuple(found)
+
+
+def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool = True) -> list[Fact]:
+    """Rank, and for a square matrix symmetry and definiteness; with `classes` also Z, M, P, copositive(-plus)."""
+    if square is None:
+        square = M.shape[0] == M.shape[1]
+    if not square:
+        return [rank(M, name)]
+    known = definiteness(M, name)
+    found = [symmetry(M, name), known, rank(M, name, known=known)]
+    if classes:
+        p = p_matrix(M, name, known)
+        found += [z_matrix(M, name), m_matrix(M, name, p), p, *copositivity(M, name, known)]
+    return found
+
+
+def _contact(problem: ContactProblem, ranks: dict[str, Fact]) -> list[Fact]:
+    mu = np.asarray(matrices.dense(problem.mu))
+    smooth = mu == 0 if mu.ndim == 1 else (mu == 0).all(axis=1)
+    rows = problem.nc * problem.dimension
+    found = [
+        Fact("contacts", "", problem.nc, How.EXACT),
+        Fact("frictionless contacts", "", int(smooth.sum()), How.EXACT, evidence="μ = 0"),
+    ]
+    if isinstance(problem, DelassusContact):
+        found += _diagonal_blocks(problem)
+    operator = "W" if "W" in ranks else "H"
+    known: Any = ranks.get(operator)
+    if known is not None:
+        count = None if known.value is None else rows - int(known.value)
+        evidence = f"{rows} reaction components less rank of {operator}" if count is not None else known.evidence
+        found.append(Fact("hyperstaticity", "", count, known.how, evidence=evidence))
+    return found
+
+
+def _diagonal_blocks(problem: DelassusContact) -> list[Fact]:
+    """W_cc of every contact, on which block methods (NSGS) rest: symmetric? least eigenvalue?"""
+    blocks, name = problem.diagonal_blocks, "W_cc"
+    if not len(blocks):
+        return []
+    turned = blocks.transpose(0, 2, 1)
+    top = np.abs(blocks).max(axis=(1, 2))
+    skew = np.abs(blocks - turned).max(axis=(1, 2)) / np.where(top > 0, top, 1.0)
+    values = np.linalg.eigvalsh(0.5 * (blocks + turned))
+    relative = values[:, 0] / np.where(top > 0, top, 1.0)
+    word = "positive definite" if (relative > 1e-14).all() else "positive semidefinite"
+    if (relative < -PSD_TOLERANCE).any():
+        word = "indefinite"
+    worst = int(relative.argmin())
+    evidence = (
+        f"{int((relative <= 1e-14).sum())} of {len(blocks)} are not definite; least eigenvalue over largest entry"
+    )
+    return [
+        Fact(
+            "symmetry",
+            name,
+            bool((skew <= matrices.SYMMETRY_TOLERANCE).all()),
+            How.EXACT,
+            float(skew.max()),
+            matrices.SYMMETRY_TOLERANCE,
+            f"largest max|M−Mᵀ|/max|M|, contact {int(skew.argmax()) + 1},",
+        ),
+        Fact("definiteness", name, word, How.FACTORIZATION, float(relative[worst]), evidence=evidence),
+    ]

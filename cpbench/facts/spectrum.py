@@ -1,0 +1,294 @@
+"""Symmetry, definiteness and rank, by what the size allows.
+
+A sparse matrix is taken apart into the connected components of its graph first: a mass matrix or the operator of
+separate contacts is decided body by body. Large components are factored when their bandwidth promises that it is
+cheap; otherwise a bounded number of products with the matrix gives an estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, cast
+
+import numpy as np
+import scipy.linalg as sla
+import scipy.sparse as sp
+import scipy.sparse.csgraph as csgraph
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from cpbench import matrices
+from cpbench.facts.fact import Fact, How, undecided
+from cpbench.matrices import PSD_TOLERANCE, SYMMETRY_TOLERANCE, Dense, Matrix, Vector
+
+EIGEN_LIMIT = 1000
+"""Largest component whose eigenvalues or singular values are computed (under a second)."""
+EIGEN_WORK = 4e9
+"""Bound on the sum of size³ over the components."""
+CHOLESKY_LIMIT = 4000
+"""Largest dense matrix that is factored."""
+SPARSE_WORK = 2e10
+"""Bound on n·bandwidth² of a sparse matrix that is factored."""
+PRODUCT_WORK = 1e9
+"""Bound on the entries that the products of an estimate touch."""
+SKETCH = 64
+"""Columns of a sketch of a matrix too large for anything else."""
+EPS = float(np.finfo(float).eps)
+
+
+def symmetry(M: Matrix, name: str) -> Fact:
+    """max|M − Mᵀ|/max|M| against SYMMETRY_TOLERANCE; M square."""
+    skew = matrices.asymmetry(M)
+    return Fact("symmetry", name, skew <= SYMMETRY_TOLERANCE, How.EXACT, skew, SYMMETRY_TOLERANCE, "max|M−Mᵀ|/max|M| =")
+
+
+def definiteness(M: Matrix, name: str) -> Fact:
+    """Definiteness of (M + Mᵀ)/2, M square.
+
+    `positive definite` beyond rounding (n·ε·‖S‖); `positive semidefinite` when the least eigenvalue is above
+    −PSD_TOLERANCE·max|M|, the rule of `matrices.is_psd`; else `indefinite` or `negative semidefinite`.
+    """
+    n, top = M.shape[0], matrices.max_abs(M)
+    label, tolerance = "definiteness", PSD_TOLERANCE * top
+    if n == 0:
+        return Fact(label, name, "positive definite", How.EXACT, evidence="no rows")
+    S: Any = (M + M.T) * 0.5
+    values = _eigenvalues(S)
+    if values is not None:
+        rounding = n * EPS * float(np.abs(values).max())
+        word = _word(float(values.min()), float(values.max()), rounding, tolerance)
+        limit = rounding if word == "positive definite" else tolerance
+        return Fact(label, name, word, How.FACTORIZATION, float(values.min()), limit, "least eigenvalue")
+    diagonal = S.diagonal()
+    if diagonal.min() < -tolerance and diagonal.max() > tolerance:
+        i = int(diagonal.argmin())
+        return Fact(label, name, "indefinite", How.EXACT, float(diagonal[i]), tolerance, f"diagonal entry {i + 1} is")
+    radius = abs(S).sum(axis=1) - np.abs(diagonal)
+    bound = float((diagonal - radius).min())
+    if bound > n * EPS * top:
+        return Fact(label, name, "positive definite", How.EXACT, bound, evidence="every eigenvalue is at least")
+    if affordable(S):
+        rounding = n * EPS * float(abs(S).sum(axis=1).max())
+        for word, shift in (("positive definite", -rounding), ("positive semidefinite", tolerance)):
+            solve = _positive_factor(S, shift)
+            if solve is not None:
+                least = _inverse_iteration(S, solve)
+                return Fact(label, name, word, How.FACTORIZATION, least, abs(shift), "least eigenvalue at most")
+        word = (
+            "indefinite" if diagonal.max() > 0 or _positive_factor(-S, tolerance) is None else "negative semidefinite"
+        )
+        return Fact(label, name, word, How.FACTORIZATION, _lanczos(S), tolerance, "least eigenvalue at most")
+    least = _lanczos(S)
+    if least is None:
+        return undecided(label, name, f"n = {n} with {matrices.nnz(S)} nonzeros is too large to factor or to sample")
+    if least < -tolerance:
+        word = "indefinite" if diagonal.max() > 0 else "not positive semidefinite"
+        return Fact(label, name, word, How.EXACT, least, tolerance, "a vector has Rayleigh quotient")
+    return Fact(label, name, "positive semidefinite", How.ESTIMATE, least, tolerance, "least Rayleigh quotient met")
+
+
+def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
+    """Number of singular values above rounding; `known` is the definiteness of a square M, which may settle it."""
+    rows, cols = M.shape
+    label, full = "rank", min(M.shape)
+    if full == 0 or matrices.max_abs(M) == 0.0:
+        return Fact(label, name, 0, How.EXACT, evidence="no nonzero entry")
+    if known is not None and known.value == "positive definite":
+        return Fact(label, name, full, known.how, evidence="full, the symmetric part is positive definite")
+    values = _singular_values(M)
+    if values is not None:
+        tolerance = max(rows, cols) * EPS * float(values.max())
+        kept = values[values > tolerance]
+        return Fact(
+            label, name, int(kept.size), How.FACTORIZATION, float(kept.min()), tolerance, "least singular value kept"
+        )
+    if full <= EIGEN_LIMIT and matrices.nnz(M) * full <= 10 * PRODUCT_WORK:
+        tall: Any = M if rows >= cols else matrices.transpose(M)
+        rng = np.random.default_rng(0)
+        sketched = np.asarray(tall.T @ rng.standard_normal((tall.shape[0], full + 10)))
+        found = int(np.linalg.matrix_rank(sketched))
+        return Fact(label, name, found, How.ESTIMATE, evidence=f"rank of its product with {full + 10} random vectors")
+    gram = _gram(M, known)
+    if gram is not None:
+        G, what, relative = gram
+        threshold = relative * float(abs(G).sum(axis=1).max())
+        lu = _symmetric_lu(G, -threshold)
+        if lu is not None:  # the pivots have the signs of the eigenvalues (Sylvester)
+            found = int((lu.U.diagonal() > 0).sum())
+            return Fact(
+                label, name, found, How.FACTORIZATION, tolerance=threshold, evidence=f"eigenvalues of {what} above it"
+            )
+    if matrices.nnz(M) * SKETCH <= 10 * PRODUCT_WORK:
+        Y = np.asarray(M @ np.random.default_rng(0).standard_normal((cols, SKETCH)))
+        found = int(np.linalg.matrix_rank(Y))
+        if found < SKETCH:
+            return Fact(label, name, found, How.ESTIMATE, evidence=f"rank of its product with {SKETCH} random vectors")
+    return undecided(label, name, f"{rows}x{cols} with {matrices.nnz(M)} nonzeros is too large to factor")
+
+
+def _word(least: float, largest: float, rounding: float, tolerance: float) -> str:
+    if least > rounding:
+        return "positive definite"
+    if least >= -tolerance:
+        return "positive semidefinite"
+    return "indefinite" if largest > tolerance else "negative semidefinite"
+
+
+class _Components:
+    """The connected components of a sparse matrix: blocks that no entry joins, each of certain rows and columns."""
+
+    def __init__(self, M: Matrix, *, symmetric: bool) -> None:
+        csr = sp.csr_array(M, copy=True)
+        csr.eliminate_zeros()
+        rows = csr.shape[0]
+        if symmetric:  # the same label for row i and column i
+            self.count, labels = csgraph.connected_components(csr, directed=False)
+            self.row_label = self.col_label = labels
+        else:
+            graph = sp.block_array([[None, csr], [csr.T, None]], format="csr")
+            self.count, labels = csgraph.connected_components(graph, directed=False)
+            self.row_label, self.col_label = labels[:rows], labels[rows:]
+        self.entries = csr.tocoo()
+        self.height = np.bincount(self.row_label, minlength=self.count)
+        self.width = np.bincount(self.col_label, minlength=self.count)
+
+    @property
+    def side(self) -> int:
+        return int(max(self.height.max(), self.width.max()))
+
+    @property
+    def work(self) -> float:
+        """Sum of rows·cols·min(rows, cols)."""
+        height, width = self.height.astype(float), self.width.astype(float)
+        return float((height * width * np.minimum(height, width)).sum())
+
+    def blocks(self) -> Iterator[Dense]:
+        """Stacks (k, rows, cols) of the components of one shape; those without a row or a column are left out."""
+        row, col = self.entries.row, self.entries.col
+        component = self.row_label[row]
+        row, col = _place(self.row_label, self.height)[row], _place(self.col_label, self.width)[col]
+        shapes = np.stack([self.height, self.width], axis=1)
+        for shape in np.unique(shapes[(shapes > 0).all(axis=1)], axis=0):
+            members = np.flatnonzero((shapes == shape).all(axis=1))
+            number = np.full(self.count, -1)
+            number[members] = np.arange(members.size)
+            here = number[component] >= 0
+            stack = np.zeros((members.size, *shape))
+            stack[number[component[here]], row[here], col[here]] = self.entries.data[here]
+            yield stack
+
+
+def _place(labels: NDArray[Any], sizes: NDArray[Any]) -> NDArray[np.int64]:
+    """Position of every index among those of its label."""
+    order = np.argsort(labels, kind="stable")
+    start = np.concatenate([[0], np.cumsum(sizes)])[:-1]
+    place = np.empty(labels.size, dtype=np.int64)
+    place[order] = np.arange(labels.size) - start[labels[order]]
+    return place
+
+
+def _eigenvalues(S: Matrix) -> Vector | None:
+    """All eigenvalues of a symmetric matrix, component by component; None where that costs too much."""
+    if not matrices.is_sparse(S):
+        return cast(Vector, np.linalg.eigvalsh(S)) if S.shape[0] <= EIGEN_LIMIT else None
+    parts = _Components(S, symmetric=True)
+    if parts.side > EIGEN_LIMIT or parts.work > EIGEN_WORK:
+        return None
+    return cast(Vector, np.concatenate([np.linalg.eigvalsh(stack).ravel() for stack in parts.blocks()]))
+
+
+def _singular_values(M: Matrix) -> Vector | None:
+    """The singular values of the components of M; None where that costs too much."""
+    rows, cols = M.shape
+    if not matrices.is_sparse(M):
+        small = float(rows) * cols * min(rows, cols) <= EIGEN_LIMIT**3
+        return cast(Vector, np.linalg.svd(matrices.dense(M), compute_uv=False)) if small else None
+    parts = _Components(M, symmetric=False)
+    if parts.side > 4 * EIGEN_LIMIT or parts.work > EIGEN_WORK / 4:
+        return None
+    singular = [np.linalg.svd(stack, compute_uv=False).ravel() for stack in parts.blocks()]
+    return cast(Vector, np.concatenate(singular))
+
+
+def affordable(S: Matrix) -> bool:
+    """Whether S is factored: by size when dense, by the bandwidth of reverse Cuthill–McKee when sparse."""
+    n = S.shape[0]
+    if not matrices.is_sparse(S):
+        return n <= CHOLESKY_LIMIT
+    if n <= EIGEN_LIMIT:
+        return True
+    csr = matrices.sparse(S)
+    order = csgraph.reverse_cuthill_mckee(csr, symmetric_mode=True)
+    place = np.empty(n, dtype=np.int64)
+    place[order] = np.arange(n)
+    coo = csr.tocoo()
+    width = float(np.abs(place[coo.row] - place[coo.col]).max(initial=0))
+    return n * width**2 <= SPARSE_WORK
+
+
+def _symmetric_lu(S: Matrix, shift: float) -> Any | None:
+    shifted = sp.csc_array(S + shift * sp.eye_array(S.shape[0]))
+    try:
+        lu = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # an exactly zero pivot
+        return None
+    return lu if (lu.perm_r == lu.perm_c).all() else None
+
+
+def _positive_factor(S: Matrix, shift: float) -> Callable[[Vector], Vector] | None:
+    """x ↦ (S + shift·I)⁻¹x where S + shift·I is positive definite, else None."""
+    if matrices.is_sparse(S):
+        lu = _symmetric_lu(S, shift)
+        return lu.solve if lu is not None and bool((lu.U.diagonal() > 0).all()) else None
+    try:
+        factor = sla.cho_factor(matrices.dense(S) + shift * np.eye(S.shape[0]), lower=True, check_finite=False)
+    except sla.LinAlgError:
+        return None
+    return lambda x: sla.cho_solve(factor, x, check_finite=False)
+
+
+def _inverse_iteration(S: Matrix, solve: Callable[[Vector], Vector]) -> float:
+    """A Rayleigh quotient near the least eigenvalue, never below it."""
+    x = np.random.default_rng(0).standard_normal(S.shape[0])
+    for _ in range(20):
+        y = solve(x / np.linalg.norm(x))
+        if not np.isfinite(y).all():
+            break
+        x = y
+    return float(x @ (S @ x)) / float(x @ x)
+
+
+def _lanczos(S: Matrix) -> float | None:
+    """Least Ritz value of as many Lanczos steps as the bounds allow, a bound from above; None for fewer than 10."""
+    n = S.shape[0]
+    steps = int(min(100, n, PRODUCT_WORK / max(matrices.nnz(S), 1), 3e7 / n))
+    if steps < min(10, n):
+        return None
+    V = np.zeros((steps, n))
+    x = np.random.default_rng(0).standard_normal(n)
+    done = 0
+    for k in range(steps):
+        x -= V[:k].T @ (V[:k] @ x)
+        x -= V[:k].T @ (V[:k] @ x)  # twice is enough
+        length = float(np.linalg.norm(x))
+        if length < 1e-12 * max(matrices.max_abs(S), 1e-300) and k:
+            break
+        V[k] = x / length
+        x = np.asarray(S @ V[k])
+        done = k + 1
+    V = V[:done]
+    return float(np.linalg.eigvalsh(V @ np.asarray(S @ V.T))[0])
+
+
+def _gram(M: Matrix, known: Fact | None) -> tuple[Any, str, float] | None:
+    """A sparse semidefinite matrix of M's rank that is cheap to factor, its name, and the relative threshold."""
+    if not matrices.is_sparse(M):
+        return None
+    semidefinite = known is not None and known.value == "positive semidefinite" and matrices.is_symmetric(M)
+    if semidefinite:
+        return (M, "the matrix", 1e-10) if affordable(M) else None
+    wide = M if M.shape[0] <= M.shape[1] else matrices.transpose(M)
+    if float((np.diff(sp.csc_array(wide).indptr).astype(float) ** 2).sum()) > PRODUCT_WORK:
+        return None
+    G = sp.csr_array(wide @ wide.T)
+    return (G, "its Gram matrix", 1e-12) if affordable(G) else None

@@ -1,0 +1,333 @@
+"""Facts about matrices: against brute force by the definitions, matrices from the literature, and each other."""
+
+from __future__ import annotations
+
+import json
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cpbench import facts, matrices, storage
+from cpbench.cli import cli
+from cpbench.facts import How
+from cpbench.facts.copositivity import simplex_minima
+from cpbench.facts.sign_classes import exact_minor, least_ratio
+from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Info, formulations
+from cpbench.formulations.contact import ContactProblem
+from cpbench.generators.lcp_classics import csizmadia, fathi, murty
+
+small_matrices = st.integers(1, 5).flatmap(
+    lambda n: st.lists(st.integers(-2, 3), min_size=n * n, max_size=n * n).map(
+        lambda entries: np.array(entries, dtype=float).reshape(n, n)
+    )
+)
+"""Integer matrices: their minors are integers, so that determinants rounded are exact."""
+
+
+def _value(found, name):
+    return next(f for f in found if f.name == name).value
+
+
+def _brute_p(M: np.ndarray) -> bool:
+    """All 2ⁿ − 1 principal minors by LAPACK determinants, rounded to the integers they are."""
+    n = len(M)
+    return all(
+        round(np.linalg.det(M[np.ix_(rows, rows)])) > 0
+        for size in range(1, n + 1)
+        for rows in combinations(range(n), size)
+    )
+
+
+def _brute_copositive(M: np.ndarray) -> bool:
+    """Hadeler's criterion (On copositive matrices, Linear Algebra Appl. 49, 1983): no principal submatrix has a
+    negative determinant and a nonnegative column x of the adjugate (then Bx = det·e, and xᵀBx ≤ 0 goes below 0)."""
+    S = M + M.T
+    n = len(S)
+    for size in range(1, n + 1):
+        for rows in combinations(range(n), size):
+            B = S[np.ix_(rows, rows)]
+            if round(np.linalg.det(B)) >= 0:
+                continue
+            for last in range(size):
+                others = [k for k in range(size) if k != last]
+                column = [
+                    (-1) ** (i + last) * np.linalg.det(B[np.ix_([k for k in range(size) if k != i], others)])
+                    for i in range(size)
+                ]
+                if min(np.round(column)) >= 0:
+                    return False
+    return True
+
+
+@settings(max_examples=300, deadline=None)
+@given(small_matrices)
+def test_the_p_property_is_that_of_all_minors(M: np.ndarray) -> None:
+    found = facts.p_matrix(M, "M", facts.definiteness(M, "M"))
+    assert found.value == _brute_p(M)
+    assert found.how is How.EXACT
+    transposed = facts.p_matrix(sp.csr_array(M.T), "M", facts.definiteness(M, "M"))
+    assert transposed.value == found.value
+
+
+@settings(max_examples=300, deadline=None)
+@given(small_matrices)
+def test_copositivity_is_that_of_hadelers_criterion(M: np.ndarray) -> None:
+    copositive, plus = facts.copositivity(M, "M", facts.definiteness(M, "M"))
+    assert copositive.value == _brute_copositive(M)
+    assert plus.value in ((True, False) if copositive.value else (False,))
+
+
+@settings(max_examples=200, deadline=None)
+@given(small_matrices)
+def test_m_matrices_are_z_matrices_with_a_nonnegative_inverse(M: np.ndarray) -> None:
+    Z = np.where(np.eye(len(M)) > 0, 2 * np.abs(M), -np.abs(M))
+    assert facts.z_matrix(Z, "Z").value is True
+    expected = round(np.linalg.det(Z)) != 0 and bool((np.linalg.inv(Z) >= -1e-9).all())
+    for stored in (Z, sp.csr_array(Z)):
+        assert facts.m_matrix(stored, "Z").value == expected
+        # for a Z-matrix M and P are one (Berman and Plemmons, theorem 6.2.3 A1)
+        assert facts.p_matrix(stored, "Z", facts.definiteness(stored, "Z")).value == expected
+    has_positive = bool((M[~np.eye(len(M), dtype=bool)] > 0).any())
+    assert facts.z_matrix(M, "M").value is not has_positive
+
+
+@settings(max_examples=200, deadline=None)
+@given(small_matrices, st.booleans())
+def test_definiteness_and_rank_are_those_of_numpy(M: np.ndarray, sparse: bool) -> None:
+    values = np.linalg.eigvalsh((M + M.T) / 2)
+    word = facts.definiteness(sp.csr_array(M) if sparse else M, "M")
+    low, high = values[0] > 1e-9, values[-1] > 1e-9
+    if low:
+        assert word.value == "positive definite"
+    elif values[0] > -1e-9:
+        assert word.value == "positive semidefinite"
+    else:
+        assert word.value == ("indefinite" if high else "negative semidefinite")
+    assert facts.rank(sp.csr_array(M) if sparse else M, "M").value == np.linalg.matrix_rank(M)
+
+
+@settings(max_examples=100, deadline=None)
+@given(small_matrices)
+def test_least_value_on_the_simplex_is_not_above_any_sample(M: np.ndarray) -> None:
+    S = (M + M.T) / 2
+    X, values = simplex_minima(S)
+    assert np.allclose(X.sum(axis=1), 1)
+    assert (X >= 0).all()
+    samples = np.random.default_rng(1).dirichlet(np.full(len(S), 0.5), 200)
+    assert values.min() <= np.einsum("ki,ij,kj->k", samples, S, samples).min() + 1e-12
+
+
+def test_classes_of_named_matrices() -> None:
+    """Murty's P (Math. Prog. 7, 1978), Fathi's SPD (Math. Prog. 17, 1979), Csizmadia's P; and small known ones."""
+    for n in (5, 10, 17, 60):
+        M = murty(n).problem.M
+        found = facts.of_matrix(M, "M")
+        assert _value(found, "P-matrix") is True  # lower triangular: every block has one row, whatever n
+        assert _value(found, "Z-matrix") is False
+        assert _value(found, "symmetry") is False
+        assert _value(found, "copositive-plus") is True  # M + Mᵀ = 2eeᵀ
+        found = facts.of_matrix(fathi(n).problem.M, "M")
+        assert _value(found, "definiteness") == "positive definite"
+        assert _value(found, "P-matrix") is True
+        found = facts.of_matrix(csizmadia(n).problem.M, "M")
+        assert _value(found, "P-matrix") is True
+        assert _value(found, "M-matrix") is True
+    # Horn's form, copositive and neither PSD nor nonnegative nor a sum of such (Hall and Newman 1963)
+    H = np.array([[1, -1, 1, 1, -1], [-1, 1, -1, 1, 1], [1, -1, 1, -1, 1], [1, 1, -1, 1, -1], [-1, 1, 1, -1, 1.0]])
+    found = facts.of_matrix(H, "H")
+    assert _value(found, "copositive") is True
+    assert _value(found, "copositive-plus") is False  # (1,1,0,0,0) is a zero, HX = (0,0,0,2,0)
+    assert _value(found, "definiteness") == "indefinite"
+    assert _value(facts.of_matrix(H - 1e-3 * np.eye(5), "H"), "copositive") is False
+    # Cottle, Pang, Stone 1992, section 3.3: P, but xᵀMx < 0 at (1, 1)
+    found = facts.of_matrix(np.array([[1.0, -3], [0, 1]]), "M")
+    assert _value(found, "P-matrix") is True
+    assert _value(found, "definiteness") == "indefinite"
+    assert _value(found, "copositive") is False
+    # row sufficient, strictly copositive and no P-matrix
+    found = facts.of_matrix(np.array([[1.0, 2], [2, 1]]), "M")
+    assert _value(found, "copositive-plus") is True
+    assert _value(found, "P-matrix") is False
+
+
+def test_a_counterexample_is_a_minor_that_anyone_can_check() -> None:
+    rng = np.random.default_rng(3)
+    failed = 0
+    for _ in range(60):
+        M = rng.standard_normal((9, 9)) + 2.2 * np.eye(9)
+        found = facts.p_matrix(M, "M", facts.definiteness(M, "M"))
+        assert found.value == all(
+            np.linalg.det(M[np.ix_(r, r)]) > 0 for k in range(1, 10) for r in combinations(range(9), k)
+        )
+        if found.value is False:
+            failed += 1
+            words = found.evidence.removeprefix("principal minor of row").removeprefix("s").removesuffix(" is")
+            rows = [int(word) - 1 for word in words.split(",")]
+            assert float(exact_minor(M, rows)) == found.number <= 0
+            assert np.linalg.det(M[np.ix_(rows, rows)]) == pytest.approx(found.number, abs=1e-12)
+    assert 5 < failed < 55
+
+
+def test_rounding_is_not_taken_for_a_sign() -> None:
+    """The minors of aaᵀ + δI are exact rationals: the recursion is asked, and rational arithmetic answers."""
+    a = np.array([1.0, 3, 5, 7])
+    singular = np.outer(a, a)
+    assert facts.p_matrix(singular, "M", facts.definiteness(singular, "M")).value is False
+    M = np.array([[1.0, 1, 1], [1, 1 + 2e-16, 1], [1, 1, 3.0]])
+    assert exact_minor(M, [0, 1]) > 0
+    found = facts.p_matrix(M, "M", facts.definiteness(M, "M"))
+    assert found.value is None
+    assert found.how is How.UNDECIDED
+    assert "too near 0" in found.evidence
+    assert least_ratio(np.eye(3)) == (1.0, None)
+
+
+def test_large_p_matrices_by_what_suffices() -> None:
+    n = 400
+    spd = sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(n, n), format="csr")
+    skew = sp.diags_array([3.0, -3.0], offsets=[1, -1], shape=(n, n), format="csr")
+    monotone = sp.csr_array(spd + skew)
+    found = facts.of_matrix(monotone, "M")
+    assert _value(found, "P-matrix") is True
+    assert next(f for f in found if f.name == "P-matrix").evidence == "positive definite"
+    dominant = np.random.default_rng(0).uniform(-1, 1, (60, 60))
+    np.fill_diagonal(dominant, 0)
+    dominant = np.diag(1.01 * np.abs(dominant).sum(axis=1)) + dominant
+    dominant *= np.geomspace(1, 1e6, 60)  # columns scaled: still an H-matrix, no longer dominant nor definite
+    found = facts.of_matrix(dominant, "M")
+    assert _value(found, "P-matrix") is True
+    assert "H-matrix" in next(f for f in found if f.name == "P-matrix").evidence
+    laplacian = sp.csr_array(sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(5000, 5000)))
+    found = facts.of_matrix(laplacian, "M")
+    assert [_value(found, name) for name in ("Z-matrix", "M-matrix", "P-matrix")] == [True, True, True]
+    assert _value(found, "definiteness") == "positive definite"
+    assert next(f for f in found if f.name == "definiteness").number == pytest.approx(
+        2 - 2 * np.cos(np.pi / 5001), rel=1e-3
+    )
+    hidden = np.random.default_rng(1).standard_normal((40, 40)) + 5 * np.eye(40)
+    undecided = facts.p_matrix(hidden, "M", facts.definiteness(hidden, "M"))
+    assert undecided.value is None
+    assert "40 rows" in undecided.evidence
+
+
+@pytest.mark.parametrize("n", [40, 1500])
+@pytest.mark.parametrize("rows", [None, 7])
+def test_large_ranks_and_definiteness_of_planted_matrices(n: int, rows: int | None) -> None:
+    """Low-rank W = HᵀH, and a sparse path of bodies: known ranks."""
+    rng = np.random.default_rng(n)
+    if rows is not None:
+        H = rng.standard_normal((rows, n))
+        assert facts.rank(H, "H").value == rows
+        assert facts.rank(sp.csr_array(H.T), "H").value == rows
+        return
+    incidence = sp.csr_array(sp.diags_array([1.0, -1.0], offsets=[0, 1], shape=(n - 1, n)))
+    doubled = sp.csr_array(sp.vstack([incidence, incidence[: n // 2]]))
+    assert facts.rank(doubled, "H").value == n - 1
+    W = sp.csr_array(doubled @ doubled.T)
+    known = facts.definiteness(W, "W")
+    assert known.value == "positive semidefinite"
+    assert facts.rank(W, "W", known=known).value == n - 1
+    indefinite = sp.csr_array(W - 0.5 * sp.eye_array(W.shape[0]))
+    word = facts.definiteness(indefinite, "W")
+    assert word.value == "indefinite"
+    assert word.number == pytest.approx(-0.5, abs=0.2)
+
+
+def test_beyond_every_limit_a_fact_is_an_estimate_or_not_decided() -> None:
+    rng = np.random.default_rng(5)
+    n = 30000
+    J = sp.random_array((n, n), density=4 / n, rng=rng, format="csr")
+    W = sp.csr_array(J @ J.T)  # no component, no band
+    word = facts.definiteness(W, "W")
+    assert (word.value, word.how) == ("positive semidefinite", How.ESTIMATE)
+    found = facts.rank(W, "W", known=word)
+    assert found.value is None
+    assert found.how is How.UNDECIDED
+    bent = facts.definiteness(sp.csr_array(W - 0.5 * sp.eye_array(n)), "W")
+    assert bent.value == "indefinite"
+    assert bent.how is How.EXACT  # a vector proves it
+    thin = sp.csr_array(sp.random_array((n, 300), density=0.01, rng=rng))
+    thin = sp.csr_array(thin @ sp.csr_array(rng.standard_normal((300, 20)) @ rng.standard_normal((20, 300))))
+    assert facts.rank(thin, "H").value == 20
+
+
+def test_facets_make_a_copositive_matrix() -> None:
+    """W PSD makes the LCP of inner facets copositive (Stewart and Trinkle 1996, Anitescu and Potra 1997), not plus."""
+    from cpbench.conversions.base import make
+
+    rng = np.random.default_rng(7)
+    J = rng.standard_normal((18, 12))
+    problem = FrictionContact(W=J @ J.T, q=rng.standard_normal(18), mu=np.full(6, 0.4), dimension=3)
+    M = make("fc-lcp-inner", {"facets": 6}).step(problem).M
+    found = facts.of_matrix(M, "M")
+    assert _value(found, "copositive") is True
+    assert _value(found, "copositive-plus") is False
+    assert _value(found, "definiteness") == "indefinite"
+    assert _value(found, "P-matrix") is False
+
+
+def test_facts_of_problems() -> None:
+    J = np.random.default_rng(0).standard_normal((9, 4))
+    contact = FrictionContact(W=J @ J.T, q=np.zeros(9), mu=[0.0, 0.3, 0.0], dimension=3)
+    by_subject = {f.subject: f for f in facts.of(contact)}
+    assert by_subject["rank of W"].value == 4
+    assert by_subject["hyperstaticity"].value == 5
+    assert by_subject["frictionless contacts"].value == 2
+    assert by_subject["definiteness of W"].value == "positive semidefinite"
+    assert by_subject["definiteness of W_cc"].value == "positive definite"
+    nonconvex = QP.build(Q=np.diag([1.0, -1]), p=np.zeros(2), C=np.ones((2, 2)), d=np.zeros(2))
+    by_subject = {f.subject: f for f in facts.of(nonconvex)}
+    assert by_subject["definiteness of Q"].value == "indefinite"
+    assert by_subject["rank of C"].value == 1
+    singular = MLCP(A=np.zeros((1, 1)), B=np.eye(1), C=np.ones((1, 1)), D=-np.ones((1, 1)), a=[0.0], b=[0.0])
+    by_subject = {f.subject: f for f in facts.of(singular)}
+    assert by_subject["rank of A"].value == 0
+    assert by_subject["definiteness of [[A, C], [D, B]]"].value == "positive semidefinite"
+
+
+@pytest.mark.parametrize("node", formulations.names())
+def test_facts_of_empty_problems(node: str) -> None:
+    """n = 0 has facts, all of them decided."""
+    cls = formulations.get(node)
+    data = {}
+    for f in cls._data_fields():
+        shape = [int(s) if s.isdigit() else 0 for s in f.metadata["shape"]]
+        data[f.name] = np.zeros(shape)
+    extra = {"dimension": cls.dimensions[0]} if issubclass(cls, ContactProblem) else {}
+    for found in facts.of(cls(**data, **extra)):
+        assert found.how is not How.UNDECIDED
+        assert str(found)
+        assert found.record()["how"] in set(How)
+
+
+def test_info_prints_facts_and_json(tmp_path: Path) -> None:
+    path = tmp_path / "singular.h5"
+    storage.save(LCP(M=np.ones((2, 2)), q=[-1.0, 1.0], name="singular", info=Info(properties={"a": [1, np.inf]})), path)
+    said = CliRunner().invoke(cli, ["info", str(path)], catch_exceptions=False).output
+    assert "P-matrix of M: no (exact, principal minor of rows 1, 2 is 0)" in said
+    written = CliRunner().invoke(cli, ["info", "--json", str(path)], catch_exceptions=False).output
+    (record,) = json.loads(written)
+    assert record["node"] == "lcp"
+    assert record["data"]["M"]["shape"] == [2, 2]
+    assert {"name": "rank", "matrix": "M", "value": 1}.items() <= record["facts"][2].items()
+    assert record["facts"][2]["how"] == "factorization"
+
+
+def test_facts_agree_with_what_obstacles_ask() -> None:
+    """`matrices.is_psd` and `is_symmetric` decide what edges refuse; the facts must not say otherwise."""
+    rng = np.random.default_rng(11)
+    for n in (3, 30, 350):
+        for shift in (0.0, 1e-9, -1e-9, 1e-5, -1e-5):
+            J = rng.standard_normal((n, max(1, n // 2)))
+            W = J @ J.T
+            M = W + shift * np.abs(W).max() * np.eye(n)
+            for stored in (M, sp.csr_array(M)):
+                known = facts.definiteness(stored, "M")
+                assert (known.value in ("positive definite", "positive semidefinite")) == matrices.is_psd(stored)
+    assert facts.of(LCP(M=np.eye(2), q=[0.0, 0]))[0].value is True
