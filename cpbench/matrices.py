@@ -8,8 +8,9 @@ and traces without copies.
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias, cast
+from typing import Any, Protocol, TypeAlias, cast
 
 import numpy as np
 import scipy.linalg as sla
@@ -17,6 +18,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import lapack
 
 from cpbench.errors import ProblemError
 
@@ -30,7 +32,15 @@ PSD_TOLERANCE = 1e-8
 SYMMETRY_TOLERANCE = 1e-12
 """max|M - Mᵀ| / max|M| below which a matrix counts as symmetric."""
 SINGULAR_RCOND = 1e-13
-"""Reciprocal condition number (1-norm) below which a matrix counts as numerically singular."""
+"""Reciprocal condition number (1-norm, equilibrated) below which a matrix counts as numerically singular."""
+POORLY_SCALED = 0.1
+"""Least over greatest row (column) maximum below which a factorization equilibrates; LAPACK's laqge has the same."""
+SMALL_COMPONENT = 32
+"""Components up to this size are kept as dense blocks; a body has 3 or 6 unknowns."""
+INVERTED_RCOND = 1e-8
+"""Small blocks are inverted above this; the step of refinement then reaches the residual of an LU."""
+DENSE_LIMIT = 128
+"""Up to this size a sparse matrix is factored as a dense one: SuperLU and its condition estimate cost more."""
 
 
 # ------------------------------------------------------------------------------------------------ build
@@ -236,8 +246,54 @@ def sparse_lu(A: Any) -> Any | None:
         return None
 
 
+def components(A: Sparse) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Label of every unknown of a square matrix and size of every component of its graph (stored zeros count)."""
+    _, labels = cast("tuple[int, NDArray[np.int32]]", csgraph.connected_components(A, directed=False))
+    return labels, np.bincount(labels)
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Components of one size: block k is A[unknowns[k]][:, unknowns[k]]; shapes (count, size), (count, size, size)."""
+
+    unknowns: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+def diagonal_blocks(A: Sparse, limit: int) -> list[Blocks]:
+    """The components with at most `limit` unknowns as dense blocks, one entry a size; what is larger is left out."""
+    labels, sizes = components(A)
+    order = np.argsort(labels, kind="stable")
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    position = np.empty(labels.size, dtype=np.int64)  # of an unknown within its component
+    position[order] = np.arange(labels.size) - first[labels[order]]
+    row = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
+    present = np.unique(sizes[sizes <= limit])
+    found: list[Blocks] = []
+    for size in present:
+        members = np.flatnonzero(sizes == size)
+        number = np.full(sizes.size, -1)
+        number[members] = np.arange(members.size)
+        block, at, value = number[labels[row]], A.indices, A.data
+        if sizes.size != members.size:
+            here = np.flatnonzero(block >= 0)
+            block, at, value = block[here], at[here], value[here]
+            place = (block * size + position[row[here]]) * size + position[at]
+        else:
+            place = (block * size + position[row]) * size + position[at]
+        values = np.zeros(members.size * size * size)
+        values[place] = value
+        unknowns = order[first[members][:, None] + np.arange(size)]
+        found.append(Blocks(unknowns, values.reshape(members.size, size, size)))
+    return found
+
+
 class Factorization:
     """LU of a square matrix, made on first use and remade after pickling; part of a conversion's trace.
+
+    Rows and columns of very different sizes (units, masses) are brought together by powers of 2 first, which costs no
+    rounding: what is then called singular is so in every choice of units. A small sparse matrix is factored as a dense
+    one, and a large one that is block diagonal with small blocks by their inverses.
 
     Attributes
     ----------
@@ -257,47 +313,168 @@ class Factorization:
         return int(self.A.shape[0])
 
     @cached_property
-    def _lu(self) -> Any:
-        if sp.issparse(self.A):
-            return sparse_lu(self.A)
-        import warnings
-
-        with warnings.catch_warnings():  # an exact zero pivot is told by rcond
-            warnings.simplefilter("ignore", sla.LinAlgWarning)
-            return sla.lu_factor(self.A, check_finite=False)
+    def _made(self) -> tuple[_Solver | None, tuple[Vector, Vector] | None]:
+        """What solves, None where A is exactly singular; row and column scales, None where A needs none."""
+        if not sp.issparse(self.A) or self.n <= DENSE_LIMIT:
+            return _dense_solver(dense(self.A))
+        return _sparse_solver(sparse(self.A))
 
     @cached_property
     def rcond(self) -> float:
-        """Reciprocal condition number in the 1-norm (LAPACK gecon, or Higham–Tisseur's estimate when sparse)."""
+        """Reciprocal condition number in the 1-norm of the equilibrated matrix.
+
+        LAPACK gecon, Higham–Tisseur's estimate when sparse, exact for small blocks; 1 for n = 0.
+        """
         if self.n == 0:
             return 1.0
-        anorm = float(abs(self.A).sum(axis=0).max())
-        if anorm == 0.0 or self._lu is None:
-            return 0.0
-        if sp.issparse(self.A):
-            lu = self._lu
-            inverse = spla.LinearOperator(
-                (self.n, self.n),
-                matvec=lu.solve,
-                rmatvec=lambda x: lu.solve(np.ascontiguousarray(x), "T"),
-                matmat=lu.solve,
-                rmatmat=lambda X: lu.solve(np.ascontiguousarray(X), "T"),
-                dtype=np.float64,
-            )
-            inverse_norm = float(spla.onenormest(inverse))
-            return 1.0 / (anorm * inverse_norm) if np.isfinite(inverse_norm) and inverse_norm > 0 else 0.0
-        value, info = sla.lapack.dgecon(self._lu[0], anorm)
-        return float(value) if info == 0 else 0.0
+        solver, _ = self._made
+        return 0.0 if solver is None else solver.rcond()
 
     @property
     def singular(self) -> bool:
         return not self.rcond > SINGULAR_RCOND
 
     def solve(self, B: Any, *, transpose: bool = False) -> Any:
-        """A⁻¹B (A⁻ᵀB with `transpose`) for a vector or a matrix; a sparse B comes back dense."""
+        """A⁻¹B (A⁻ᵀB with `transpose`) for a vector or a matrix; a sparse B comes back dense.
+
+        Raises ProblemError where A is exactly singular.
+        """
+        right: NDArray[np.float64] = dense(B) if sp.issparse(B) else np.asarray(B, dtype=np.float64)
         if self.n == 0:
-            return dense(B) if sp.issparse(B) else np.asarray(B)
-        right = np.ascontiguousarray(dense(B) if sp.issparse(B) else B)
-        if sp.issparse(self.A):
-            return self._lu.solve(right, "T" if transpose else "N")
-        return sla.lu_solve(self._lu, right, trans=1 if transpose else 0, check_finite=False)
+            return right
+        solver, scales = self._made
+        if solver is None:
+            raise ProblemError("factorization", f"the {self.n}x{self.n} matrix is exactly singular, nothing solves it")
+        if scales is None:
+            return solver.solve(right, transpose)
+        before, after = scales[::-1] if transpose else scales
+        column = (slice(None), *(None,) * (right.ndim - 1))
+        result = solver.solve(right * before[column], transpose)
+        result *= after[column]
+        return result
+
+
+class _Solver(Protocol):
+    def rcond(self) -> float: ...
+    def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]: ...
+
+
+class _DenseLU:
+    """LAPACK's LU of Aᵀ where A lies by rows, as all our arrays do: the Fortran order comes without a copy."""
+
+    def __init__(self, A: Dense, *, overwrite: bool) -> None:
+        self.flipped = not A.flags.f_contiguous
+        T = A.T if self.flipped else A
+        norm = "I" if self.flipped else "1"  # the 1-norm of A
+        size = float(lapack.dlange(norm, T))
+        self.lu, self.pivots, self.info = lapack.dgetrf(T, overwrite_a=overwrite)
+        self._norms = norm, size
+
+    def rcond(self) -> float:
+        if self.info != 0:  # an exactly zero pivot
+            return 0.0
+        norm, size = self._norms
+        value, info = lapack.dgecon(self.lu, size, norm=norm)
+        return float(value) if info == 0 else 0.0
+
+    def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:
+        if B.size == 0:
+            return np.zeros(B.shape)
+        return lapack.dgetrs(self.lu, self.pivots, B, trans=int(transpose != self.flipped))[0]
+
+
+class _SparseLU:
+    """SuperLU."""
+
+    def __init__(self, A: Sparse, lu: Any) -> None:
+        self.lu = lu
+        self.norm = float(abs(A).sum(axis=0).max())
+
+    def rcond(self) -> float:
+        inverse = spla.LinearOperator(
+            self.lu.shape,
+            matvec=self.lu.solve,
+            rmatvec=lambda x: self.lu.solve(np.ascontiguousarray(x), "T"),
+            matmat=self.lu.solve,
+            rmatmat=lambda X: self.lu.solve(np.ascontiguousarray(X), "T"),
+            dtype=np.float64,
+        )
+        inverse_norm = float(spla.onenormest(inverse))
+        return 1.0 / (self.norm * inverse_norm) if np.isfinite(inverse_norm) and inverse_norm > 0 else 0.0
+
+    def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:
+        return self.lu.solve(np.ascontiguousarray(B), "T" if transpose else "N")
+
+
+class _BlockInverses:
+    """Inverses of the diagonal blocks; a step of refinement makes up for what an inverse loses against an LU."""
+
+    def __init__(self, A: Sparse, blocks: list[Blocks]) -> None:
+        self.A = A
+        self.inverses = [Blocks(b.unknowns, np.linalg.inv(b.values)) for b in blocks]
+        norm = max(float(np.abs(b.values).sum(axis=1).max()) for b in blocks)
+        self._rcond = 1.0 / (norm * max(float(np.abs(b.values).sum(axis=1).max()) for b in self.inverses))
+
+    def rcond(self) -> float:
+        return self._rcond
+
+    def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:
+        X = self._multiply(B, transpose)
+        X += self._multiply(B - (self.A.T if transpose else self.A) @ X, transpose)
+        return X
+
+    def _multiply(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:
+        columns = B.reshape(B.shape[0], -1)
+        X = np.empty_like(columns)
+        for block in self.inverses:
+            inverse = block.values.swapaxes(1, 2) if transpose else block.values
+            X[block.unknowns] = inverse @ columns[block.unknowns]
+        return X.reshape(B.shape)
+
+
+_Made: TypeAlias = "tuple[_Solver | None, tuple[Vector, Vector] | None]"
+
+
+def _dense_solver(A: Dense) -> _Made:
+    # the transpose is Fortran's: its columns are our rows
+    flipped = not A.flags.f_contiguous
+    first, second, first_ratio, second_ratio, _, info = lapack.dgeequb(A.T if flipped else A)
+    if info != 0:  # a zero row or column
+        return None, None
+    if min(first_ratio, second_ratio) >= POORLY_SCALED:
+        return _DenseLU(A, overwrite=False), None
+    rows, columns = (second, first) if flipped else (first, second)
+    return _DenseLU(A * rows[:, None] * columns, overwrite=True), (rows, columns)
+
+
+def _sparse_solver(A: Sparse) -> _Made:
+    row = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
+    size = np.abs(A.data)
+    tops = np.zeros(A.shape[0])
+    np.maximum.at(tops, row, size)
+    if not tops.all():
+        return None, None
+    rows = _power_of_two(tops)
+    column_tops = np.zeros(A.shape[0])
+    np.maximum.at(column_tops, A.indices, size * rows[row])
+    if not column_tops.all():
+        return None, None
+    scales = None
+    if min(tops.min() / tops.max(), column_tops.min() / column_tops.max()) < POORLY_SCALED:
+        scales = rows, _power_of_two(column_tops)
+        A = sp.csr_array((A.data * rows[row] * scales[1][A.indices], A.indices, A.indptr), shape=A.shape)
+    blocks = diagonal_blocks(A, SMALL_COMPONENT)
+    if sum(b.unknowns.size for b in blocks) == A.shape[0]:
+        try:
+            inverses = _BlockInverses(A, blocks)
+        except np.linalg.LinAlgError:  # an exactly zero pivot
+            return None, None
+        if inverses.rcond() > INVERTED_RCOND:
+            return inverses, scales
+    lu = sparse_lu(A)
+    return (None if lu is None else _SparseLU(A, lu)), scales
+
+
+def _power_of_two(top: Vector) -> Vector:
+    """The powers of 2 that bring the positive numbers `top` into [1/2, 1)."""
+    return np.ldexp(1.0, -np.frexp(top)[1])
