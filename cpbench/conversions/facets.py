@@ -36,12 +36,18 @@ def directions(facets: int, angle: float) -> Dense:
 
 def obstacle(problem: FrictionContact, facets: int, angle: float) -> str | None:
     """Why a polygon of `facets` sides cannot stand for the disk of this problem, else None."""
+    wrong = wrong_knobs(facets, angle)
+    if wrong is None and problem.dimension != 3:
+        return f"the problem is {problem.dimension}-dimensional, where Coulomb's law is an LCP exactly; use fc-lcp-2d"
+    return wrong
+
+
+def wrong_knobs(facets: int, angle: float) -> str | None:
+    """Why there is no such polygon, else None."""
     if facets < 4 or facets % 2:
         return f"facets = {facets}: directions come in opposite pairs, use an even number of at least 4"
     if not math.isfinite(angle):
         return f"angle = {angle} is no angle, use a number of radians"
-    if problem.dimension != 3:
-        return f"the problem is {problem.dimension}-dimensional, where Coulomb's law is an LCP exactly; use fc-lcp-2d"
     return None
 
 

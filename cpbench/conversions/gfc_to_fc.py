@@ -1,8 +1,9 @@
 """Global → local frictional contact: the Delassus operator (P_LM → P_L).
 
-Source  Mv = Hr + f,  u = Hᵀv + w, contact law on (u, r),  M nonsingular.
-Target  u = Wr + q,  W = HᵀM⁻¹H,  q = HᵀM⁻¹f + w, the same law, the same r.
-Lift    v = M⁻¹(Hr + f).        Push  r.
+Source  Mv = Hr + Gλ + f,  Gᵀv + b = 0,  u = Hᵀv + w, contact law on (u, r);  K = [[M, −G], [Gᵀ, 0]] nonsingular.
+Target  u = Wr + q,  W = [Hᵀ 0]K⁻¹[H; 0],  q = w + [Hᵀ 0]K⁻¹(f, −b), the same law, the same r. Without joints
+        W = HᵀM⁻¹H,  q = HᵀM⁻¹f + w.
+Lift    (v, λ) = K⁻¹(Hr + f, −b).        Push  r.
 Kind    equivalent, for nonsymmetric M too.
 """
 
@@ -10,21 +11,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cpbench import matrices
-from cpbench.conversions import elimination
+from cpbench.conversions import condensation
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
-from cpbench.matrices import Matrix
 
 
 @conversions.register("gfc-fc")
 @dataclass(frozen=True)
 class GFCtoFC(Conversion):
-    """Eliminate the velocities of the bodies. Trace: `factor` (M), `H`, `f`."""
+    """Eliminate the velocities of the bodies and the joint reactions. Trace: `factor` (K), `H`, `f`, `b`."""
 
     name = "gfc-fc"
     source = "gfc"
@@ -34,26 +33,15 @@ class GFCtoFC(Conversion):
     cost = 1.0
 
     def obstacle(self, problem: GlobalFrictionContact) -> str | None:
-        instead = "no contact problem in r alone exists: take constrained or massless unknowns out of the model first"
-        return elimination.singularity(problem.factorization, "the mass matrix M", instead)
+        return condensation.obstacle(problem)
 
     def apply(self, problem: GlobalFrictionContact) -> tuple[FrictionContact, Trace]:
         self.require(problem)
-        factor = problem.factorization
-        W = elimination.product(matrices.transpose(problem.H), factor, problem.H)
-        if matrices.is_symmetric(problem.M):
-            # W is symmetric but for rounding, which solvers that ask for symmetry would meet and refuse;
-            # (x + y)/2 = (y + x)/2 in floating point too, so the mean is symmetric to the last bit
-            W = elimination.compact(_mean_with_transpose(W))
-        local = FrictionContact(W=W, q=problem.free_velocity, mu=problem.mu, dimension=problem.dimension)
-        return local, {"factor": factor, "H": problem.H, "f": problem.f}
+        W, q, trace = condensation.condense(problem)
+        return FrictionContact(W=W, q=q, mu=problem.mu, dimension=problem.dimension), trace
 
     def lift(self, point: FCPoint, trace: Trace) -> GFCPoint:
-        return GFCPoint(v=trace["factor"].solve(trace["H"] @ point.r + trace["f"]), r=point.r)
+        return condensation.lift(point, trace)
 
     def push(self, point: GFCPoint, trace: Trace) -> FCPoint:
         return FCPoint(r=point.r)
-
-
-def _mean_with_transpose(W: Matrix) -> Matrix:
-    return (W + matrices.transpose(W)) * 0.5

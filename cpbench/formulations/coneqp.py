@@ -75,6 +75,13 @@ class ConeQP(ConicProblem):
         return matrices.is_psd(self.Q)
 
     @cached_property
+    def plain(self) -> bool:
+        """A = I and b = 0: x itself is in K."""
+        if self.A.shape[0] != self.A.shape[1] or self.b.any():
+            return False
+        return matrices.max_abs(self.A - matrices.identity(self.p.size, self.A)) == 0.0
+
+    @cached_property
     def s_unit(self) -> float:
         """The least size of an s that can balance the data: max(‖b‖∞, max|A| ‖p‖∞/max|Q|) over nonzero Q."""
         top = max_abs(self.Q)

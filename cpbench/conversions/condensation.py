@@ -1,0 +1,59 @@
+"""Bodies and joints eliminated from a global contact problem: what gfc-fc, grfc-rfc, gfc-fcm and fcm-fc share.
+
+With K = [[M, −G], [Gᵀ, 0]] (K = M without joints) and v, λ the velocities and joint reactions for given r,
+
+    (v, λ) = K⁻¹(Hr + f, −b),   u = Wr + q,   W = [Hᵀ 0]K⁻¹[H; 0],   q = w + [Hᵀ 0]K⁻¹(f, −b).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.conversions import elimination
+from cpbench.formulations.base import Trace
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.global_contact import GFCPoint, GlobalContact
+from cpbench.matrices import Matrix, Vector
+
+
+def obstacle(problem: GlobalContact) -> str | None:
+    """Why velocities and joint reactions do not follow from r; None when they do."""
+    mass = singular_mass(problem)
+    if mass is not None or not problem.b.size:
+        return mass
+    return elimination.singularity(
+        problem.saddle, "the matrix [[M, -G], [Gᵀ, 0]] of bodies and joints", "use gfc-fcm, which keeps λ"
+    )
+
+
+def singular_mass(problem: GlobalContact) -> str | None:
+    """The obstacle of edges that eliminate v by M alone."""
+    instead = "no contact problem in r alone exists: take constrained or massless unknowns out of the model first"
+    return elimination.singularity(problem.factorization, "the mass matrix M", instead)
+
+
+def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
+    """W, q and the trace: `factor` (K), `H`, `f`, `b`. W is symmetric to the last bit when M is symmetric."""
+    H, joints = problem.H, problem.b.size
+    if joints:
+        H = matrices.block([[H], [matrices.zeros(joints, H.shape[1], H)]])
+    W = elimination.product(matrices.transpose(H), problem.saddle, H)
+    if matrices.is_symmetric(problem.M):
+        W = symmetrised(W)
+    return W, problem.free_velocity, {"factor": problem.saddle, "H": problem.H, "f": problem.f, "b": problem.b}
+
+
+def lift(point: FCPoint, trace: Trace) -> GFCPoint:
+    """(v, λ) = K⁻¹(Hr + f, −b)."""
+    force = trace["H"] @ point.r + trace["f"]
+    v, lam = np.split(trace["factor"].solve(np.concatenate([force, -trace["b"]])), [force.size])
+    return GFCPoint(v=v, r=point.r, lam=lam)
+
+
+def symmetrised(W: Matrix) -> Matrix:
+    """(W + Wᵀ)/2 of a matrix that is symmetric but for rounding, which solvers that ask for symmetry would refuse.
+
+    (x + y)/2 = (y + x)/2 in floating point too, so the mean is symmetric to the last bit.
+    """
+    return elimination.compact((W + matrices.transpose(W)) * 0.5)

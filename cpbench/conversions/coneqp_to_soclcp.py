@@ -1,0 +1,67 @@
+"""Cone QP → cone LCP by its optimality conditions.
+
+Source  min ½xᵀQx + pᵀx  subject to  Ax + b ∈ K, K a product of cones.
+Target  x ∈ K ⟂ Qx + p ∈ K* where A = I and b = 0; otherwise (x, y) ∈ ℝⁿ × K*, the free x complementary to {0}:
+        Qx + p − Aᵀy = 0,  K* ∋ y ⟂ Ax + b ∈ K.
+Lift    x, y (y = Qx + p in the first case).        Push  the same, backwards.
+Kind    equivalent when Q is positive semidefinite, otherwise necessary (stationary points).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.conic import cone_fields
+from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.product_cones import Cone, ProductCone
+
+
+@conversions.register("coneqp-soclcp")
+@dataclass(frozen=True)
+class ConeQPtoSOCLCP(Conversion):
+    """First-order conditions over a cone. Trace: `n` (size of x), `plain` (A = I, b = 0), `Q`, `p`."""
+
+    name = "coneqp-soclcp"
+    source = "coneqp"
+    target = "soclcp"
+    equation = "(3) over a cone"
+    kind = Kind.NECESSARY
+    best_kind = Kind.EQUIVALENT
+    cost = 1.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, ConeQP)
+        return self.best_kind if problem.convex else self.kind
+
+    def obstacle(self, problem: ConeQP) -> str | None:
+        if problem.K.conical:
+            return None
+        count = int((problem.cone_kind == Cone.CYLINDER).sum())
+        return f"{count} factors of K are cylinders ℝ₊ × disk, which are no cones; solve the cone QP itself"
+
+    def apply(self, problem: ConeQP) -> tuple[SOCLCP, Trace]:
+        self.require(problem)
+        n, K = problem.p.size, problem.K
+        plain = problem.plain
+        trace = {"n": n, "plain": int(plain), "Q": problem.Q, "p": problem.p}
+        if plain:
+            return SOCLCP(M=problem.Q, q=problem.p, **cone_fields(K)), trace  # pyright: ignore[reportArgumentType]
+        dual, free = K.dual(), ProductCone.of((Cone.FREE, 1, n))
+        both = {name: np.concatenate([part, cone_fields(dual)[name]]) for name, part in cone_fields(free).items()}
+        corner = matrices.zeros(K.rows, K.rows, problem.Q)
+        M = matrices.block([[problem.Q, -matrices.transpose(problem.A)], [problem.A, corner]])
+        return SOCLCP(M=M, q=np.concatenate([problem.p, problem.b]), **both), trace  # pyright: ignore[reportArgumentType]
+
+    def lift(self, point: SOCLCPPoint, trace: Trace) -> ConeQPPoint:
+        if trace["plain"]:
+            return ConeQPPoint(x=point.x, y=trace["Q"] @ point.x + trace["p"])
+        return ConeQPPoint(x=point.x[: trace["n"]], y=point.x[trace["n"] :])
+
+    def push(self, point: ConeQPPoint, trace: Trace) -> SOCLCPPoint:
+        return SOCLCPPoint(x=point.x if trace["plain"] else np.concatenate([point.x, point.y]))

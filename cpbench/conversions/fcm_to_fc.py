@@ -1,0 +1,91 @@
+"""Local mixed → local frictional contact: the reactions of bilateral constraints eliminated.
+
+Source  u = Wr + Vλ + q,  Vᵀr + Rλ + s = 0, contact law.
+Target  u = (W − VR⁻¹Vᵀ)r + q − VR⁻¹s, the same law, the same r. A singular R (constraints that repeat each other) has
+        R⁺ in its place when s and the columns of Vᵀ are in its range.
+Lift    λ = −R⁻¹(Vᵀr + s), of least norm where R is singular.        Push  r.
+Kind    equivalent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.conversions import condensation, elimination
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
+from cpbench.matrices import Dense
+
+PSEUDO_INVERSE_LIMIT = 2000
+"""Most constraints whose singular R is pseudo-inverted (a dense singular value decomposition)."""
+RANGE_TOLERANCE = 1e-9
+"""Share of s or Vᵀ outside the range of R up to which they count as in it."""
+
+
+@conversions.register("fcm-fc")
+@dataclass(frozen=True)
+class FCMtoFC(Conversion):
+    """Eliminate λ. Trace: `factor` (R) or `pseudo` (R⁺), `V`, `s`."""
+
+    name = "fcm-fc"
+    source = "fcm"
+    target = "fc"
+    equation = "P_L"
+    kind = Kind.EQUIVALENT
+    cost = 1.0
+
+    def obstacle(self, problem: MixedFrictionContact) -> str | None:
+        if not problem.factorization.singular:
+            return None
+        p = problem.s.size
+        if p > PSEUDO_INVERSE_LIMIT:
+            why = elimination.singularity(problem.factorization, "R", "take constraints out that repeat others")
+            return f"{why} (more than {PSEUDO_INVERSE_LIMIT} constraints, no pseudo-inverse is tried)"
+        inverse, R = _pseudo_inverse(problem), matrices.dense(problem.R)
+        outside = np.eye(p) - R @ inverse
+        for name, rows in (("s", problem.s[:, None]), ("Vᵀ", matrices.dense(problem.V).T)):
+            off, top = matrices.max_abs(outside @ rows), matrices.max_abs(rows)
+            if off > RANGE_TOLERANCE * top:
+                rank = matrices.rank(problem.R)
+                return (
+                    f"R ({p}x{p}, rank {rank}) is singular and {name} is not in its range, "
+                    f"{off / top:.1e} of it is outside: the constraints contradict each other or bind r alone"
+                )
+        return None
+
+    def apply(self, problem: MixedFrictionContact) -> tuple[FrictionContact, Trace]:
+        self.require(problem)
+        V, factor = problem.V, problem.factorization
+        trace = {"V": V, "s": problem.s}
+        if factor.singular:
+            inverse = _pseudo_inverse(problem)
+            less = matrices.dense(V) @ inverse @ matrices.dense(V).T
+            shift = V @ (inverse @ problem.s)
+            trace["pseudo"] = inverse
+        else:
+            less = elimination.product(V, factor, matrices.transpose(V))
+            shift = V @ factor.solve(problem.s)
+            trace["factor"] = factor
+        W = elimination.compact(problem.W - less)
+        if matrices.is_symmetric(problem.W) and matrices.is_symmetric(problem.R):
+            W = condensation.symmetrised(W)
+        return FrictionContact(W=W, q=problem.q - shift, mu=problem.mu, dimension=problem.dimension), trace
+
+    def lift(self, point: FCPoint, trace: Trace) -> FCMPoint:
+        right = trace["V"].T @ point.r + trace["s"]
+        lam = trace["factor"].solve(right) if "factor" in trace else trace["pseudo"] @ right
+        return FCMPoint(r=point.r, lam=-lam)
+
+    def push(self, point: FCMPoint, trace: Trace) -> FCPoint:
+        return FCPoint(r=point.r)
+
+
+def _pseudo_inverse(problem: MixedFrictionContact) -> Dense:
+    """R⁺ with the rank of an R known to about 12 digits."""
+    return np.asarray(np.linalg.pinv(matrices.dense(problem.R), rcond=1e-12), dtype=np.float64)

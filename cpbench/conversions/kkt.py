@@ -1,0 +1,87 @@
+"""Finite bounds as rows, and first-order conditions as an MLCP: what the edges that leave `qp` and `avi` share.
+
+With lb ≤ z ≤ ub, rows Az ≥ b, Cz = d and a map z ↦ Mz + q, the bounds become rows E = [A; I_lb; −I_ub],
+e = [b; lb; −ub]; a variable with lb = ub is one more equality, F = [C; I_fixed], g = [d; lb], instead of two inequalities with
+unbounded multipliers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cpbench import matrices
+from cpbench.formulations.avi import AVI
+from cpbench.formulations.base import Trace
+from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.qp import QP
+from cpbench.matrices import Matrix, Vector
+
+
+@dataclass(frozen=True)
+class Rows:
+    """E z ≥ e and F z = g of a problem with bounds, and `sizes`, what `split` needs to undo them."""
+
+    E: Matrix
+    e: Vector
+    F: Matrix
+    g: Vector
+    sizes: Trace
+
+
+def rows(problem: QP | AVI, like: Matrix) -> Rows:
+    """All constraints as rows, stored as `like`."""
+    lb, ub, n = problem.lb, problem.ub, problem.lb.size
+    fixed = np.flatnonzero(lb == ub)
+    lower = np.flatnonzero(np.isfinite(lb) & (lb < ub))
+    upper = np.flatnonzero(np.isfinite(ub) & (lb < ub))
+    return Rows(
+        E=_stack(problem.A, _unit_rows(lower, n, like), -_unit_rows(upper, n, like)),
+        e=np.concatenate([problem.b, lb[lower], -ub[upper]]),
+        F=_stack(problem.C, _unit_rows(fixed, n, like)),
+        g=np.concatenate([problem.d, lb[fixed]]),
+        sizes={"n": n, "m": problem.b.size, "k": problem.d.size, "lower": lower, "upper": upper, "fixed": fixed},
+    )
+
+
+def split(inequality: Vector, equality: Vector, sizes: Trace) -> tuple[Vector, Vector, Vector]:
+    """λ of A, μ of C and ν of the bounds, from the multipliers of E and F."""
+    m, k, lower = sizes["m"], sizes["k"], sizes["lower"]
+    nu = np.zeros(sizes["n"])
+    nu[lower] += inequality[m : m + lower.size]
+    nu[sizes["upper"]] -= inequality[m + lower.size :]
+    nu[sizes["fixed"]] += equality[k:]
+    return inequality[:m], equality[:k], nu
+
+
+def join(lam: Vector, mu: Vector, nu: Vector, sizes: Trace) -> tuple[Vector, Vector]:
+    """The multipliers of E and F, from λ, μ and ν."""
+    below, above = np.maximum(nu[sizes["lower"]], 0.0), np.maximum(-nu[sizes["upper"]], 0.0)
+    return np.concatenate([lam, below, above]), np.concatenate([mu, nu[sizes["fixed"]]])
+
+
+def conditions(M: Matrix, q: Vector, constraints: Rows) -> MLCP:
+    """u = (z, μ) free, v = λ:  Mz + q − Fᵀμ − Eᵀλ = 0,  Fz − g = 0,  0 ≤ λ ⟂ Ez − e ≥ 0."""
+    E, F, e, g = constraints.E, constraints.F, constraints.e, constraints.g
+    return MLCP(
+        A=matrices.block([[M, -matrices.transpose(F)], [F, matrices.zeros(g.size, g.size, M)]]),
+        B=matrices.zeros(e.size, e.size, M),
+        C=matrices.block([[-matrices.transpose(E)], [matrices.zeros(g.size, e.size, M)]]),
+        D=matrices.block([[E, matrices.zeros(e.size, g.size, M)]]),
+        a=np.concatenate([q, -g]),
+        b=-e,
+    )
+
+
+def _unit_rows(which: NDArray[np.int64], n: int, like: Matrix) -> Matrix:
+    """The rows `which` of the identity."""
+    ones = (np.ones(which.size), (np.arange(which.size), which))
+    unit = sp.csr_array(ones, shape=(which.size, n))
+    return unit if matrices.is_sparse(like) else matrices.dense(unit)
+
+
+def _stack(*parts: Matrix) -> Matrix:
+    return matrices.block([[part] for part in parts])

@@ -1,0 +1,55 @@
+"""QP → AVI: the gradient instead of the objective (equation (22) with F = ∇f).
+
+Source  min ½zᵀQz + pᵀz over X = {Az ≥ b, Cz = d, lb ≤ z ≤ ub}.
+Target  −(Qz + p) ∈ N_X(z).
+Lift    z, λ, μ;  ν = Qz + p − Aᵀλ − Cᵀμ.        Push  z, λ, μ.
+Kind    equivalent when Q is positive semidefinite, otherwise necessary (stationary points).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.formulations.avi import AVI, AVIPoint
+from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.formulations.qp import QP, QPPoint
+
+
+@conversions.register("qp-avi")
+@dataclass(frozen=True)
+class QPtoAVI(Conversion):
+    """Stationary points over the feasible set. Trace: `Q`, `p`, `A`, `C`, for the multipliers of the bounds."""
+
+    name = "qp-avi"
+    source = "qp"
+    target = "avi"
+    equation = "(1) → (22)"
+    kind = Kind.NECESSARY
+    best_kind = Kind.EQUIVALENT
+    cost = 1.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, QP)
+        return self.best_kind if problem.convex else self.kind
+
+    def apply(self, problem: QP) -> tuple[AVI, Trace]:
+        target = AVI(
+            M=problem.Q,
+            q=problem.p,
+            A=problem.A,
+            b=problem.b,
+            C=problem.C,
+            d=problem.d,
+            lb=problem.lb,
+            ub=problem.ub,
+        )
+        return target, {"Q": problem.Q, "p": problem.p, "A": problem.A, "C": problem.C}
+
+    def lift(self, point: AVIPoint, trace: Trace) -> QPPoint:
+        z, lam, mu = point.z, point.lam, point.mu
+        nu = trace["Q"] @ z + trace["p"] - trace["A"].T @ lam - trace["C"].T @ mu
+        return QPPoint(z=z, lam=lam, mu=mu, nu=nu)
+
+    def push(self, point: QPPoint, trace: Trace) -> AVIPoint:
+        return AVIPoint(z=point.z, lam=point.lam, mu=point.mu)

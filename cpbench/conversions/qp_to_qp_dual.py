@@ -1,0 +1,74 @@
+"""QP → its dual (equation (9)): multipliers are the unknowns, Q is eliminated.
+
+Source  min ½zᵀQz + pᵀz  subject to  Ez ≥ e (λ),  Fz = g (μ), Q positive definite; bounds are rows of E and F.
+Target  with G = [E; F], c = (e, g):  min ½yᵀ(G Q⁻¹Gᵀ)y − (G Q⁻¹p + c)ᵀy  over y = (λ ≥ 0, μ free).
+Lift    z = Q⁻¹(Gᵀy − p), y sorted out to λ, μ, ν.        Push  y;  the multiplier of λ ≥ 0 is Ez − e.
+Kind    equivalent. Q is factored once and not inverted; it travels in the trace with G and p. The dual of a QP with
+        many more rows than unknowns is large and singular. Without equalities it is the LCP(EQ⁻¹Eᵀ, −(EQ⁻¹p + e)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.conversions import condensation, elimination, kkt
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.qp import QP, QPPoint
+from cpbench.matrices import Factorization
+
+
+@conversions.register("qp-qp-dual")
+@dataclass(frozen=True)
+class QPtoDual(Conversion):
+    """Dual of a strictly convex QP. Trace: as qp-mlcp, with `factor` (Q), `G`, `p`, `c`, `inequalities`."""
+
+    name = "qp-qp-dual"
+    source = "qp"
+    target = "qp"
+    equation = "(9)"
+    kind = Kind.EQUIVALENT
+    cost = 3.0
+
+    def obstacle(self, problem: QP) -> str | None:
+        singular = elimination.singularity(
+            Factorization(problem.Q), "Q", "use qp-mlcp or qp-coneqp, which need no inverse"
+        )
+        if singular is None and not problem.convex:
+            least = matrices.least_eigenvalue(problem.Q)
+            return f"Q is not positive definite, least eigenvalue {least:.1e} or less; use qp-mlcp"
+        return singular
+
+    def apply(self, problem: QP) -> tuple[QP, Trace]:
+        self.require(problem)
+        rows = kkt.rows(problem, problem.Q)
+        G, c = matrices.block([[rows.E], [rows.F]]), np.concatenate([rows.e, rows.g])
+        factor = Factorization(problem.Q)
+        W = elimination.product(G, factor, matrices.transpose(G))
+        target = QP.build(
+            condensation.symmetrised(W),
+            -(G @ factor.solve(problem.p) + c),
+            lb=np.concatenate([np.zeros(rows.e.size), np.full(rows.g.size, -np.inf)]),
+        )
+        return target, {
+            **rows.sizes,
+            "factor": factor,
+            "G": G,
+            "p": problem.p,
+            "c": c,
+            "inequalities": rows.e.size,
+        }
+
+    def lift(self, point: QPPoint, trace: Trace) -> QPPoint:
+        y = point.z
+        lam, mu, nu = kkt.split(*np.split(y, [trace["inequalities"]]), trace)
+        return QPPoint(z=trace["factor"].solve(trace["G"].T @ y - trace["p"]), lam=lam, mu=mu, nu=nu)
+
+    def push(self, point: QPPoint, trace: Trace) -> QPPoint:
+        slack = trace["G"] @ point.z - trace["c"]
+        slack[trace["inequalities"] :] = 0.0
+        none = np.zeros(0)
+        return QPPoint(z=np.concatenate(kkt.join(point.lam, point.mu, point.nu, trace)), lam=none, mu=none, nu=slack)
