@@ -22,6 +22,10 @@ FACET_NODES = ("lcp", "mlcp")
 """Where facet routes lead: their LCPs are not symmetric, so that no quadratic program is worth a row."""
 
 
+BEYOND = {"necessary": Kind.NECESSARY, "relaxed": Kind.RELAXATION}
+"""Requests that add a weaker kind to the exact routes, for the nodes that no exact route opens."""
+
+
 @dataclass(frozen=True)
 class Request:
     """One way to reach solvers: allowed kinds, pinned conversions, nodes it is meant for (empty: all)."""
@@ -117,10 +121,10 @@ def requests(routes: str, counts: Sequence[int]) -> list[Request]:
     """The requests of `--routes exact|facets|all` with facet counts."""
     asked = [exact()]
     if routes in ("facets", "all"):
-        asked += [r for n in counts for r in facets("inner", n)]
+        asked += [r for n in counts for how in ("inner", "facets") for r in facets(how, n)]
     if routes == "all":
         asked += [r for n in counts for r in facets("outer", n)]
-        asked.append(Request("necessary", (*EXACT_KINDS, str(Kind.NECESSARY))))
+        asked += [Request(name, (*EXACT_KINDS, str(kind))) for name, kind in BEYOND.items()]
     return asked
 
 
@@ -147,13 +151,13 @@ def pairs(
 ) -> list[Pair]:
     """Every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
 
-    The request `necessary` takes only the nodes that no exact route opens.
+    The requests of BEYOND take only the nodes that no exact route opens.
     """
     planned: dict[str, Pair] = {}
     for survey in surveys:
         for request in asked:
             nodes = set(survey["nodes"][request.name])
-            if request.name == "necessary":
+            if request.name in BEYOND:
                 nodes -= set(survey["nodes"].get("exact", []))
             for entry in entries:
                 spec = solvers.get(entry.solver).spec

@@ -30,7 +30,7 @@ class AVItoLCPBounds(Conversion):
     target = "lcp"
     equation = "(22) → (13)"
     kind = Kind.EQUIVALENT
-    cost = 2.0
+    cost = 1.0
 
     def obstacle(self, problem: AVI) -> str | None:
         if not problem.only_box:

@@ -27,7 +27,7 @@ class RelayToLCP(Conversion):
     target = "lcp"
     equation = "(22) → (13)"
     kind = Kind.EQUIVALENT
-    cost = 2.0
+    cost = 1.0
 
     def apply(self, problem: Relay) -> tuple[LCP, Trace]:
         return bounds.to_lcp(problem.M, problem.q, problem.lb, problem.ub)

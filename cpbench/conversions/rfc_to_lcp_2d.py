@@ -39,7 +39,7 @@ class RFCtoLCP2D(Conversion):
     def obstacle(self, problem: RollingFrictionContact) -> str | None:
         if problem.dimension == 3:
             return None
-        return f"a contact has {problem.dimension} rows, where the cone has no facets; use rfc-lcp-inner"
+        return f"a contact has {problem.dimension} rows, where the cone has no facets; use rfc-lcp-facets"
 
     def apply(self, problem: RollingFrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)

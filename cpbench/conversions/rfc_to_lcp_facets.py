@@ -22,12 +22,12 @@ from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Dense
 
 
-@conversions.register("rfc-lcp-inner")
+@conversions.register("rfc-lcp-facets")
 @dataclass(frozen=True)
-class RFCtoLCPInner(Conversion):
+class RFCtoLCPFacets(Conversion):
     """`facets` vertices on both circles, the first at `angle` [rad]. Trace: `W`, `q`, `mu`, `mu_r`, for `push`."""
 
-    name = "rfc-lcp-inner"
+    name = "rfc-lcp-facets"
     source = "rfc"
     target = "lcp"
     equation = "(47)-(48), rolling"
