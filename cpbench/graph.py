@@ -8,6 +8,7 @@ for `explain`.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -50,6 +51,33 @@ class Arrival:
     dead_ends: tuple[DeadEnd, ...] = field(default=())
 
 
+class Memory:
+    """A stand-in for `Conversion.step` that converts a problem by an edge once, and knows how long that took.
+
+    Problems are told apart by identity: equal ones that came by other ways must keep their own provenance.
+    """
+
+    def __init__(self) -> None:
+        self._done: dict[tuple[int, str], tuple[Problem, Problem, float]] = {}
+
+    def __call__(self, edge: Conversion, problem: Problem) -> Problem:
+        key = (id(problem), edge.label)
+        if key not in self._done:
+            begun = time.perf_counter()
+            converted = edge.step(problem)
+            # the problem is kept, so that its id stays its own
+            self._done[key] = (problem, converted, time.perf_counter() - begun)
+        return self._done[key][1]
+
+    def seconds(self, problem: Problem, route: Route) -> float:
+        """What the conversions of a route that was taken from `problem` on took."""
+        total = 0.0
+        for edge in route.steps:
+            _, problem, spent = self._done[id(problem), edge.label]
+            total += spent
+        return total
+
+
 @dataclass(frozen=True)
 class _State:
     """What a prefix made of the problem, and the weakest promise on the way."""
@@ -80,7 +108,7 @@ def arrive(
 ) -> Arrival:
     """Bring `problem` to `target` by the first candidate that works; raises NoRoute with the obstacles met.
 
-    `apply` may be a memoising stand-in for `Conversion.step`, which outlives this search.
+    `apply` may be a stand-in for `Conversion.step` that outlives this search, such as a `Memory`.
     """
     dead: list[DeadEnd] = []
     for arrival in _arrivals(problem, target, kinds, via, apply, dead, once=True):

@@ -63,7 +63,7 @@ class Referee:
         self._address = ""
         self._source: Problem | None = None
         self._prepared: dict[str, Prepared] = {}
-        self._steps: dict[tuple[str, str], tuple[Problem, float]] = {}
+        self._conversions = graph.Memory()
         self._files = 0
 
     def survey(self, _: Any, address: str, format: str | None, requests: list[dict[str, Any]]) -> bytes:
@@ -89,10 +89,8 @@ class Referee:
         """Bring the problem to `node` along the request; the reply names the file that solvers load."""
         problem = self._open(address, format)
         kinds, via = parse_request(request)
-        arrival = graph.arrive(problem, node, kinds, via, lambda edge, p: self._convert(edge, p)[0])
+        arrival = graph.arrive(problem, node, kinds, via, self._conversions)
         steps = len(arrival.route.steps)
-        taken = zip(arrival.problem.provenance[len(problem.provenance) :], arrival.route.steps, strict=True)
-        seconds = sum(self._steps[step.source, edge.label][1] for step, edge in taken)  # not of dead ends before it
         # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
         path = self._scratch / f"problem-{os.getpid()}-{self._files}.h5"
         self._files += 1
@@ -102,7 +100,7 @@ class Referee:
             arrival.kind,
             arrival.route.label,
             steps,
-            seconds,
+            self._conversions.seconds(problem, arrival.route),  # not of dead ends before it
             str(path),
         )
         self._prepared[f"{request['name']}>{node}"] = ready
@@ -170,20 +168,12 @@ class Referee:
         if self._address != address or self._source is None:
             for prepared in self._prepared.values():
                 Path(prepared.path).unlink(missing_ok=True)
-            self._prepared, self._steps, self._source = {}, {}, None
+            self._prepared, self._conversions, self._source = {}, graph.Memory(), None
             self._source = storage.load(address, format=format)
             self._address = address
         source = self._source
         assert source is not None
         return source
-
-    def _convert(self, edge: Conversion, problem: Problem) -> tuple[Problem, float]:
-        key = (problem.fingerprint, edge.label)
-        if key not in self._steps:
-            begun = time.perf_counter()
-            converted = edge.step(problem)
-            self._steps[key] = (converted, time.perf_counter() - begun)
-        return self._steps[key]
 
     def _open_nodes(self, problem: Problem, request: dict[str, Any]) -> list[str]:
         kinds, via = parse_request(request)

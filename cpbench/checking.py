@@ -1,0 +1,218 @@
+"""Checks of a conversion on one problem: an answer there, the lifted answer here, and what the lift does to errors.
+
+An answer is the problem's known solution, carried forward, or what a solver finds on the converted problem, or on
+what that converts to exactly. Nobody is believed: every answer is measured at both ends.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cpbench import graph, verification
+from cpbench.conversions import Conversion
+from cpbench.errors import NoRoute, NotApplicable
+from cpbench.formulations import Kind, Problem
+from cpbench.solvers.base import Budget, Solver, solvers
+from cpbench.verification import Verdict
+
+MOVED = 1e-6
+"""Size of the moves of a target answer, relative to its parts."""
+MOVES = 8
+"""Random directions in which it is moved."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer to a problem: the point, where it is from, its error there."""
+
+    point: Any
+    how: str
+    error: float
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What a conversion did to a problem and to one answer.
+
+    Attributes
+    ----------
+    converted, route, kind : where the problem arrived, how, and what was promised.
+    how : where the answer is from, '' when there is none; `tried` : why not from elsewhere.
+    target, source : verdicts on the answer to the converted problem and on the lifted one.
+    moved : largest error on the source over error on the target, over MOVES answers beside this one; None when the
+        target has no unknowns. apply, lift : seconds.
+    """
+
+    converted: Problem
+    route: graph.Route
+    kind: Kind
+    how: str
+    tried: tuple[str, ...]
+    target: Verdict
+    source: Verdict
+    moved: float | None
+    apply: float
+    lift: float
+
+    @property
+    def amplification(self) -> float:
+        """Error on the source over error on the target."""
+        return ratio(self.source.error, self.target.error)
+
+    @property
+    def passed(self) -> bool:
+        """An exact conversion must give an answer; any other one need not."""
+        return self.source.solved or (bool(self.how) and not self.kind.exact)
+
+
+def check(
+    problem: Problem,
+    target: str,
+    kinds: frozenset[Kind] = graph.EXACT,
+    via: Sequence[Conversion] = (),
+    known: Any | None = None,
+    tolerance: float = 1e-6,
+    seed: int = 0,
+) -> CheckReport:
+    """Bring `problem` to `target`, get an answer there, lift it and measure both ends.
+
+    `known` is a candidate solution; it is used when it verifies on the problem and can be pushed. Otherwise the native
+    solvers are asked. Raises NoRoute, and PointError when `known` does not fit.
+    """
+    memory = graph.Memory()
+    arrival = graph.arrive(problem, target, kinds, via, memory)
+    converted, steps = arrival.problem, len(arrival.route.steps)
+    tried: list[str] = []
+    answer = None
+    if known is not None:
+        answer = pushed(problem, converted, steps, known, tolerance, tried)
+    if answer is None:
+        asked = graph.tolerance(converted, tolerance, steps)
+        answer = next(answers(converted, asked, tried, native=True), None)
+    nothing = verification.no_answer(tolerance)
+    found, measured, moved, lifted = nothing, nothing, None, 0.0
+    if answer is not None:
+        begun = time.perf_counter()
+        back = graph.lift(converted, answer.point, steps)
+        lifted = time.perf_counter() - begun
+        found = verification.judge(converted, answer.point, tolerance)
+        measured = verification.judge(problem, back, tolerance)
+        moved = _largest_ratio(problem, converted, steps, answer.point, seed)
+    how = "" if answer is None else answer.how
+    return CheckReport(
+        converted,
+        arrival.route,
+        arrival.kind,
+        how,
+        tuple(tried),
+        found,
+        measured,
+        moved,
+        memory.seconds(problem, arrival.route),
+        lifted,
+    )
+
+
+def pushed(
+    problem: Problem, converted: Problem, steps: int, known: Any, tolerance: float, tried: list[str]
+) -> Answer | None:
+    """The known solution carried forward over the last `steps` conversions; why not goes into `tried`."""
+    error = verification.judge(problem, known, tolerance).error
+    if error > tolerance:
+        tried.append(f"the known solution has error {error:.1e}")
+        return None
+    try:
+        point = graph.push(converted, known, steps)
+    except NotApplicable as refusal:
+        tried.append(str(refusal))
+        return None
+    return Answer(point, "known solution, pushed", converted.residuals(point).error)
+
+
+def answers(
+    problem: Problem, tolerance: float, tried: list[str], *, native: bool = False, seconds: float = 10.0
+) -> Iterator[Answer]:
+    """Answers of registered solvers whose strictest error on `problem` is at most `tolerance`, one solver at a time.
+
+    Native solvers come first (alone with `native`), those of the problem's own node before those behind further exact
+    conversions. Who was asked in vain goes into `tried`, with the reason.
+    """
+    for arrival, solver in _solvers_ahead(problem, tried, native):
+        steps = len(arrival.route.steps)
+        who = f"{solver.spec.name} after {arrival.route.label}" if steps else solver.spec.name
+        why = solver.obstacle(arrival.problem)
+        if why is None:
+            budget = Budget(tolerance=graph.tolerance(arrival.problem, tolerance, steps), seconds=seconds)
+            try:
+                out = solver.run(arrival.problem, budget)
+            except Exception as failure:  # a foreign package may raise anything
+                tried.append(f"{who}: {type(failure).__name__}: {failure}")
+                continue
+            error = math.inf
+            if out.point is not None:
+                point = graph.lift(arrival.problem, out.point, steps)
+                error = strictest(verification.judge(problem, point, tolerance))
+                if error <= tolerance:
+                    yield Answer(point, f"solved by {who}", error)
+                    continue
+            why = f"ended {out.claim} with error {error:.1e}, asked for {tolerance:.1e}"
+        tried.append(f"{who}: {why}")
+
+
+def _solvers_ahead(problem: Problem, tried: list[str], native: bool) -> Iterator[tuple[graph.Arrival, Solver]]:
+    """Solvers that may serve, each with the problem brought to its node; nearest nodes first, then native ones."""
+    serving: dict[str, list[Solver]] = {}
+    for solver in sorted(solvers, key=lambda s: (bool(s.spec.requires), s.spec.name)):
+        usable = solver.spec.kind.exact and solver.availability().ok
+        if usable and not (native and solver.spec.requires):
+            serving.setdefault(solver.spec.node, []).append(solver)
+    ahead = [(routes[0].cost, node) for node in serving if (routes := graph.candidates(problem.node, node))]
+    if not ahead:
+        tried.append(f"no {'native ' if native else ''}solver is registered on {problem.node} or beyond")
+    for _, node in sorted(ahead):
+        try:
+            arrival = graph.arrive(problem, node)
+        except NoRoute as refusal:
+            tried.append(str(refusal))
+            continue
+        for solver in serving[node]:
+            yield arrival, solver
+
+
+def strictest(verdict: Verdict) -> float:
+    """The largest judged or relative number.
+
+    A QP's verdict takes the smaller of an absolute and a relative number. In units of 1e-8 the absolute one says
+    nothing, and the source may measure relative ones: what is to be carried back has to pass both.
+    """
+    return max([verdict.error, *(value for name, value in verdict.parts.items() if name.endswith("_relative"))])
+
+
+def _largest_ratio(problem: Problem, converted: Problem, steps: int, point: Any, seed: int) -> float | None:
+    """Largest error on the source over error on the target, of answers beside `point`."""
+    parts = point.arrays()
+    if not any(part.size for part in parts.values()):
+        return None
+    rng = np.random.default_rng(seed)
+    largest = 0.0
+    for _ in range(MOVES):
+        moved = {name: part + _scale(part) * rng.standard_normal(part.size) for name, part in parts.items()}
+        there = type(point)(**moved)
+        back = graph.lift(converted, there, steps)
+        largest = max(largest, ratio(problem.residuals(back).error, converted.residuals(there).error))
+    return largest
+
+
+def _scale(part: Any) -> float:
+    return MOVED * (float(np.abs(part).max(initial=0.0)) or 1.0)
+
+
+def ratio(source: float, target: float) -> float:
+    """source/target; 0 where there is no error here, ∞ where there is one here and none there."""
+    return source / target if target > 0 else (0.0 if source == 0 else math.inf)

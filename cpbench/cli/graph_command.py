@@ -1,0 +1,50 @@
+"""`cpbench graph`."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from cpbench.cli.options import number
+from cpbench.cli.routes import kinds_option
+from cpbench.formulations import Kind, formulations
+from cpbench.report.graph_drawing import FORMATS, draw
+
+
+@click.command()
+@click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True)
+@click.option("--check", is_flag=True, help="Send planted problems along every pair's equivalent routes and back.")
+@click.option("--node", "nodes", multiple=True, metavar="NODE", help="With --check: only pairs of these.")
+@click.option(
+    "--tolerance",
+    "-t",
+    type=click.FloatRange(min=0, min_open=True),
+    default=1e-9,
+    show_default=True,
+    help="With --check: the largest error on a source.",
+)
+@kinds_option
+def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]) -> None:
+    """Draw the formulations, the conversions between them and the solvers on each.
+
+    With --check, print the matrix of residuals: for every ordered pair of formulations that equivalent conversions
+    join, planted problems are converted, written to a file, solved, and lifted through the file; a cell is the worst
+    error on the source. Exits with 1 when one is above --tolerance.
+    """
+    for node in nodes:
+        formulations.get(node)
+    if not check:
+        click.echo(draw(form, kinds))
+        return
+    from cpbench.testing.residual_matrix import measure, table
+
+    found = measure(nodes or formulations.names(), tolerance)
+    click.echo(table(found))
+    above = [cell for cell in found if not cell.within(tolerance)]
+    for cell in above:
+        said = cell.reason or f"error {number(cell.error)} on '{cell.case}' by {cell.route}"
+        click.echo(f"{cell.source} -> {cell.target}: {said}")
+    click.echo(f"{len(found) - len(above)} of {len(found)} pairs within {number(tolerance)}")
+    if above:
+        sys.exit(1)

@@ -1,0 +1,135 @@
+"""There and back on planted problems: for every ordered pair of nodes, the error that a round trip leaves.
+
+A problem is converted, written to a file and read again; an answer to what was read is lifted through the file's
+provenance and measured on the problem it all began with.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cpbench import checking, graph, storage
+from cpbench.errors import CpbenchError, NoRoute
+from cpbench.formulations import Kind
+from cpbench.testing.cases import Case, cases
+
+EQUIVALENT = frozenset({Kind.EQUIVALENT})
+ASKED = 0.1
+"""What solvers are asked for, as a share of the tolerance of a cell."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One ordered pair.
+
+    Attributes
+    ----------
+    error : the worst on the source, over `cases` planted problems that took the route; `case`, `route` : where.
+    pushed : for how many of them no solver met what was asked, so that the planted solution was pushed instead.
+    reason : why there is no error.
+    """
+
+    source: str
+    target: str
+    error: float = 0.0
+    case: str = ""
+    route: str = ""
+    cases: int = 0
+    pushed: int = 0
+    reason: str = ""
+
+    def within(self, tolerance: float) -> bool:
+        return not self.reason and self.error <= tolerance
+
+    def __str__(self) -> str:
+        if self.reason:
+            return "none"
+        mark = "*" if self.pushed == self.cases else "+" if self.pushed else ""
+        return f"{self.error:.0e}{mark}"
+
+
+def measure(nodes: Iterable[str], tolerance: float = 1e-9) -> list[Cell]:
+    """Every ordered pair of two of `nodes` that a path of equivalent conversions joins."""
+    wanted = sorted(nodes)
+    found: list[Cell] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for source in wanted:
+            trips = RoundTrips(Path(folder), ASKED * tolerance)
+            reached = graph.reachable(source, EQUIVALENT)
+            found += [trips.cell(source, target) for target in wanted if target in reached and target != source]
+    return found
+
+
+class RoundTrips:
+    """Round trips from one node: a conversion that several of them share is made once.
+
+    Parameters
+    ----------
+    folder : for the converted files. asked : tolerance on the source that solvers are to reach.
+    """
+
+    def __init__(self, folder: Path, asked: float) -> None:
+        self._folder, self._asked = folder, asked
+        self._conversions = graph.Memory()
+
+    def cell(self, source: str, target: str) -> Cell:
+        """The worst of the planted cases of `source` that reach `target` by equivalent conversions."""
+        worst, count, pushed, reason = Cell(source, target, -1.0), 0, 0, ""
+        for case in cases(source):
+            try:
+                arrival = graph.arrive(case.problem, target, EQUIVALENT, apply=self._conversions)
+            except NoRoute as refusal:
+                reason = reason or f"{case.name}: {refusal}"
+                continue
+            try:
+                error, planted = self._trip(case, arrival)
+            except CpbenchError as refusal:
+                return Cell(source, target, reason=f"{case.name} by {arrival.route.label}: {refusal}")
+            count += 1
+            pushed += planted
+            if error > worst.error:
+                worst = Cell(source, target, error, case.name, arrival.route.label)
+        if not count:
+            return Cell(source, target, reason=f"no planted case takes a route ({reason})")
+        return Cell(source, target, worst.error, worst.case, worst.route, count, pushed)
+
+    def _trip(self, case: Case, arrival: graph.Arrival) -> tuple[float, bool]:
+        """Error on the source, and whether the planted solution had to serve.
+
+        A solver's answer that meets what the route asks may still be coarse where errors are roots of others (gaps of
+        a QP): the next solver is asked then, and the best counts.
+        """
+        path = self._folder / "converted.h5"
+        storage.save(arrival.problem, path, force=True, compress=False)
+        read = storage.load(path)
+        steps = len(arrival.route.steps)
+        least = math.inf
+        for answer in checking.answers(read, graph.tolerance(read, self._asked, steps), [], seconds=1.0):
+            least = min(least, case.problem.residuals(graph.lift(read, answer.point)).error)
+            if least <= self._asked:
+                break
+        if least < math.inf:
+            return least, False
+        return case.problem.residuals(graph.lift(read, graph.push(read, case.point))).error, True
+
+
+def table(found: Sequence[Cell]) -> str:
+    """The cells as a matrix, sources down, targets across."""
+    by_pair = {(cell.source, cell.target): str(cell) for cell in found}
+    nodes = sorted({node for pair in by_pair for node in pair})
+    wide = max((len(text) for text in (*nodes, *by_pair.values())), default=0)
+    rows = [["", *nodes], *([a, *(by_pair.get((a, b), "=" if a == b else ".") for b in nodes)] for a in nodes)]
+    lines = ["  ".join(text.rjust(wide) for text in row).rstrip() for row in rows]
+    cases_run, pushed = sum(cell.cases for cell in found), sum(cell.pushed for cell in found)
+    return "\n".join(
+        [
+            *lines,
+            "rows: source, columns: target, cells: worst error on the source after convert, save, load, solve, lift",
+            f". no equivalent route; {cases_run} round trips; in {pushed} of them no solver met what the route asks, "
+            "and the planted solution was pushed (* in all of a cell, + in some)",
+        ]
+    )
