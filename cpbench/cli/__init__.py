@@ -21,6 +21,7 @@ COMMANDS = {
     "lift": "Carry an answer to a converted problem back to its source.",
     "verify": "Measure an answer on a problem, or judge the kept answers of a results file again.",
     "info": "Show what is in a problem file.",
+    "graph": "Draw the conversions between formulations, or check them all.",
     "route": "Show how a problem reaches a formulation, and why not.",
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",
