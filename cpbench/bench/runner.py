@@ -179,13 +179,15 @@ class Session:
                     return self._judged(pair, row, reply, vectors, worker, format)
         except TimedOut:
             self._drop(pair.entry.solver)
+            if "load" not in row:  # the solver was not asked yet
+                message = f"loading: the worker did not read the converted problem within {LOAD_LIMIT:g} s"
+                return {**row, "status": "error", "message": message}, None
             return {**row, "status": "timeout", "message": f"killed after {limit:g} s", "solve": limit}, None
         except Died as death:
             self._drop(pair.entry.solver)
             out_of_memory = "bad_alloc" in death.output or "MemoryError" in death.output
             status = "memout" if out_of_memory else "crash"
-            message = f"{death.cause}: {death.output}" if death.output else death.cause
-            return {**row, "status": status, "message": message, "signal": death.signal}, None
+            return {**row, "status": status, "message": _obituary(death), "signal": death.signal}, None
         except wire.WireError as noise:
             self._drop(pair.entry.solver)
             return {**row, "status": "error", "message": str(noise)}, None
@@ -204,11 +206,7 @@ class Session:
         worker: Child,
         format: str | None,
     ) -> tuple[dict[str, Any], bytes | None]:
-        setups, solves = [result["setup"]], [result["solve"]]
-        if self.limits.repeats > 1 and result["setup"] + result["solve"] < worker_process.SHORT:
-            repeats, _ = wire.unpack(worker.receive(self.limits.repeats * (self.limits.seconds + GRACE)))
-            setups += [t[0] for t in repeats.get("times", [])]
-            solves += [t[1] for t in repeats.get("times", [])]
+        setups, solves, lost = self._repeated(pair, result, worker)
         if 0 < self.limits.memory * FULL < result["grown"]:
             self._drop(pair.entry.solver)  # what one problem left behind must not count against the next
         reply, extra = self.ask(
@@ -232,15 +230,16 @@ class Session:
             "repeats": len(solves),
             "solve_min": min(solves),
             "solve_iqr": _iqr(solves),
+            "flags": "repeat" if lost else "",
         }
         if reply["event"] != "judged":
             message = f"the answer could not be judged: {reply.get('message', reply['event'])}"
-            return {**row, "status": "error", "message": message}, None
+            return {**row, "status": "error", "message": "; ".join(filter(None, (message, lost)))}, None
         row |= {
             "status": reply["status"],
-            "message": "; ".join(filter(None, (reply["message"], result["message"]))),
+            "message": "; ".join(filter(None, (reply["message"], result["message"], lost))),
             "error": reply["error"],
-            "flags": ",".join(reply["flags"]),
+            "flags": ",".join([*reply["flags"], *filter(None, [row["flags"]])]),
             "parts": json.dumps(reply["parts"]),
             "lift": reply["lift"],
             "verify": reply["verify"],
@@ -248,6 +247,38 @@ class Session:
         if result["setup"] + result["solve"] > self.limits.seconds:
             row |= {"status": "timeout", "message": f"answered after the limit of {self.limits.seconds:g} s"}
         return row, extra.get("answer")
+
+    def _repeated(self, pair: Pair, result: Mapping[str, Any], worker: Child) -> tuple[list[float], list[float], str]:
+        """Setup and solve times of the first solve and its repeats, and what became of repeats that failed.
+
+        The first answer stands whatever happens to a repeat, with its own times. It is judged after the repeats:
+        the referee at work beside them would spoil the times.
+        """
+        setups, solves = [result["setup"]], [result["solve"]]
+        more = self.limits.repeats - 1
+        if more < 1 or result["setup"] + result["solve"] >= worker_process.SHORT:
+            return setups, solves, ""
+        patience = more * (self.limits.seconds + GRACE)
+        lost = ""
+        try:
+            reply, _ = wire.unpack(worker.receive(patience))
+            if reply["event"] == "repeats":
+                setups += [setup for setup, _, _ in reply["times"]]
+                solves += [solve for _, solve, _ in reply["times"]]
+            elif reply["event"] == "memory":
+                lost = f"over {self.limits.memory} bytes"
+            else:  # an exception, after which the worker goes on
+                return setups, solves, f"a repeat failed: {reply.get('message', reply['event'])}"
+        except TimedOut:
+            lost = f"killed after {patience:g} s"
+        except Died as death:
+            lost = _obituary(death)
+        except wire.WireError as noise:
+            lost = str(noise)
+        if lost:
+            self._drop(pair.entry.solver)
+            lost = f"a repeat failed: {lost}"
+        return setups, solves, lost
 
 
 def execute(
@@ -297,6 +328,10 @@ def _conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
         }
     status = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}.get(event, "error")
     return {"status": status, "message": f"conversion: {prepared.get('message', event)}"}
+
+
+def _obituary(death: Died) -> str:
+    return f"{death.cause}: {death.output}" if death.output else death.cause
 
 
 def _iqr(values: Sequence[float]) -> float:

@@ -1,6 +1,7 @@
 """Solvers that misbehave in every way the runner must survive; a plugin file, loaded by `--plugin`."""
 
 import ctypes
+import itertools
 import os
 import signal
 import sys
@@ -59,6 +60,16 @@ def _flood(problem):
     os.abort()
 
 
+def _right(problem):
+    return _claim(np.linalg.solve(problem.M, -problem.q))
+
+
+def _then(name, misbehave):
+    """A right answer first, every second time a fault: what a repeat for the time's sake meets."""
+    calls = itertools.count()
+    _faulty(f"then-{name}", lambda p: misbehave(p) if next(calls) % 2 else _right(p))
+
+
 _faulty("abort", lambda p: os.abort())
 _faulty("segfault", lambda p: ctypes.string_at(0))
 _faulty("flood", _flood)
@@ -72,4 +83,8 @@ _faulty("liar", lambda p: _claim(np.zeros(p.q.size)))
 _faulty("short", lambda p: _claim(np.zeros(p.q.size + 1)))
 _faulty("nothing", lambda p: SolverOutput(claim=Claim.SOLVED))
 _faulty("eat", _eat)
-_faulty("noise", lambda p: (os.write(1, b"noise\n" * 1000), _claim(np.linalg.solve(p.M, -p.q)))[1])
+_faulty("noise", lambda p: (os.write(1, b"noise\n" * 1000), _right(p))[1])
+_then("abort", lambda p: os.abort())
+_then("hang", _hang)
+_then("eat", _eat)
+_then("raise", lambda p: 1 / 0)

@@ -34,6 +34,10 @@ EXPECTED = {
     "faulty-nothing": ("wrong", None),
     "faulty-eat": ("memout", None),
     "faulty-noise": ("solved", None),
+    "faulty-then-abort": ("solved", None),
+    "faulty-then-hang": ("solved", None),
+    "faulty-then-eat": ("solved", None),
+    "faulty-then-raise": ("solved", None),
     "lemke": ("solved", None),
     "bpp": ("solved", None),
 }
@@ -76,6 +80,26 @@ def test_status(results: Store, solver: str) -> None:
     assert list(rows.status) == [status] * 2, list(rows.message)
     if signal is not None:
         assert list(rows.signal) == [signal] * 2
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("abort", "SIGABRT"),
+        ("hang", "killed after 5 s"),
+        ("eat", "over 536870912 bytes"),
+        ("raise", "division by zero"),
+    ],
+)
+def test_a_repeat_that_fails_costs_no_answer(results: Store, fault: str, told: str) -> None:
+    """The row is the first answer's, with its times and a note; the next problem meets a fresh worker."""
+    table = results.table()
+    rows = table[table.solver == f"faulty-then-{fault}"]
+    assert list(rows["flags"]) == ["repeat"] * 2
+    assert list(rows.repeats) == [1] * 2
+    assert (rows.solve < 1.0).all()
+    assert rows.message.str.contains("a repeat failed: ").all()
+    assert rows.message.str.contains(told).all()
 
 
 def test_killed_within_the_limit(results: Store) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench import plan, wire
+from cpbench.bench import plan, runner, wire
 from cpbench.bench.runner import Limits, Session, execute
 from cpbench.bench.store import Store
 from cpbench.errors import StoreError, UnknownName
@@ -159,6 +159,22 @@ def test_a_referee_that_dies_is_replaced(session: Session, tmp_path: Path) -> No
     row, _ = session.run(pair, prepared)
     assert row["status"] == "error"
     assert "could not be judged" in row["message"]
+    assert session.run(pair, prepared)[0]["status"] == "solved"
+
+
+def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    prepared = session.prepare(pair)
+    session.start(["lemke"])
+    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.0)
+    row, _ = session.run(pair, prepared)
+    assert row["status"] == "error"
+    assert row["message"].startswith("loading: ")
+    assert "solve" not in row
+    monkeypatch.undo()
     assert session.run(pair, prepared)[0]["status"] == "solved"
 
 
