@@ -1,0 +1,45 @@
+"""`cpbench show`."""
+
+from __future__ import annotations
+
+import click
+
+from cpbench import graph, storage
+from cpbench.bench import plan
+from cpbench.bench.referee import parse_request
+from cpbench.cli.options import Counts, format_option
+from cpbench.cli.routes import kinds_option
+from cpbench.formulations import Kind, formulations
+from cpbench.report import show, show_tex
+
+
+@click.command()
+@click.argument("source", metavar="FILE")
+@click.option("--as", "node", metavar="NODE", help="Convert to this formulation first (cpbench list formulations).")
+@click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")
+@click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
+@click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
+@click.option("--tex", is_flag=True, help="Print a LaTeX fragment (amsmath).")
+@kinds_option
+@format_option
+def command(
+    source: str,
+    node: str | None,
+    via: tuple[str, ...],
+    facets: tuple[int, ...],
+    angle: float,
+    tex: bool,
+    kinds: frozenset[Kind],
+    file_format: str | None,
+) -> None:
+    """Show a problem: its law and its data, in numbers when small, as block structure when large.
+
+    With --as or --via it is converted first; what led there is shown with its equations.
+    """
+    if node is not None:
+        formulations.get(node)
+    problem = storage.load(source, format=file_format)
+    pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header())[1] if via else ()
+    target = node or (pinned[-1].target if pinned else problem.node)
+    problem = graph.arrive(problem, target, kinds, pinned).problem
+    click.echo(show_tex.fragment(problem) if tex else show.text(problem))
