@@ -1,0 +1,187 @@
+"""Two ways to one answer agree: the solution is unique, so the answers are compared, not only their residuals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cpbench import graph
+from cpbench.conversions.base import make
+from cpbench.formulations import FrictionContact, GlobalFrictionContact, QPPoint
+from cpbench.solvers.base import Budget, solvers
+from cpbench.testing import planted, planted_conic, planted_contact
+
+SEEDS = range(4)
+
+
+def answered(problem, *edges: str, by: str):
+    """The answer of the solver `by` to the problem at the end of the edges, lifted to the problem."""
+    there = problem
+    for name in edges:
+        there = make(name).step(there)
+    output = solvers.get(by).run(there, Budget(tolerance=1e-11))
+    assert output.point is not None, output.message
+    return graph.lift(there, output.point)
+
+
+# ------------------------------------------------------------------------------------------------- qp
+
+
+def only_inequalities(rng):
+    """A strictly convex QP without equalities, with independent constraints: primal and dual answer are unique."""
+    problem, point = planted.qp(rng, 8, 4, 0)
+    free = np.full(8, np.inf)
+    target = type(problem).build(problem.Q, problem.p - point.nu, A=problem.A, b=problem.b, lb=-free, ub=free)
+    return target, QPPoint(z=point.z, lam=point.lam, mu=point.mu, nu=np.zeros(8))
+
+
+WAYS = {
+    "primal": ((), "daqp"),
+    "dual": (("qp-qp-dual",), "daqp"),
+    "KKT as MLCP, Schur": (("qp-mlcp", "mlcp-lcp-schur"), "lemke"),
+    "dual as LCP": (("qp-qp-dual", "qp-avi", "avi-lcp-bounds"), "lemke"),
+    "variational inequality": (("qp-avi", "avi-mlcp", "mlcp-lcp-schur"), "newton-min"),
+}
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_primal_dual_kkt_and_lcp_of_a_quadratic_program(seed):
+    problem, planted_point = only_inequalities(np.random.default_rng(seed))
+    assert problem.residuals(planted_point).error <= 1e-12
+    for way, (edges, solver) in WAYS.items():
+        point = answered(problem, *edges, by=solver)
+        np.testing.assert_allclose(point.z, planted_point.z, atol=1e-7, err_msg=way)
+        np.testing.assert_allclose(point.lam, planted_point.lam, atol=1e-6, err_msg=way)
+        assert problem.residuals(point).error <= 1e-7, way
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_dual_without_equalities_is_the_lcp_of_the_text(seed):
+    """With no equality the dual is the LCP(AQ⁻¹Aᵀ, −(AQ⁻¹p + b)); here written out with a dense inverse."""
+    problem, point = only_inequalities(np.random.default_rng(seed))
+    dual = make("qp-qp-dual").step(problem)
+    lcp = make("avi-lcp-bounds").step(make("qp-avi").step(dual))
+    inverse = np.linalg.inv(problem.Q)
+    np.testing.assert_allclose(lcp.M, problem.A @ inverse @ problem.A.T, atol=1e-10)
+    np.testing.assert_allclose(lcp.q, -(problem.A @ inverse @ problem.p + problem.b), atol=1e-10)
+    assert lcp.residuals(type(lcp).point_type(z=point.lam)).error <= 1e-10
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_strong_duality(seed):
+    """The optimal values of a strictly convex QP and of (9) add up to 0 (the dual is stated as a minimum)."""
+    problem, point = planted.qp(np.random.default_rng(seed), 7, 4, 2)
+    dual = make("qp-qp-dual").step(problem)
+    y = graph.push(dual, point).z
+    half = 0.5 * problem.p @ np.linalg.solve(problem.Q, problem.p)
+    assert problem.objective(point.z) == pytest.approx(-dual.objective(y) - half, abs=1e-9)
+
+
+# --------------------------------------------------------------------------------------------- contact
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_plane_contact_by_both_exact_forms(seed):
+    """W positive definite and little friction: the answer is unique (the LCP's matrix is then a P-matrix)."""
+    problem, _ = planted.fc(np.random.default_rng(seed), 4, 2, "positive definite")
+    ways = [answered(problem, edge, by="lemke") for edge in ("fc-lcp-2d", "fc-lcp-2d-siconos")]
+    for way in ways:
+        assert problem.residuals(way).error <= 1e-9
+    mild = FrictionContact(W=problem.W, q=problem.q, mu=np.full(4, 0.05), dimension=2)
+    first, second = (answered(mild, edge, by="lemke") for edge in ("fc-lcp-2d", "fc-lcp-2d-siconos"))
+    np.testing.assert_allclose(first.r, second.r, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("joints", [0, 2])
+def test_global_contact_condensed_at_once_in_two_steps_and_directly(seed, joints):
+    """gfc-fc, gfc-fcm-fc and, without friction, (40) on the velocities themselves."""
+    problem, point = planted_contact.gfc(np.random.default_rng(seed), 5, 3, joints, 2)
+    at_once, in_two = make("gfc-fc").step(problem), make("fcm-fc").step(make("gfc-fcm").step(problem))
+    np.testing.assert_allclose(at_once.W, in_two.W, atol=1e-9)
+    np.testing.assert_allclose(at_once.q, in_two.q, atol=1e-9)
+    for condensed in (at_once, in_two):
+        lifted = graph.lift(condensed, graph.push(condensed, point))
+        for name, value in point.arrays().items():
+            np.testing.assert_allclose(getattr(lifted, name), value, atol=1e-8, err_msg=name)
+
+    smooth = GlobalFrictionContact(
+        M=problem.M, H=problem.H, G=problem.G, f=problem.f, w=problem.w, b=problem.b, mu=np.zeros(3), dimension=2
+    )
+    directly = answered(smooth, "gfc-mlcp", "mlcp-lcp-split", by="lemke")
+    condensed = answered(smooth, "gfc-fc", "fc-lcp-frictionless", by="lemke")
+    assert smooth.residuals(directly).error <= 1e-9
+    for name, value in condensed.arrays().items():
+        np.testing.assert_allclose(getattr(directly, name), value, atol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_friction_without_condensation_by_the_fixed_point_on_de_saxce(seed):
+    """min ½vᵀMv − fᵀv over Hᵀv + w + s e_N ∈ K* with s := μ‖u_T‖ until it stays, against the condensed problem."""
+    problem, _ = planted_contact.gfc(np.random.default_rng(seed), 5, 3, 1, 3)
+    mild = GlobalFrictionContact(
+        M=problem.M, H=problem.H, G=problem.G, f=problem.f, w=problem.w, b=problem.b, mu=np.full(3, 0.3), dimension=3
+    )
+    slip = np.zeros(3)
+    for _ in range(200):
+        target = make("gfc-coneqp", {"slip": tuple(slip)}).step(mild)
+        output = solvers.get("clarabel-cone").run(target, Budget(tolerance=1e-11))
+        point = graph.lift(target, output.point)
+        u = mild.slacks(point)["u"].reshape(-1, 3)
+        before, slip = slip, mild.mu * np.linalg.norm(u[:, 1:], axis=1)
+        if np.abs(slip - before).max() <= 1e-11:
+            break
+    assert mild.residuals(point).error <= 1e-8
+    condensed = answered(mild, "gfc-fc", by="nsgs")
+    assert mild.residuals(condensed).error <= 1e-8
+    np.testing.assert_allclose(condensed.v, point.v, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_tresca_with_the_right_threshold_is_coulomb(seed):
+    """With g = μ r_N of a solution, that solution is one of the cylinder problem too; with half of it only if little rubs."""
+    problem, point = planted.fc(np.random.default_rng(seed), 5, 3, "positive definite")
+    normal = point.r.reshape(-1, 3)[:, 0]
+    target = make("fc-coneqp-tresca", {"threshold": tuple(problem.mu * normal)}).step(problem)
+    assert target.residuals(graph.push(target, point)).error <= 1e-10
+    less = make("fc-coneqp-tresca", {"threshold": tuple(0.5 * problem.mu * normal)}).step(problem)
+    rubs = np.linalg.norm(point.r.reshape(-1, 3)[:, 1:], axis=1) > 0.51 * problem.mu * normal
+    assert (less.residuals(graph.push(less, point)).error > 1e-3) == rubs.any()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("edge", ["fc-coneqp", "fc-soclcp"])
+def test_de_saxce_frozen_at_the_solution_is_coulomb(seed, edge):
+    problem, point = planted.fc(np.random.default_rng(seed), 5, 3, "positive definite")
+    u = problem.slacks(point)["u"].reshape(-1, 3)
+    slip = tuple(problem.mu * np.linalg.norm(u[:, 1:], axis=1))
+    target = make(edge, {"slip": slip}).step(problem)
+    assert target.residuals(graph.push(target, point)).error <= 1e-10
+
+
+# ----------------------------------------------------------------------------------------------- boxes
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_relay_by_bounds_and_by_rows(seed):
+    """n more complementarities (relay-lcp), or 2n multipliers and free z (relay-avi-mlcp): M definite, one answer."""
+    problem, point = planted_conic.relay(np.random.default_rng(seed), 7, "positive definite")
+    for edges in (("relay-lcp",), ("relay-avi", "avi-lcp-bounds"), ("relay-avi", "avi-mlcp", "mlcp-lcp-schur")):
+        z = answered(problem, *edges, by="lemke").z
+        np.testing.assert_allclose(z, point.z, atol=1e-8, err_msg=" > ".join(edges))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_cone_program_and_its_conditions(seed):
+    """The general form (x, y) and, for x ∈ K itself, the plain one: the planted pair solves both, and comes back."""
+    rng = np.random.default_rng(seed)
+    for problem, point in (
+        planted_conic.coneqp(rng, 9, planted_conic.cone(rng)),
+        planted_conic.plain_coneqp(rng),
+    ):
+        target = make("coneqp-soclcp").step(problem)
+        there = graph.push(target, point)
+        assert target.residuals(there).error <= 1e-12
+        back = graph.lift(target, there)
+        np.testing.assert_allclose(back.x, point.x, atol=1e-12)
+        np.testing.assert_allclose(back.y, point.y, atol=1e-10)
