@@ -6,11 +6,13 @@ once, written to the scratch folder for the solvers to load, and kept here to li
 
 from __future__ import annotations
 
+import copy
 import io
 import os
 import time
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -63,7 +65,7 @@ class Referee:
         self._address = ""
         self._source: Problem | None = None
         self._prepared: dict[str, Prepared] = {}
-        self._conversions = graph.Memory()
+        self._conversions = _Charged()
         self._files = 0
 
     def survey(self, _: Any, address: str, format: str | None, requests: list[dict[str, Any]]) -> bytes:
@@ -168,7 +170,7 @@ class Referee:
         if self._address != address or self._source is None:
             for prepared in self._prepared.values():
                 Path(prepared.path).unlink(missing_ok=True)
-            self._prepared, self._conversions, self._source = {}, graph.Memory(), None
+            self._prepared, self._conversions, self._source = {}, _Charged(), None
             self._source = storage.load(address, format=format)
             self._address = address
         source = self._source
@@ -185,6 +187,33 @@ class Referee:
             if any(not r.steps or r.steps[0].obstacle(problem) is None for r in routes):
                 nodes.append(node)
         return nodes
+
+
+class _Charged(graph.Memory):
+    """Conversions, each done and timed once: whether the edge applies, what it promises, and the step.
+
+    What was asked of a problem while routes were sought (a factorization, a least eigenvalue) stays with it; its
+    conversion starts without, so that all it needs is in its time.
+    """
+
+    def __call__(self, edge: Conversion, problem: Problem) -> Problem:
+        key = (id(problem), edge.label)
+        if key not in self._done:
+            fresh = _without_caches(problem)
+            begun = time.perf_counter()
+            edge.require(fresh)
+            converted = edge.step(fresh)
+            self._done[key] = (problem, converted, time.perf_counter() - begun)
+        return self._done[key][1]
+
+
+def _without_caches(problem: Problem) -> Problem:
+    """The same problem, its data shared, without what cached properties keep except for its fingerprint."""
+    fresh = copy.copy(problem)
+    for name in [n for n in vars(fresh) if isinstance(getattr(type(fresh), n, None), cached_property)]:
+        del vars(fresh)[name]
+    vars(fresh)["fingerprint"] = problem.fingerprint  # a name for the provenance, no part of a conversion
+    return fresh
 
 
 def parse_request(request: dict[str, Any]) -> tuple[frozenset[Kind], tuple[Conversion, ...]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,10 +12,12 @@ import pytest
 
 from cpbench import storage
 from cpbench.bench import plan, runner, wire
+from cpbench.bench.referee import Referee
 from cpbench.bench.runner import Limits, Session, execute
 from cpbench.bench.store import Store
 from cpbench.errors import StoreError, UnknownName
-from cpbench.formulations import LCP, FrictionContact
+from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
+from cpbench.matrices import Factorization
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +85,55 @@ def test_a_relaxation_runs_on_request_only_and_says_what_it_is(session: Session,
     row, _ = session.run(pair, session.prepare(pair))
     assert row["kind"] == "relaxation"
     assert (row["claim"], row["status"]) == ("solved", "wrong")
+
+
+@pytest.mark.parametrize("node", ["mlcp", "gfc"])
+def test_a_factorization_made_to_see_whether_an_edge_applies_is_charged(tmp_path: Path, node: str) -> None:
+    """One row, one LU of order 1200: nearly all of the conversion's time, whoever asked for the LU before."""
+    n = 1200
+    A = np.random.default_rng(0).standard_normal((n, n)) / n + np.eye(n)
+    if node == "mlcp":
+        problem = MLCP(A=A, B=np.eye(1), C=np.ones((n, 1)), D=np.ones((1, n)), a=np.ones(n), b=np.ones(1))
+    else:
+        H = np.eye(n)[:, :3]
+        problem = GlobalFrictionContact(M=A + A.T, H=H, f=np.ones(n), w=np.ones(3), mu=[0.5], dimension=3)
+    storage.save(problem, tmp_path / "p.h5")
+    request = plan.exact().header() | {"nodes": [{"mlcp": "lcp", "gfc": "fc"}[node]]}
+    address = str(tmp_path / "p.h5")
+    referee = Referee(tmp_path)
+    referee.survey(None, address, None, [request])  # asks for the LU
+    reply, _ = wire.unpack(referee.prepare(None, address, None, request["nodes"][0], request, 1e-6))
+    assert reply["convert"] > 0.5 * min(_seconds_of_lu(A) for _ in range(3))
+
+
+def _seconds_of_lu(A: np.ndarray) -> float:
+    begun = time.perf_counter()
+    assert not Factorization(A).singular
+    return time.perf_counter() - begun
+
+
+def test_a_conversion_shared_by_two_routes_counts_in_both(tmp_path: Path) -> None:
+    """Contact to LCP to MLCP: the first step is done once, and is part of the time of either."""
+    address = str(_contact(tmp_path))
+    (request,) = (r.header() for r in plan.facets("inner", 64))
+    referee = Referee(tmp_path)
+    first, _ = wire.unpack(referee.prepare(None, address, None, "lcp", request, 1e-6))
+    second, _ = wire.unpack(referee.prepare(None, address, None, "mlcp", request, 1e-6))
+    assert second["route"].startswith(first["route"])
+    assert second["convert"] > first["convert"] > 0
+
+
+def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
+    """Without free unknowns, elimination and splitting make the same LCP: each QP lifts along its own way."""
+    problem = MLCP(A=np.zeros((0, 0)), B=np.eye(2), C=np.zeros((0, 2)), D=np.zeros((2, 0)), a=[], b=[-1.0, 1.0])
+    storage.save(problem, tmp_path / "p.h5")
+    referee = Referee(tmp_path)
+    for way in ("mlcp-lcp-schur", "mlcp-lcp-split"):
+        request = plan.pinned([way], {}).header()
+        reply, _ = wire.unpack(referee.prepare(None, str(tmp_path / "p.h5"), None, "qp", request, 1e-6))
+        steps = storage.load(reply["path"]).provenance
+        assert " > ".join(step.conversion for step in steps) == reply["route"]
+        assert steps[0].conversion == way
 
 
 def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(session: Session, tmp_path: Path) -> None:
