@@ -41,9 +41,10 @@ def _made_by(problem: Problem) -> str:
     steps: list[str] = []
     for step in problem.provenance:
         equation = conversions.get(step.conversion).equation if step.conversion in conversions else ""
-        remarks = [prose(part) for part in (equation, step.kind, show.slip_angle(step).rstrip(".")) if part]
-        steps.append(f"\\texttt{{{prose(step.conversion)}}} ({', '.join(remarks)})")
-    return f"\\noindent From {prose(problem.provenance[0].source_node)} by {', then '.join(steps)}."
+        remarks = ", ".join(prose(part) for part in (equation, step.kind) if part)
+        steps.append(f"\\texttt{{{prose(step.conversion)}}} ({remarks})")
+    sentence = f"\\noindent From {prose(problem.provenance[0].source_node)} by {', then '.join(steps)}."
+    return " ".join([sentence, *(prose(remark) for s in problem.provenance if (remark := show.slip_angle(s)))])
 
 
 def _entry(label: str, value: Matrix | Vector) -> str:
@@ -56,7 +57,7 @@ def _entry(label: str, value: Matrix | Vector) -> str:
 
 
 def _space(problem: Problem, label: str, value: Matrix | Vector) -> str:
-    symbols = r" \times ".join(law(s) for s in show.shape(problem, label))
+    symbols = r" \times ".join(s if s.isdigit() else name(s) for s in show.shape(problem, label))
     row = f"{name(label)} &\\in \\mathbf{{R}}^{{{symbols}}} = \\mathbf{{R}}^{{{_size(value)}}}"
     if value.ndim == 1:
         return row
