@@ -111,7 +111,7 @@ def arrive(
     `apply` may be a stand-in for `Conversion.step` that outlives this search, such as a `Memory`.
     """
     dead: list[DeadEnd] = []
-    for arrival in _arrivals(problem, target, kinds, via, apply, dead, once=True):
+    for arrival in _arrivals(problem, target, kinds, via, apply, dead):
         return arrival
     raise NoRoute(_no_route(problem, target, kinds, via, dead))
 
@@ -122,9 +122,16 @@ def arrivals(
     kinds: frozenset[Kind] = EXACT,
     via: Sequence[Conversion] = (),
     apply: Apply = Conversion.step,
+    *,
+    finish: bool = True,
+    dead: list[DeadEnd] | None = None,
 ) -> Iterator[Arrival]:
-    """Bring `problem` to `target` by every route that works, cheapest first; each knows the dead ends before it."""
-    return _arrivals(problem, target, kinds, via, apply, [], once=False)
+    """Bring `problem` to `target` by every route that works, cheapest first; `dead` gets the refusals.
+
+    Without `finish`, the last conversion of each is left to the caller: an arrival holds what it is to be applied to.
+    """
+    met = [] if dead is None else dead
+    return _arrivals(problem, target, kinds, via, apply, met, once=False, finish=finish)
 
 
 def explain(
@@ -136,7 +143,7 @@ def explain(
 ) -> tuple[DeadEnd, ...]:
     """The routes that do not bring `problem` to `target`, each with its obstacle, up to the first one that does."""
     dead: list[DeadEnd] = []
-    next(_arrivals(problem, target, kinds, via, apply, dead, once=True), None)
+    next(_arrivals(problem, target, kinds, via, apply, dead), None)
     return tuple(dead)
 
 
@@ -148,7 +155,8 @@ def _arrivals(
     apply: Apply,
     dead: list[DeadEnd],
     *,
-    once: bool,
+    once: bool = True,
+    finish: bool = True,
 ) -> Iterator[Arrival]:
     """Routes that work; `dead` collects the refusals.
 
@@ -168,9 +176,12 @@ def _arrivals(
             if own not in kinds and edge.name not in pinned:
                 why = f"is {own} for this problem, only {', '.join(sorted(kinds))} routes were asked for"
         if why is None:
+            arrives = edge.target == target and not prefix.left
+            if arrives and not finish:
+                return _State(before.problem, kind)
             try:
                 after = _State(apply(edge, before.problem), kind)
-                return after if edge.target == target or not once or is_new(after, prefix) else None
+                return after if arrives or not once or is_new(after, prefix) else None
             except NotApplicable as refusal:
                 why = refusal.obstacle
         dead.append(DeadEnd(Route(prefix.path), len(prefix.path) - 1, edge.label, why))
@@ -197,7 +208,11 @@ def _no_route(
         f"no path takes {' and '.join(e.label for e in via)} and no node twice" if via else "no conversion leads there"
     )
     message = f"no {'exact ' if kinds == EXACT else ''}route from {problem.node} to {target}: {tried or nothing}"
-    inexact = (r for r in _candidates(problem.node, target, ALL, ()) if not r.kind.exact)
+    inexact = (
+        r
+        for r in _candidates(problem.node, target, ALL, ())
+        if not r.kind.exact and r.steps[0].obstacle(problem) is None
+    )
     others = list(islice(inexact, SHOWN)) if kinds != ALL else []
     if others:
         shown = ", ".join(f"{r.label} ({r.kind})" for r in others)

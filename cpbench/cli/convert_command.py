@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
 
-from cpbench import graph, storage
+from cpbench import checking, graph, storage
 from cpbench.bench import plan
 from cpbench.bench.referee import parse_request
-from cpbench.cli.options import Counts, force_option, format_option
+from cpbench.cli.options import Counts, force_option, format_option, number, tolerance_option
 from cpbench.cli.routes import kinds_option, sizes_line
-from cpbench.formulations import Kind, formulations
+from cpbench.formulations import Kind, Problem, formulations
 
 
 @click.command()
@@ -21,7 +22,9 @@ from cpbench.formulations import Kind, formulations
 @click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")
 @click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
 @click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
+@click.option("--check", is_flag=True, help="Send an answer there and back: errors, amplification, times; exit 1.")
 @kinds_option
+@tolerance_option
 @format_option
 @force_option
 def command(
@@ -31,16 +34,50 @@ def command(
     via: tuple[str, ...],
     facets: tuple[int, ...],
     angle: float,
+    check: bool,
     kinds: frozenset[Kind],
+    tolerance: float,
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Convert a problem to another formulation; OUT knows how to lift an answer back (cpbench lift)."""
+    """Convert a problem to another formulation; OUT knows how to lift an answer back (cpbench lift).
+
+    With --check, the solution in IN is carried there and back, or, where there is none that passes, an answer that a
+    native solver finds there; exit code 1 when an exact conversion's lifted answer does not pass, or there is none.
+    """
     formulations.get(node)
     problem = storage.load(source, format=file_format)
     pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header())[1] if via else ()
-    arrival = graph.arrive(problem, node, kinds, pinned)
+    memory = graph.Memory()
+    arrival = graph.arrive(problem, node, kinds, pinned, memory)
     storage.save(arrival.problem, target_file, force=force)
     click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
     click.echo(f"{target_file} ({node}: {sizes_line(arrival.problem)})")
+    if check:
+        found = storage.solution(source)
+        known = None if found is None else found[0]
+        report = checking.examine(problem, arrival, memory.seconds(problem, arrival.route), known, tolerance)
+        _print(problem, report, tolerance)
+        if not report.passed:
+            sys.exit(1)
+
+
+def _print(problem: Problem, report: checking.CheckReport, tolerance: float) -> None:
+    target, promise = report.arrival.problem, report.arrival.kind
+    if not report.how:
+        click.echo(f"check: not possible, no answer at {number(tolerance)} to {target.node}: {'; '.join(report.tried)}")
+        return
+    passes = "passes" if report.source.solved else "does not pass"
+    note = "" if promise.exact else f"; the route is {promise}: it need not"
+    click.echo(f"check: {report.how}")
+    for reason in report.tried:
+        click.echo(f"  not used       {reason}")
+    click.echo(f"  error there    {number(report.target.error)} on {target.node}")
+    click.echo(
+        f"  error here     {number(report.source.error)} on {problem.node}, {passes} at {number(tolerance)}{note}"
+    )
+    if report.moved is not None:
+        beside = f"{number(report.moved)} at most over {checking.MOVES} answers moved by {number(checking.MOVED)}"
+        click.echo(f"  amplification  {number(report.amplification)} by the lift; {beside}")
+    click.echo(f"  seconds        convert {number(report.apply)}, lift {number(report.lift)}")

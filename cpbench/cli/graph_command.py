@@ -41,10 +41,14 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
 
     found = measure(nodes or formulations.names(), tolerance)
     click.echo(table(found))
-    above = [cell for cell in found if not cell.within(tolerance)]
+    for cell in found:
+        if cell.error is None:
+            click.echo(f"{cell.source} -> {cell.target}: {cell.reason}")
+    above = [cell for cell in found if cell.exceeds(tolerance)]
     for cell in above:
-        said = cell.reason or f"error {number(cell.error)} on '{cell.case}' by {cell.route}"
-        click.echo(f"{cell.source} -> {cell.target}: {said}")
-    click.echo(f"{len(found) - len(above)} of {len(found)} pairs within {number(tolerance)}")
+        said = cell.reason or f"error {cell.error:.1e}"
+        click.echo(f"{cell.source} -> {cell.target}: above {number(tolerance)}: '{cell.case}' by {cell.route}: {said}")
+    taken = sum(cell.error is not None for cell in found)
+    click.echo(f"{taken - len(above)} of {taken} pairs within {number(tolerance)}")
     if above:
         sys.exit(1)

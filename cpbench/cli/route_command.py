@@ -2,39 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import click
 
 from cpbench import graph, storage
 from cpbench.cli.options import format_option
-from cpbench.cli.routes import kinds_option, sizes_line
-from cpbench.errors import NoRoute
-from cpbench.formulations import Kind, formulations
-from cpbench.solvers.base import solvers
+from cpbench.cli.routes import kinds_option, size_after, sizes_line
+from cpbench.errors import NoRoute, NotApplicable
+from cpbench.formulations import Kind, Problem, formulations
+from cpbench.report.graph_drawing import solvers_of
 
 
 @click.command()
 @click.argument("problem")
 @click.option("--to", "nodes", multiple=True, metavar="NODE", help="Only to this formulation (default: all).")
+@click.option("--all", "every", is_flag=True, help="Every route, not only the cheapest, with the size it leads to.")
 @click.option("--explain", is_flag=True, help="Show the dead ends, each with its obstacle.")
 @kinds_option
 @format_option
 def command(
-    problem: str, nodes: tuple[str, ...], explain: bool, kinds: frozenset[Kind], file_format: str | None
+    problem: str,
+    nodes: tuple[str, ...],
+    every: bool,
+    explain: bool,
+    kinds: frozenset[Kind],
+    file_format: str | None,
 ) -> None:
-    """Show how a problem reaches the formulations, which solvers wait there, and why the rest is out of reach."""
+    """Show how a problem reaches the formulations, which solvers wait there, and why the rest is out of reach.
+
+    With --all every route is shown, cheapest first. Sizes are predicted (~) where a conversion can tell them
+    beforehand, so that a large last step need not be done.
+    """
     source = storage.load(problem, format=file_format)
     for node in nodes:
         formulations.get(node)
     click.echo(f"{problem} ({source.node}: {sizes_line(source)})")
+    memory = graph.Memory()
+    show = _every_route if every else _cheapest_route
     for node in nodes or formulations.names():
-        waiting = ", ".join(s.spec.name for s in solvers if s.spec.node == node) or "none"
+        dead = show(source, node, kinds, memory)
+        for end in dead if explain else ():
+            click.echo(f"       dead end: {end}")
+
+
+def _cheapest_route(
+    source: Problem, node: str, kinds: frozenset[Kind], memory: graph.Memory
+) -> Iterable[graph.DeadEnd]:
+    try:
+        arrival = graph.arrive(source, node, kinds, apply=memory)
+    except NoRoute as refusal:
+        click.echo(f"{node:<6} out of reach: {refusal}")
+        return graph.explain(source, node, kinds, apply=memory)
+    click.echo(f"{node:<6} {arrival.route.label} ({arrival.kind}; {sizes_line(arrival.problem)})")
+    click.echo(f"       solvers: {', '.join(solvers_of(node)) or 'none'}")
+    return arrival.dead_ends
+
+
+def _every_route(source: Problem, node: str, kinds: frozenset[Kind], memory: graph.Memory) -> list[graph.DeadEnd]:
+    click.echo(f"{node:<6} solvers: {', '.join(solvers_of(node)) or 'none'}")
+    dead: list[graph.DeadEnd] = []
+    count = 0
+    for arrival in graph.arrivals(source, node, kinds, apply=memory, finish=False, dead=dead):
+        route = arrival.route
         try:
-            arrival = graph.arrive(source, node, kinds)
-        except NoRoute as refusal:
-            click.echo(f"{node:<5} out of reach: {refusal}")
+            size = size_after(arrival.problem, route.steps[-1], memory) if route.steps else sizes_line(source)
+        except NotApplicable as refusal:  # told by converting only
+            dead.append(graph.DeadEnd(route, len(route.steps) - 1, route.steps[-1].label, refusal.obstacle))
             continue
-        click.echo(f"{node:<5} {arrival.route.label} ({arrival.kind}; {sizes_line(arrival.problem)})")
-        click.echo(f"      solvers: {waiting}")
-        if explain:
-            for end in arrival.dead_ends:
-                click.echo(f"      dead end: {end}")
+        count += 1
+        click.echo(f"       {route.cost:>4g}  {route.label} ({arrival.kind}; {size})")
+    if not count:
+        click.echo("       out of reach" + ("" if dead else ": no conversion leads there"))
+    return dead

@@ -8,8 +8,9 @@ from typing import Any
 import click
 
 from cpbench import matrices
+from cpbench.conversions import Conversion
 from cpbench.formulations import Kind, Problem
-from cpbench.graph import ALL, EXACT
+from cpbench.graph import ALL, EXACT, Apply
 
 
 def _kinds(_: click.Context, __: click.Parameter, value: str) -> frozenset[Kind]:
@@ -34,3 +35,8 @@ def sizes_line(problem: Problem) -> str:
     sizes = ", ".join(f"{symbol} = {size}" for symbol, size in problem.sizes().items())
     nonzeros = sum(matrices.nnz(v) for v in problem.data().values() if v.ndim == 2)
     return f"{sizes}, {nonzeros} nonzeros"
+
+
+def size_after(problem: Problem, edge: Conversion, apply: Apply) -> str:
+    """What `edge` makes of `problem`."""
+    return sizes_line(apply(edge, problem))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cpbench import checking, graph, storage
@@ -28,26 +28,27 @@ class Cell:
 
     Attributes
     ----------
-    error : the worst on the source, over `cases` planted problems that took the route; `case`, `route` : where.
+    error : the worst on the source, over `cases` planted problems that took a route; `case`, `route` : where.
+        None when none took one. ∞ when one could not go there and back.
     pushed : for how many of them no solver met what was asked, so that the planted solution was pushed instead.
     reason : why there is no error.
     """
 
     source: str
     target: str
-    error: float = 0.0
+    error: float | None = None
     case: str = ""
     route: str = ""
     cases: int = 0
     pushed: int = 0
     reason: str = ""
 
-    def within(self, tolerance: float) -> bool:
-        return not self.reason and self.error <= tolerance
+    def exceeds(self, tolerance: float) -> bool:
+        return self.error is not None and not self.error <= tolerance
 
     def __str__(self) -> str:
-        if self.reason:
-            return "none"
+        if self.error is None:
+            return "-"
         mark = "*" if self.pushed == self.cases else "+" if self.pushed else ""
         return f"{self.error:.0e}{mark}"
 
@@ -78,24 +79,27 @@ class RoundTrips:
 
     def cell(self, source: str, target: str) -> Cell:
         """The worst of the planted cases of `source` that reach `target` by equivalent conversions."""
-        worst, count, pushed, reason = Cell(source, target, -1.0), 0, 0, ""
+        worst, count, pushed = Cell(source, target), 0, 0
+        nearest: graph.DeadEnd | None = None
         for case in cases(source):
             try:
                 arrival = graph.arrive(case.problem, target, EQUIVALENT, apply=self._conversions)
-            except NoRoute as refusal:
-                reason = reason or f"{case.name}: {refusal}"
+            except NoRoute:
+                dead = graph.explain(case.problem, target, EQUIVALENT, apply=self._conversions)
+                nearest = max([*dead, *([nearest] if nearest else [])], key=lambda end: end.done, default=None)
                 continue
+            here = Cell(source, target, math.inf, case.name, arrival.route.label, cases=1)
             try:
                 error, planted = self._trip(case, arrival)
             except CpbenchError as refusal:
-                return Cell(source, target, reason=f"{case.name} by {arrival.route.label}: {refusal}")
+                return replace(here, reason=str(refusal))
             count += 1
             pushed += planted
-            if error > worst.error:
-                worst = Cell(source, target, error, case.name, arrival.route.label)
-        if not count:
-            return Cell(source, target, reason=f"no planted case takes a route ({reason})")
-        return Cell(source, target, worst.error, worst.case, worst.route, count, pushed)
+            if worst.error is None or not error <= worst.error:
+                worst = replace(here, error=error)
+        if worst.error is None:
+            return replace(worst, reason=f"no planted case takes a route; the nearest: {nearest}")
+        return replace(worst, cases=count, pushed=pushed)
 
     def _trip(self, case: Case, arrival: graph.Arrival) -> tuple[float, bool]:
         """Error on the source, and whether the planted solution had to serve.
@@ -129,7 +133,8 @@ def table(found: Sequence[Cell]) -> str:
         [
             *lines,
             "rows: source, columns: target, cells: worst error on the source after convert, save, load, solve, lift",
-            f". no equivalent route; {cases_run} round trips; in {pushed} of them no solver met what the route asks, "
-            "and the planted solution was pushed (* in all of a cell, + in some)",
+            ". no equivalent route, - none that a planted case takes",
+            f"{cases_run} round trips; in {pushed} of them no solver met what the route asks, so that the planted "
+            "solution was pushed (* in all of a cell, + in some)",
         ]
     )
