@@ -22,12 +22,12 @@ import numpy as np
 from cpbench import graph, storage, verification
 from cpbench.bench import wire
 from cpbench.conversions import Conversion, make
-from cpbench.errors import CpbenchError, PointError
+from cpbench.errors import CpbenchError, PointError, ProblemError
 from cpbench.formulations.base import Kind, Problem
 
 
 def main(connection: Connection, scratch: str) -> None:
-    """Serve `survey`, `prepare` and `judge` until the runner closes the pipe."""
+    """Serve `survey`, `open`, `prepare` and `judge` until the runner closes the pipe."""
     referee = Referee(Path(scratch))
     while True:
         try:
@@ -85,11 +85,23 @@ class Referee:
             }
         )
 
+    def open(self, _: Any, address: str, format: str | None, fingerprint: str) -> bytes:
+        """Load the problem, unless it is the one that is held; refuses another one than was planned."""
+        self._open(address, format, fingerprint)
+        return wire.pack({"event": "opened"})
+
     def prepare(
-        self, _: Any, address: str, format: str | None, node: str, request: dict[str, Any], tolerance: float
+        self,
+        _: Any,
+        address: str,
+        format: str | None,
+        fingerprint: str,
+        node: str,
+        request: dict[str, Any],
+        tolerance: float,
     ) -> bytes:
         """Bring the problem to `node` along the request; the reply names the file that solvers load."""
-        problem = self._open(address, format)
+        problem = self._open(address, format, fingerprint)
         kinds, via = parse_request(request)
         arrival = graph.arrive(problem, node, kinds, via, self._conversions)
         steps = len(arrival.route.steps)
@@ -122,6 +134,7 @@ class Referee:
         vectors: dict[str, Any],
         address: str,
         format: str | None,
+        fingerprint: str,
         node: str,
         request: dict[str, Any],
         claim: str,
@@ -129,10 +142,10 @@ class Referee:
         tolerance: float,
     ) -> bytes:
         """Lift the answer, measure it on the problem that was asked, and give the row its status."""
-        source = self._open(address, format)
+        source = self._open(address, format, fingerprint)
         key = f"{request['name']}>{node}"
         if key not in self._prepared:  # a referee that replaces one that died
-            self.prepare(None, address, format, node, request, tolerance)
+            self.prepare(None, address, format, fingerprint, node, request, tolerance)
         prepared = self._prepared[key]
         certificate = vectors.pop("certificate", None)
         proven = prepared.kind == Kind.EQUIVALENT and verification.certified_infeasible(prepared.problem, certificate)
@@ -166,7 +179,7 @@ class Referee:
             {"answer": _blob(answer)} if answer is not None else None,
         )
 
-    def _open(self, address: str, format: str | None) -> Problem:
+    def _open(self, address: str, format: str | None, fingerprint: str = "") -> Problem:
         if self._address != address or self._source is None:
             for prepared in self._prepared.values():
                 Path(prepared.path).unlink(missing_ok=True)
@@ -175,6 +188,12 @@ class Referee:
             self._address = address
         source = self._source
         assert source is not None
+        if fingerprint and source.fingerprint != fingerprint:
+            raise ProblemError(
+                address,
+                f"the file changed after it was planned: fingerprint {source.fingerprint}, planned {fingerprint}; "
+                "run the same command again to plan what it holds now",
+            )
         return source
 
     def _open_nodes(self, problem: Problem, request: dict[str, Any]) -> list[str]:

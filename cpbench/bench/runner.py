@@ -86,7 +86,7 @@ class Session:
             self._referee = None
             event = "timeout" if isinstance(failure, TimedOut) else "died"
             message = f"no reply within {seconds:g} s" if isinstance(failure, TimedOut) else str(failure)
-            return {"event": event, "message": f"{header['command']}: {message}"}, {}
+            return {"event": event, "message": message}, {}
 
     def survey(self, address: str, requests: Sequence[Request], format: str | None = None) -> dict[str, Any]:
         """Facts of a problem for the plan; raises CpbenchError with the reason a file is refused."""
@@ -94,7 +94,8 @@ class Session:
             LOAD_LIMIT, command="survey", address=address, format=format, requests=[r.header() for r in requests]
         )
         if reply["event"] != "surveyed":
-            raise Surveyed(reply.get("message", reply["event"]))
+            message = reply.get("message", reply["event"])
+            raise Surveyed(message if reply["event"] == "refused" else f"{address}: {message}")
         return {**reply, "address": address}
 
     # ----------------------------------------------------------------------------------------- workers
@@ -132,12 +133,18 @@ class Session:
     # -------------------------------------------------------------------------------------------- pairs
 
     def prepare(self, pair: Pair, format: str | None = None) -> dict[str, Any]:
-        """Bring the pair's problem to its solver's node; the referee's reply, whatever it is."""
+        """Bring the pair's problem to its solver's node; the referee's reply, whatever it is.
+
+        A problem that cannot be loaded, or is not the one that was planned, is told apart by `stage`.
+        """
+        problem = _problem_of(pair, format)
+        opened, _ = self.ask(LOAD_LIMIT, command="open", **problem)
+        if opened["event"] != "opened":
+            return {**opened, "stage": "loading"}
         reply, _ = self.ask(
             max(self.limits.seconds, LOAD_LIMIT),
             command="prepare",
-            address=pair.address,
-            format=format,
+            **problem,
             node=pair.target,
             request=pair.request.header(),
             tolerance=pair.tolerance,
@@ -213,8 +220,7 @@ class Session:
             max(self.limits.seconds, LOAD_LIMIT),
             vectors,
             command="judge",
-            address=pair.address,
-            format=format,
+            **_problem_of(pair, format),
             node=pair.target,
             request=pair.request.header(),
             claim=result["claim"],
@@ -316,8 +322,13 @@ def execute(
             progress("done", pair, row)
 
 
+def _problem_of(pair: Pair, format: str | None) -> dict[str, Any]:
+    """What every message about a pair says of its problem."""
+    return {"address": pair.address, "format": format, "fingerprint": pair.fingerprint}
+
+
 def _conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
-    """The part of a row that the conversion decides; `status` is empty when a solver may go on."""
+    """The part of a row that the referee decides; `status` is empty when a solver may go on."""
     event = prepared["event"]
     if event == "prepared":
         return {
@@ -326,8 +337,10 @@ def _conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
             "kind": prepared["kind"],
             "convert": prepared["convert"],
         }
-    status = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}.get(event, "error")
-    return {"status": status, "message": f"conversion: {prepared.get('message', event)}"}
+    stage = prepared.get("stage", "conversion")
+    told = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}
+    status = "error" if stage == "loading" else told.get(event, "error")  # no solver has a part in loading
+    return {"status": status, "message": f"{stage}: {prepared.get('message', event)}"}
 
 
 def _obituary(death: Died) -> str:

@@ -102,7 +102,8 @@ def test_a_factorization_made_to_see_whether_an_edge_applies_is_charged(tmp_path
     address = str(tmp_path / "p.h5")
     referee = Referee(tmp_path)
     referee.survey(None, address, None, [request])  # asks for the LU
-    reply, _ = wire.unpack(referee.prepare(None, address, None, request["nodes"][0], request, 1e-6))
+    asked = (None, address, None, problem.fingerprint)
+    reply, _ = wire.unpack(referee.prepare(*asked, request["nodes"][0], request, 1e-6))
     assert reply["convert"] > 0.5 * min(_seconds_of_lu(A) for _ in range(3))
 
 
@@ -116,9 +117,10 @@ def test_a_conversion_shared_by_two_routes_counts_in_both(tmp_path: Path) -> Non
     """Contact to LCP to MLCP: the first step is done once, and is part of the time of either."""
     address = str(_contact(tmp_path))
     (request,) = (r.header() for r in plan.facets("inner", 64))
+    asked = (None, address, None, storage.load(address).fingerprint)
     referee = Referee(tmp_path)
-    first, _ = wire.unpack(referee.prepare(None, address, None, "lcp", request, 1e-6))
-    second, _ = wire.unpack(referee.prepare(None, address, None, "mlcp", request, 1e-6))
+    first, _ = wire.unpack(referee.prepare(*asked, "lcp", request, 1e-6))
+    second, _ = wire.unpack(referee.prepare(*asked, "mlcp", request, 1e-6))
     assert second["route"].startswith(first["route"])
     assert second["convert"] > first["convert"] > 0
 
@@ -127,10 +129,11 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
     """Without free unknowns, elimination and splitting make the same LCP: each QP lifts along its own way."""
     problem = MLCP(A=np.zeros((0, 0)), B=np.eye(2), C=np.zeros((0, 2)), D=np.zeros((2, 0)), a=[], b=[-1.0, 1.0])
     storage.save(problem, tmp_path / "p.h5")
+    asked = (None, str(tmp_path / "p.h5"), None, problem.fingerprint)
     referee = Referee(tmp_path)
     for way in ("mlcp-lcp-schur", "mlcp-lcp-split"):
         request = plan.pinned([way], {}).header()
-        reply, _ = wire.unpack(referee.prepare(None, str(tmp_path / "p.h5"), None, "qp", request, 1e-6))
+        reply, _ = wire.unpack(referee.prepare(*asked, "qp", request, 1e-6))
         steps = storage.load(reply["path"]).provenance
         assert " > ".join(step.conversion for step in steps) == reply["route"]
         assert steps[0].conversion == way
@@ -212,6 +215,48 @@ def test_a_referee_that_dies_is_replaced(session: Session, tmp_path: Path) -> No
     assert row["status"] == "error"
     assert "could not be judged" in row["message"]
     assert session.run(pair, prepared)[0]["status"] == "solved"
+
+
+def test_a_file_that_changed_after_planning_is_refused(session: Session, tmp_path: Path) -> None:
+    """Its rows must not be filled with answers to another problem: neither before a solve nor at the verdict."""
+    path = _lcp(tmp_path)
+    survey = session.survey(str(path), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    prepared = session.prepare(pair)
+    assert session._referee is not None
+    session._referee.kill()
+    changed = LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p")
+    storage.save(changed, path, force=True)
+    session.run(pair, prepared)  # meets the dead one
+    late, _ = session.run(pair, prepared)
+    early, _ = session.run(pair, session.prepare(pair))
+    for row, beginning in ((early, "loading: "), (late, "the answer could not be judged: ")):
+        assert row["status"] == "error"
+        assert row["message"].startswith(beginning)
+        assert pair.fingerprint in row["message"]
+        assert changed.fingerprint in row["message"]
+
+
+def test_a_file_that_is_gone_after_planning_is_an_error(session: Session, tmp_path: Path) -> None:
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    session.survey(str(_lcp(tmp_path, "other")), [plan.exact()])
+    (tmp_path / "p.h5").unlink()
+    row, _ = session.run(pair, session.prepare(pair))
+    assert row["status"] == "error"
+    assert row["message"].startswith("loading: ")
+
+
+def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.0)
+    row, _ = session.run(pair, session.prepare(pair))
+    assert row == {"status": "error", "message": "loading: no reply within 0 s"}
+    monkeypatch.undo()
+    assert session.run(pair, session.prepare(pair))[0]["status"] == "solved"
 
 
 def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
