@@ -104,10 +104,20 @@ def best_first(
             left = prefix.left - {edge.name}
             again = edge.target in prefix.seen and (edge.target != node or left == prefix.left)
             if edge.source == node and not again and (edge.target, left) in ahead:
-                longer = Route((*path, edge))
-                bound = round(longer.cost + ahead[edge.target, left], 9)  # sums in any order are the same
                 seen = prefix.seen | {edge.target}
-                heapq.heappush(heap, Prefix(bound, longer.label, longer.steps, state, seen, left))
+                if _is_open(edge.target, target, usable, seen):
+                    longer = Route((*path, edge))
+                    bound = round(longer.cost + ahead[edge.target, left], 9)  # sums in any order are the same
+                    heapq.heappush(heap, Prefix(bound, longer.label, longer.steps, state, seen, left))
+
+
+def _is_open(node: str, target: str, usable: Sequence[Conversion], seen: frozenset[str]) -> bool:
+    """Whether a path leads from `node` to the target that passes none of the nodes seen."""
+    reached, new = {node}, {node}
+    while new and target not in reached:
+        new = {edge.target for edge in usable if edge.source in new} - reached - seen
+        reached |= new
+    return target in reached
 
 
 def _cost_ahead(
