@@ -54,6 +54,11 @@ class Died(Exception):
             return f"killed by {signal.Signals(self.signal).name}"
         return f"exited with code {self.code}"
 
+    @property
+    def out_of_memory(self) -> bool:
+        """Whether its last words were of an allocation that failed."""
+        return "bad_alloc" in self.output or "MemoryError" in self.output
+
 
 def context(threads: int) -> Any:
     """The forkserver context; thread counts are set before anything numerical is imported."""

@@ -21,13 +21,15 @@ import numpy as np
 
 from cpbench import graph, storage, verification
 from cpbench.bench import wire
+from cpbench.bench.process import limit_memory
 from cpbench.conversions import Conversion, make
 from cpbench.errors import CpbenchError, PointError, ProblemError
 from cpbench.formulations.base import Kind, Problem
 
 
-def main(connection: Connection, scratch: str) -> None:
-    """Serve `survey`, `open`, `prepare` and `judge` until the runner closes the pipe."""
+def main(connection: Connection, scratch: str, memory: int) -> None:
+    """Serve `survey`, `open`, `prepare` and `judge` until the runner closes the pipe, within `memory` bytes."""
+    limit_memory(memory)
     referee = Referee(Path(scratch))
     while True:
         try:

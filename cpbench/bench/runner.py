@@ -34,6 +34,11 @@ STARTUP = 600.0
 LOAD_LIMIT = 120.0
 """Seconds the loading of a problem may take; no solver is charged for it."""
 
+REFEREE_SHARE = 2
+"""How many times the memory limit of a worker the referee has: it holds a problem with all its conversions."""
+REFEREE_LEAST = 2 * 2**30
+"""Bytes the referee has at least, however little a solver is to get by on."""
+
 Progress = Callable[[str, "Pair | None", Mapping[str, Any]], None]
 
 
@@ -45,6 +50,11 @@ class Limits:
     memory: int = 4 * 2**30
     threads: int = 1
     repeats: int = 3
+
+    @property
+    def referee_memory(self) -> int:
+        """Bytes that conversions and judging may take (0: no limit)."""
+        return max(REFEREE_SHARE * self.memory, REFEREE_LEAST) if self.memory > 0 else 0
 
 
 class Surveyed(CpbenchError):
@@ -75,18 +85,26 @@ class Session:
     # ----------------------------------------------------------------------------------------- referee
 
     def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
-        """Send the referee a command; the reply's header and vectors. A referee that dies or hangs is replaced."""
+        """Send the referee a command; the reply's header and vectors. One that dies, hangs or is full is replaced."""
         if self._referee is None:
-            self._referee = Child(self._ctx, self._scratch.folder, referee_process.main, (str(self._scratch.folder),))
+            arguments = (str(self._scratch.folder), self.limits.referee_memory)
+            self._referee = Child(self._ctx, self._scratch.folder, referee_process.main, arguments)
         try:
+            self._referee.output()
             self._referee.send(wire.pack(header, vectors))
-            return wire.unpack(self._referee.receive(seconds))
-        except (TimedOut, Died) as failure:
-            self._referee.kill()
-            self._referee = None
-            event = "timeout" if isinstance(failure, TimedOut) else "died"
-            message = f"no reply within {seconds:g} s" if isinstance(failure, TimedOut) else str(failure)
-            return {"event": event, "message": message}, {}
+            reply, found = wire.unpack(self._referee.receive(seconds))
+            if reply["event"] != "memory":
+                return reply, found
+        except TimedOut:
+            reply = {"event": "timeout", "message": f"no reply within {seconds:g} s"}
+        except Died as death:
+            reply = {"event": "memory" if death.out_of_memory else "died", "message": _obituary(death)}
+        self._referee.kill()
+        self._referee = None
+        if reply["event"] == "memory":
+            limit = self.limits.referee_memory
+            reply["message"] = f"ran out of memory, limited to {limit} bytes" if limit else "ran out of memory"
+        return reply, {}
 
     def survey(self, address: str, requests: Sequence[Request], format: str | None = None) -> dict[str, Any]:
         """Facts of a problem for the plan; raises CpbenchError with the reason a file is refused."""
@@ -192,8 +210,7 @@ class Session:
             return {**row, "status": "timeout", "message": f"killed after {limit:g} s", "solve": limit}, None
         except Died as death:
             self._drop(pair.entry.solver)
-            out_of_memory = "bad_alloc" in death.output or "MemoryError" in death.output
-            status = "memout" if out_of_memory else "crash"
+            status = "memout" if death.out_of_memory else "crash"
             return {**row, "status": status, "message": _obituary(death), "signal": death.signal}, None
         except wire.WireError as noise:
             self._drop(pair.entry.solver)
@@ -339,7 +356,9 @@ def _conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
         }
     stage = prepared.get("stage", "conversion")
     told = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}
-    status = "error" if stage == "loading" else told.get(event, "error")  # no solver has a part in loading
+    if stage == "loading":  # in which no solver has a part
+        told = {"memory": "memout"}
+    status = told.get(event, "error")
     return {"status": status, "message": f"{stage}: {prepared.get('message', event)}"}
 
 

@@ -275,6 +275,23 @@ def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
     assert session.run(pair, prepared)[0]["status"] == "solved"
 
 
+def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
+    """60 contacts in 400 facets: an LCP of order 24 120, 4.7 GB. The referee that refused it is replaced."""
+    n = 180
+    path = tmp_path / "contacts.hdf5"
+    problem = FrictionContact(W=np.eye(n) + 1.0 / n, q=np.ones(n), mu=np.full(60, 0.5), dimension=3, name="contacts")
+    storage.save(problem, path)
+    asked = [plan.exact(), *plan.facets("inner", 400)]
+    with Session(Limits(seconds=20.0, memory=2**29, repeats=1)) as small:
+        survey = small.survey(str(path), asked)
+        pairs = plan.pairs([survey], [plan.Entry("nsgs"), plan.Entry("lemke")], asked, 1e-6, 1, relaxations=False)
+        first, second = sorted(pairs, key=lambda pair: pair.label != "lemke@inner400")
+        row, _ = small.run(first, small.prepare(first))
+        assert row == {"status": "memout", "message": f"conversion: ran out of memory, limited to {2**31} bytes"}
+        assert small._referee is None
+        assert small.run(second, small.prepare(second))[0]["status"] == "solved"
+
+
 def test_a_worker_never_meets_a_dead_referees_file(session: Session, tmp_path: Path) -> None:
     """Solve A, kill the referee, solve B, then A again: names of converted problems are not used twice."""
     asked, entries = [plan.exact()], [plan.Entry("lemke")]
