@@ -17,6 +17,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
     """One line for every kept answer whose status changes, then a summary. The file is left as it is."""
     store = Store(path)
     try:
+        formats = store.meta().get("formats", {})
         loaded: dict[str, Problem] = {}
         changes: Counter[str] = Counter()
         total = 0
@@ -26,7 +27,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
                 continue
             address = str(row["address"])
             if address not in loaded:
-                problem = storage.load(address)
+                problem = storage.load(address, format=formats.get(address))
                 if problem.fingerprint != row["fingerprint"]:
                     raise CpbenchError(f"{address}: is not the problem that was solved (its fingerprint changed)")
                 loaded = {address: problem}

@@ -110,10 +110,11 @@ class Store:
                 [(name, json.dumps(value)) for name, value in values.items()],
             )
 
-    def refuse(self, address: str, reason: str) -> None:
-        """Note a file that could not be read, and why."""
+    def note_files(self, loaded: Iterable[str], refused: Iterable[tuple[str, str]]) -> None:
+        """Note which files could not be read, and why; those that are read now are refused no longer."""
         with self._transaction():
-            self._db.execute("INSERT OR REPLACE INTO refused VALUES (?, ?)", (address, reason))
+            self._db.executemany("DELETE FROM refused WHERE address = ?", [(address,) for address in loaded])
+            self._db.executemany("INSERT OR REPLACE INTO refused VALUES (?, ?)", refused)
 
     def plan(self, pairs: Iterable[Pair]) -> None:
         """Add the rows of a plan as `not_run`; those that are there already stay as they are."""

@@ -104,8 +104,9 @@ def command(
             _require_pairs(planned, surveys, refused)
             store = Store(output, create=True, keep=keep)
             try:
-                for address, reason in refused:
-                    store.refuse(address, reason)
+                before = store.meta()
+                read = [survey["address"] for survey in surveys]
+                store.note_files(read, refused)
                 store.plan(planned)
                 store.set_meta(
                     command=shlex.join(["cpbench", *sys.argv[1:]]),
@@ -116,6 +117,7 @@ def command(
                     versions=machine.versions(),
                     jobs=1,
                     builtin=builtin,
+                    formats=_formats(before.get("formats", {}), read, file_format),
                     **_frozen(limits),
                 )
                 display.begin(planned, store.pending())
@@ -123,7 +125,7 @@ def command(
                     execute(session, store, planned, seed, display.progress, file_format)
                 finally:
                     display.end()
-                    store.set_meta(solvers=_solver_sheets(planned, session.versions))
+                    store.set_meta(solvers=_solver_sheets(before.get("solvers", {}), planned, session.versions))
                 _finish(store, output, report_folder, no_report, builtin, refused)
             finally:
                 store.close()
@@ -186,16 +188,27 @@ def _tell_twins(surveys: list[dict[str, Any]]) -> None:
             click.echo(f"same problem, run once: {survey['address']} is {twin}", err=True)
 
 
-def _solver_sheets(planned: list[plan.Pair], versions: Mapping[str, str]) -> dict[str, Any]:
+def _formats(before: Mapping[str, str], read: list[str], file_format: str | None) -> dict[str, str]:
+    """The `--format` by which each file of the results was read, where one was given."""
+    now = set(read)
+    kept = {address: name for address, name in before.items() if address not in now}
+    return kept if file_format is None else kept | dict.fromkeys(read, file_format)
+
+
+def _solver_sheets(
+    before: Mapping[str, Mapping[str, Any]], planned: list[plan.Pair], versions: Mapping[str, str]
+) -> dict[str, Any]:
+    """What the results say of each solver in them: those of earlier commands stay, and so does the version of one
+    that had nothing left to do."""
     from cpbench.solvers.base import solvers as registry
 
-    sheets: dict[str, Any] = {}
+    sheets: dict[str, Any] = dict(before)
     for pair in planned:
         spec = registry.get(pair.entry.solver).spec
         sheets[pair.label] = {
             "name": spec.name,
             "node": spec.node,
-            "version": versions.get(spec.name, ""),
+            "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
             "licence": spec.licence,
             "publishing": spec.publishing,
             "summary": spec.summary,

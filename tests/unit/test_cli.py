@@ -6,12 +6,14 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
 from cpbench import storage
+from cpbench.bench.store import Store
 from cpbench.cli import COMMANDS, main
 from cpbench.formulations import LCP, MLCP, FrictionContact
 
@@ -244,6 +246,54 @@ def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> Non
     capsys.readouterr()
     assert cpbench(monkeypatch, "verify", "--rejudge", "r.sqlite", "-t", "0.2") == 0
     assert "lemke@inner8: wrong -> solved" in capsys.readouterr().out
+
+
+def _meta(path: Path) -> dict[str, Any]:
+    store = Store(path)
+    try:
+        return store.meta()
+    finally:
+        store.close()
+
+
+def test_a_resumed_run_keeps_what_the_results_know_of_other_solvers(lcp) -> None:
+    """Another solver, then the first again, with nothing left to do: both have their sheets, with versions."""
+    for solver in ("lemke", "bpp", "lemke"):
+        command = [sys.executable, "-m", "cpbench", "run", lcp.name, "-s", solver, "--no-report", "-o", "r.sqlite"]
+        done = subprocess.run(command, cwd=lcp.parent, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    sheets = _meta(lcp.parent / "r.sqlite")["solvers"]
+    assert set(sheets) == {"lemke", "bpp"}
+    assert all(sheet["version"] for sheet in sheets.values())
+
+
+def test_a_refused_file_that_was_mended_is_refused_no_longer(lcp) -> None:
+    folder = lcp.parent
+    (folder / "bad.h5").write_bytes(lcp.read_bytes()[:100])
+    (folder / "worse.h5").write_bytes(b"no problem")
+    command = [sys.executable, "-m", "cpbench", "run", lcp.name, "bad.h5", "worse.h5", "-s", "lemke", "--no-report"]
+    found = []
+    for _ in range(2):
+        done = subprocess.run([*command, "-o", "r.sqlite"], cwd=folder, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found.append([Path(address).name for address, _ in _meta(folder / "r.sqlite")["refused"]])
+        storage.save(LCP(M=np.eye(2), q=[-1.0, -1.0], name="bad"), folder / "bad.h5", force=True)
+    assert found == [["bad.h5", "worse.h5"], ["worse.h5"]]
+
+
+def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, lcp) -> None:
+    """A text file whose name tells nothing, in one results file with one that needs no `--format`."""
+    folder = lcp.parent
+    monkeypatch.chdir(folder)
+    storage.save(storage.load(lcp), folder / "plain.dat")
+    (folder / "plain.dat").rename(folder / "plain.txt")
+    storage.save(LCP(M=np.eye(2), q=[-1.0, -1.0], name="other"), folder / "other.h5")
+    for arguments in (["plain.txt", "--format", "siconos-lcp"], ["other.h5"]):
+        command = [sys.executable, "-m", "cpbench", "run", *arguments, "-s", "lemke", "--no-report", "-o", "r.sqlite"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert cpbench(monkeypatch, "verify", "--rejudge", "r.sqlite") == 0
+    assert "2 answers judged again: no change" in capsys.readouterr().out
 
 
 def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
