@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import itertools
 import random
+from pathlib import Path
 
 import pytest
 
-from cpbench import graph
+from cpbench import graph, routes
 from cpbench.conversions.base import conversions, make
+from cpbench.errors import NoRoute
 from cpbench.formulations import formulations
+from cpbench.testing import cases
 
 FIRST = frozenset(
     {
@@ -65,6 +68,12 @@ CHEAPEST_OF_ALL = {
 }
 """The first routes when approximate ones are asked for too."""
 
+SHORTCUTS = {"fc-lcp-frictionless", "gfc-mlcp", "avi-lcp-bounds"}
+"""Edges that came later and are cheaper where they apply: no friction, nothing but bounds."""
+
+CHOSEN = Path(__file__).parent / "chosen_routes.txt"
+"""The first exact candidate of every ordered pair of nodes."""
+
 PAIRS = [(a, b) for a in ("fc", "gfc", "lcp", "mlcp", "qp") for b in ("fc", "gfc", "lcp", "mlcp", "qp") if a != b]
 
 
@@ -77,6 +86,43 @@ def labels(source: str, target: str, kinds=graph.EXACT, via=()) -> list[str]:
 @pytest.mark.parametrize(("source", "target"), PAIRS)
 def test_exact_routes(source, target):
     assert labels(source, target) == EXACT.get((source, target), [])
+
+
+def chosen_routes() -> str:
+    """What CHOSEN holds; `print(chosen_routes(), end="")` makes it again."""
+    lines: list[str] = []
+    for source, target in itertools.permutations(formulations.names(), 2):
+        found = graph.candidates(source, target)
+        lines += [f"{source} {target}: {found[0].label}\n"] if found else []
+    return "".join(lines)
+
+
+def test_the_first_candidate_of_every_pair():
+    assert chosen_routes() == CHOSEN.read_text()
+
+
+def test_planted_problems_take_the_routes_they_took(monkeypatch):
+    """Over all edges a problem goes as it goes over the first ones alone, or by a shortcut that costs no more."""
+    every = {pair: _arrivals(*pair) for pair in PAIRS}
+    real = routes.edges
+    monkeypatch.setattr(routes, "edges", lambda extra=(): [e for e in real(extra) if e.name in FIRST])
+    for pair in PAIRS:
+        for name, before in _arrivals(*pair).items():
+            now = every[pair][name]
+            if before is not None and now.label != before.label:
+                assert SHORTCUTS & {step.name for step in now.steps}, (pair, name, now.label)
+                assert now.cost <= before.cost, (pair, name, now.label)
+
+
+def _arrivals(source: str, target: str) -> dict[str, graph.Route | None]:
+    """By planted case, the route taken."""
+    found: dict[str, graph.Route | None] = {}
+    for case in cases(source):
+        try:
+            found[case.name] = graph.arrive(case.problem, target).route
+        except NoRoute:
+            found[case.name] = None
+    return found
 
 
 @pytest.mark.parametrize(("source", "target"), CHEAPEST_OF_ALL)
