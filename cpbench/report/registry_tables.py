@@ -19,8 +19,8 @@ def registry_tables() -> str:
         ("Formulations", ["node", "problem", "lecture"], ([c.node, c.title, c.equation] for c in formulations)),
         (
             "Conversions",
-            ["conversion", "from", "to", "promise", "what it does"],
-            ([f"`{e.name}`", e.source, e.target, promise(e), _summary(e)] for e in edges()),
+            ["conversion", "from", "to", "promise", "lecture", "what it does"],
+            ([f"`{e.name}`", e.source, e.target, promise(e), e.equation, _summary(e)] for e in edges()),
         ),
         (
             "Solvers",

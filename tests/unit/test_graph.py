@@ -262,6 +262,47 @@ def test_the_text_has_every_edge_under_its_source(kinds):
         assert sorted(arrows) == sorted((e.target, e.name) for e in shown)
 
 
+LECTURE = [
+    "lcp-qp",
+    "lcp-qp-nonsymmetric",
+    "lcp-mlcp",
+    "lcp-avi",
+    "mlcp-lcp-schur",
+    "mlcp-lcp-split",
+    "qp-mlcp",
+    "qp-qp-dual",
+    "qp-avi",
+    "qp-coneqp",
+    "relay-lcp",
+    "relay-avi",
+    "avi-lcp-bounds",
+    "avi-mlcp",
+    "soclcp-coneqp",
+    "coneqp-soclcp",
+    "gfc-fc",
+    "gfc-fcm",
+    "fcm-fc",
+    "gfc-mlcp",
+    "fc-lcp-2d",
+    "fc-lcp-2d-siconos",
+    "fc-lcp-inner",
+    "fc-lcp-outer",
+    "fc-mlcp-outer",
+    "fc-soclcp",
+    "fc-coneqp",
+    "fc-coneqp-tresca",
+    "afc-fc",
+    "grfc-rfc",
+    "rfc-lcp-2d",
+    "rfc-lcp-facets",
+]
+"""The conversions of the lecture's linear half and of its contact half, one for every formula."""
+
+
+def test_every_conversion_of_the_lecture_is_drawn():
+    assert set(LECTURE) <= set(re.findall(r"  -> \w+ +(\S+)", draw("text", graph.ALL)))
+
+
 def test_mermaid_has_a_line_for_every_node_and_edge():
     head, *lines = draw("mermaid", graph.ALL).splitlines()
     assert head == "flowchart LR"
