@@ -347,22 +347,50 @@ def test_without_a_command_it_says_what_there_is(monkeypatch, capsys) -> None:
     assert capsys.readouterr().out.startswith("Usage: cpbench")
 
 
+GATED = """
+import time
+from pathlib import Path
+
+import numpy as np
+
+from cpbench.formulations import LCPPoint
+from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, register
+
+
+@register
+class Gated(Solver):
+    spec = SolverSpec(name="gated", node="lcp", summary="waits for the file `go`", method="a linear solve")
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        while not Path("go").exists():
+            Path("waiting").touch()
+            time.sleep(0.01)
+        return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z=np.linalg.solve(prepared.M, -prepared.q)))
+"""
+
+
 def test_an_interrupted_run_goes_on(lcp) -> None:
-    """Ctrl-C: exit code 130, what was done is kept, the same command finishes."""
+    """Ctrl-C: exit code 130, what was done is kept, the same command finishes.
+
+    One solver waits for a file, so that the first run is under way when the signal comes, however late that is.
+    """
     import signal
     import time
 
-    for n in range(2, 30):
-        storage.save(LCP(M=2.0 * np.eye(n), q=-np.ones(n), name=f"p{n}"), lcp.parent / f"p{n}.h5")
-    command = [sys.executable, "-m", "cpbench", "run", ".", "-s", "lemke", "-s", "pgs", "-s", "bpp", "--no-report"]
-    running = subprocess.Popen([*command, "-o", "r.sqlite"], cwd=lcp.parent, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 120
-    while not (lcp.parent / "r.sqlite").exists() and time.monotonic() < deadline:
+    folder = lcp.parent
+    (folder / "gated.py").write_text(GATED)
+    for n in range(2, 7):
+        storage.save(LCP(M=2.0 * np.eye(n), q=-np.ones(n), name=f"p{n}"), folder / f"p{n}.h5")
+    command = [sys.executable, "-m", "cpbench", "--plugin", "gated.py", "run", ".", "-s", "lemke", "-s", "gated"]
+    command += ["--timeout", "120s", "--no-report", "-o", "r.sqlite"]
+    running = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True)
+    while not (folder / "waiting").exists() and running.poll() is None:
         time.sleep(0.02)
     running.send_signal(signal.SIGINT)
     _, said = running.communicate(timeout=60)
     assert running.returncode == 130, said
     assert "the same command goes on" in said
-    again = subprocess.run([*command, "-o", "r.sqlite"], cwd=lcp.parent, capture_output=True, text=True)
+    (folder / "go").touch()
+    again = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert again.returncode == 0, again.stderr
-    assert "87 pairs: 87 solved" in again.stdout
+    assert "12 pairs: 12 solved" in again.stdout
