@@ -70,6 +70,17 @@ def _then(name, misbehave):
     _faulty(f"then-{name}", lambda p: misbehave(p) if next(calls) % 2 else _right(p))
 
 
+_passed = itertools.count()
+
+
+def _turnstile(problem):
+    """Ten problems pass (each is solved three times); the next ones wait as long as the file `hold` is there."""
+    if next(_passed) >= 30:
+        while os.path.exists("hold"):
+            time.sleep(0.01)
+    return _right(problem)
+
+
 _faulty("abort", lambda p: os.abort())
 _faulty("segfault", lambda p: ctypes.string_at(0))
 _faulty("flood", _flood)
@@ -84,6 +95,7 @@ _faulty("short", lambda p: _claim(np.zeros(p.q.size + 1)))
 _faulty("nothing", lambda p: SolverOutput(claim=Claim.SOLVED))
 _faulty("eat", _eat)
 _faulty("noise", lambda p: (os.write(1, b"noise\n" * 1000), _right(p))[1])
+_faulty("turnstile", _turnstile)
 _then("abort", lambda p: os.abort())
 _then("hang", _hang)
 _then("eat", _eat)
