@@ -174,7 +174,8 @@ def _arrivals(
             own = edge.exactness(before.problem)
             kind = weakest((kind, own))
             if own not in kinds and edge.name not in pinned:
-                why = f"is {own} for this problem, only {', '.join(sorted(kinds))} routes were asked for"
+                because = f" because {reason}" if (reason := edge.reservation(before.problem)) else ""
+                why = f"is {own} for this problem{because}; only {', '.join(sorted(kinds))} routes were asked for"
         if why is None:
             arrives = edge.target == target and not prefix.left
             if arrives and not finish:

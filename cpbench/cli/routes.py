@@ -38,5 +38,6 @@ def sizes_line(problem: Problem) -> str:
 
 
 def size_after(problem: Problem, edge: Conversion, apply: Apply) -> str:
-    """What `edge` makes of `problem`."""
-    return sizes_line(apply(edge, problem))
+    """What `edge` makes of `problem`: predicted where the edge can (~, at most), else measured by converting."""
+    foreseen = edge.predict(problem)
+    return sizes_line(apply(edge, problem)) if foreseen is None else f"~ {foreseen}"

@@ -11,6 +11,35 @@ from cpbench.formulations.base import Kind, Problem, Step, Trace
 from cpbench.registry import Registry
 
 
+@dataclasses.dataclass(frozen=True)
+class Size:
+    """What a conversion will make, at most.
+
+    Attributes
+    ----------
+    rows : of the target's matrices, exactly. entries : that they store. bytes : that they take.
+    """
+
+    rows: int
+    entries: int
+    bytes: int
+
+    @classmethod
+    def dense(cls, rows: int, columns: int) -> Size:
+        return cls(rows, rows * columns, 8 * rows * columns)
+
+    @classmethod
+    def sparse(cls, rows: int, columns: int, entries: int) -> Size:
+        """CSR, whose indices have 4 bytes as long as they fit."""
+        index = 4 if max(rows, columns, entries) < 2**31 else 8
+        return cls(rows, entries, entries * (8 + index) + (rows + 1) * index)
+
+    def __str__(self) -> str:
+        """`1045440 rows, 101020986 entries, 1.2 GB at most`."""
+        unit, name = (1e9, "GB") if self.bytes >= 1e9 else (1e6, "MB") if self.bytes >= 1e6 else (1e3, "kB")
+        return f"{self.rows} rows, {self.entries} entries, {self.bytes / unit:.3g} {name} at most"
+
+
 class Conversion(ABC):
     """One edge. Subclasses are frozen dataclasses whose fields are the knobs (facets, angle).
 
@@ -18,7 +47,8 @@ class Conversion(ABC):
     ----------
     name : registry name, `source-target` or `source-target-how`.
     source, target : node names. equation : where the formula stands. kind : the promise, weakest case; an edge whose
-        promise depends on the problem overrides `exactness` and names its strongest one in `best_kind`.
+        promise depends on the problem overrides `exactness` and `reservation`, and names its strongest one in
+        `best_kind`.
     cost : what Dijkstra adds up; grows with the size of the result, ties go by name.
     """
 
@@ -33,8 +63,16 @@ class Conversion(ABC):
         """The promise for this very problem (stronger than `kind` where a condition holds)."""
         return self.kind
 
+    def reservation(self, problem: Any) -> str:
+        """Why the promise for this problem is weaker than `best_kind`: the condition and its number."""
+        return ""
+
     def obstacle(self, problem: Any) -> str | None:
         """Why this problem cannot take the edge, with the measured number and what to use instead; else None."""
+        return None
+
+    def predict(self, problem: Any) -> Size | None:
+        """What `apply` will make of a problem that can take the edge, without making it; None: not known before."""
         return None
 
     @abstractmethod

@@ -15,6 +15,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.conic import cone_fields
@@ -38,6 +39,9 @@ class ConeQPtoSOCLCP(Conversion):
     def exactness(self, problem: Problem) -> Kind:
         assert isinstance(problem, ConeQP)
         return self.best_kind if problem.convex else self.kind
+
+    def reservation(self, problem: ConeQP) -> str:
+        return indefinite(problem.Q, "Q")
 
     def obstacle(self, problem: ConeQP) -> str | None:
         if problem.K.conical:

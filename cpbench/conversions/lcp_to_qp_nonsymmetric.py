@@ -16,6 +16,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.qp import QP, QPPoint
@@ -37,6 +38,9 @@ class LCPtoQPNonsymmetric(Conversion):
     def exactness(self, problem: Problem) -> Kind:
         assert isinstance(problem, LCP)
         return self.best_kind if problem.monotone else self.kind
+
+    def reservation(self, problem: LCP) -> str:
+        return indefinite(problem.M, "M")
 
     def tolerance(self, tolerance: float) -> float:
         """ε²: a gap δ = Σ zᵢwᵢ may be one product √δ·√δ, whose natural residual min(zᵢ, wᵢ) is √δ."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.qp import QP, QPPoint
@@ -32,6 +33,9 @@ class QPtoAVI(Conversion):
     def exactness(self, problem: Problem) -> Kind:
         assert isinstance(problem, QP)
         return self.best_kind if problem.convex else self.kind
+
+    def reservation(self, problem: QP) -> str:
+        return indefinite(problem.Q, "Q")
 
     def apply(self, problem: QP) -> tuple[AVI, Trace]:
         target = AVI(

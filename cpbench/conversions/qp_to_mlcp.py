@@ -16,6 +16,7 @@ import numpy as np
 
 from cpbench.conversions import kkt
 from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.formulations.qp import QP, QPPoint
@@ -40,6 +41,9 @@ class QPtoMLCP(Conversion):
     def exactness(self, problem: Problem) -> Kind:
         assert isinstance(problem, QP)
         return self.best_kind if problem.convex else self.kind
+
+    def reservation(self, problem: QP) -> str:
+        return indefinite(problem.Q, "Q")
 
     def apply(self, problem: QP) -> tuple[MLCP, Trace]:
         constraints = kkt.rows(problem, problem.Q)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
@@ -33,6 +34,9 @@ class SOCLCPtoConeQP(Conversion):
     def exactness(self, problem: Problem) -> Kind:
         assert isinstance(problem, SOCLCP)
         return self.best_kind if problem.monotone else self.kind
+
+    def reservation(self, problem: SOCLCP) -> str:
+        return indefinite(problem.M, "M")
 
     def obstacle(self, problem: SOCLCP) -> str | None:
         if problem.symmetric:

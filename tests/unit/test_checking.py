@@ -11,6 +11,7 @@ import pytest
 from cpbench import checking, graph, storage
 from cpbench.cli import main
 from cpbench.conversions import Conversion, conversions, make
+from cpbench.conversions.base import Size
 from cpbench.formulations import LCP, MLCP, FrictionContact, Kind, LCPPoint, MLCPPoint
 from cpbench.testing import planted, residual_matrix
 from cpbench.testing.cases import cases
@@ -180,11 +181,30 @@ def test_route_all_shows_every_route_with_its_size(monkeypatch, capsys, lcp_file
     assert any("out of reach" in line for line in lines)
 
 
+def test_a_size_that_can_be_told_is_not_converted_for(monkeypatch, capsys, lcp_file):
+    class Large(Crooked):
+        def predict(self, problem):
+            return Size.dense(10**6, 10**6)
+
+        def apply(self, problem):
+            raise AssertionError("converted")
+
+    conversions.names()
+    monkeypatch.setitem(conversions._items, "lcp-mlcp", Large)
+    assert cpbench(monkeypatch, "route", lcp_file, "--to", "mlcp", "--all") == 0
+    said = capsys.readouterr().out
+    assert "1  lcp-mlcp (equivalent; ~ 1000000 rows, 1000000000000 entries, 8e+03 GB at most)" in said
+
+
 def test_route_explain_tells_the_measured_number(monkeypatch, capsys, tmp_path):
     path = tmp_path / "n.h5"
     storage.save(LCP(M=np.array([[1.0, 2.0], [0.0, 1.0]]), q=[-1.0, -1.0]), path)
     assert cpbench(monkeypatch, "route", path, "--to", "qp", "--all", "--explain") == 0
     assert "lcp-qp refuses: M is not symmetric, max|M-Mᵀ|/max|M| = 1.0e+00" in capsys.readouterr().out
+    storage.save(LCP(M=np.array([[-1.0, 2.0], [0.0, 1.0]]), q=[-1.0, -1.0]), path, force=True)
+    assert cpbench(monkeypatch, "route", path, "--to", "qp", "--all", "--explain") == 0
+    # (M + Mᵀ)/2 = [[-1, 1], [1, 1]] has the eigenvalues ±√2
+    assert "the symmetric part of M is not positive semidefinite, least eigenvalue -1.4e+00" in capsys.readouterr().out
 
 
 def test_there_and_back_between_linear_nodes():

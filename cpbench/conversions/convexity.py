@@ -1,0 +1,16 @@
+"""What is said of a matrix that makes a problem nonconvex, and a promise a weaker one."""
+
+from __future__ import annotations
+
+from cpbench import matrices
+from cpbench.matrices import Matrix
+
+LARGEST = 1000
+"""Rows up to which the least eigenvalue is computed for a message (0.1 s)."""
+
+
+def indefinite(M: Matrix, name: str) -> str:
+    """That `M`, which is not positive semidefinite, is not, with its least eigenvalue where that is cheap."""
+    n = M.shape[0]
+    number = f"least eigenvalue {matrices.least_eigenvalue(M):.1e} or less" if n <= LARGEST else f"n = {n}"
+    return f"the symmetric part of {name} is not positive semidefinite, {number}"
