@@ -119,6 +119,10 @@ class Law(Protocol):
         """Projection of every row on the cone K of its contact."""
         ...
 
+    def in_units(self, lengths: Dense) -> Law:
+        """The law of r/lengths and u·lengths, shape (nc, d), constant over the moments of a contact, 1 elsewhere."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Coulomb:
@@ -131,6 +135,9 @@ class Coulomb:
 
     def project(self, r: Dense) -> Dense:
         return project_friction_cone(r, self.mu)
+
+    def in_units(self, lengths: Dense) -> Coulomb:
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,3 +152,6 @@ class RollingCoulomb:
 
     def project(self, r: Dense) -> Dense:
         return project_rolling_cone(r, self.mu, self.mu_r)
+
+    def in_units(self, lengths: Dense) -> RollingCoulomb:
+        return RollingCoulomb(self.mu, self.mu_r / lengths[:, -1])

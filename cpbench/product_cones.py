@@ -72,6 +72,32 @@ class ProductCone:
         return not (self.kind == Cone.CYLINDER).any()
 
     @cached_property
+    def blocks(self) -> NDArray[np.int64]:
+        """The number of the finest factor of each component, shape (rows,): every row of {0}, ℝ, ℝ₊ is one."""
+        sizes = self.size.astype(np.int64)
+        alone = np.repeat(np.isin(self.kind, (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)), sizes)
+        first = np.repeat(np.cumsum(sizes) - sizes, sizes) == np.arange(self.rows)
+        return np.cumsum(alone | first) - 1
+
+    @cached_property
+    def extended(self) -> NDArray[np.bool_]:
+        """Whether K is more than {0} in a component, shape (rows,); where it is not, the dual part may be anything."""
+        result = np.ones(self.rows, dtype=bool)
+        for kind, rows, mu, mu_r in self._groups:
+            k = (rows.shape[1] - 1) // 2
+            match kind:
+                case Cone.ZERO:
+                    result[rows] = False
+                case Cone.SECOND_ORDER | Cone.CYLINDER:
+                    result[rows[mu == 0, 1:]] = False
+                case Cone.ROLLING:
+                    result[rows[mu == 0, 1 : 1 + k]] = False
+                    result[rows[mu_r == 0, 1 + k :]] = False
+                case _:
+                    pass
+        return result
+
+    @cached_property
     def _groups(self) -> list[tuple[Cone, NDArray[np.int64], Vector, Vector]]:
         """Factors of one kind and size together: their kind, rows (count, size), mu and mu_r."""
         start = np.concatenate([[0], np.cumsum(self.size)])[:-1].astype(np.int64)

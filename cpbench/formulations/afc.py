@@ -11,7 +11,7 @@ import numpy as np
 from cpbench.cones import Coulomb, Law
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, vector_field
-from cpbench.formulations.contact import FCPoint, LocalContact, contact_residuals, natural_rho
+from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.matrices import Dense, Matrix, Vector, dense, freeze
 
 
@@ -63,17 +63,14 @@ class AnisotropicFrictionContact(LocalContact):
         return freeze(np.column_stack([np.ones(self.nc), self.friction]).ravel())
 
     @cached_property
-    def rho(self) -> Vector:
-        """ρ_c of the scaled operator SWS."""
-        S2 = self.scaling.reshape(-1, 3) ** 2
-        return natural_rho(np.einsum("cii,ci->c", self.diagonal_blocks, S2), 3)
+    def mobility(self) -> Dense:
+        """Diagonal of SWS, shape (nc, 3)."""
+        return freeze(np.einsum("cii->ci", self.diagonal_blocks) * self.scaling.reshape(-1, 3) ** 2)
 
     def residuals(self, point: FCPoint, tolerance: float = 1e-6) -> Residuals:
         self.check_point(point)
         with np.errstate(all="ignore"):
             S, u = self.scaling, self.W @ point.r + self.q
-            absolute = not self.q.any()
-            measured = contact_residuals(
-                point.r / S, S * u, S * self.q, self.law, self.rho, tolerance, absolute=absolute
+            return Residuals(
+                *self.contact_residuals(point.r / S, S * u, S * self.q, tolerance, absolute=not self.q.any())
             )
-            return Residuals(*measured)

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cpbench import matrices
 from cpbench.cones import project_box
@@ -19,7 +20,8 @@ from cpbench.formulations.base import (
     scaled,
     vector_field,
 )
-from cpbench.formulations.box import box_residuals, check_bounds
+from cpbench.formulations.box import box_residuals, check_bounds, largest_in_box, own_scale, top
+from cpbench.formulations.sizes import least, ratio, row_sizes
 from cpbench.matrices import Matrix, Vector, max_abs, norm
 
 
@@ -40,7 +42,10 @@ class AVI(Problem):
     With multipliers: F = Mz + q − Aᵀλ − Cᵀμ satisfies z = P_[lb,ub](z − F), 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d; for a box
     alone that is the natural map. The multipliers are part of an answer: without them, every measurement
     would have to project on a polyhedron, which is a program of its own. Judged: `natural`, the norm of all that over
-    ‖(q, b, d)‖; `unit_free`, the same with every part over its own size.
+    ‖(q, b, d)‖; and without units, every row of A and C divided by its largest entry: `unit_free`, the box part with z
+    over max(‖z‖∞, z_unit) and F over forces = max(‖q‖∞, ‖Mz‖∞, max|M| z_unit); `complementarity`, min(λ, Az − b) with
+    λ over forces and a row over max(|b_i|, the scale of z); `equality`, Cz − d in the same way. The scales leave out
+    multipliers (they may be large and cancel), rows of others (they may be idle) and unknowns with lb = ub.
     """
 
     node: ClassVar[str] = "avi"
@@ -83,6 +88,21 @@ class AVI(Problem):
         """M + Mᵀ positive semidefinite."""
         return matrices.is_psd(self.M)
 
+    @cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """lb < ub."""
+        return self.lb < self.ub
+
+    @cached_property
+    def z_unit(self) -> float:
+        """The least of ‖q‖∞/max|M|, the largest z in the box, and the z that b and d ask for; 0 without any."""
+        return least(
+            ratio(top(self.q, self.moving), max_abs(self.M)),
+            largest_in_box(self.lb, self.ub, self.moving),
+            max_abs(self.b / row_sizes(self.A)),
+            max_abs(self.d / row_sizes(self.C)),
+        )
+
     def slacks(self, point: AVIPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.z + self.q - self.A.T @ point.lam - self.C.T @ point.mu}
 
@@ -90,28 +110,17 @@ class AVI(Problem):
         self.check_point(point)
         with np.errstate(all="ignore"):
             z, lam = point.z, point.lam
-            Mz, At, Ct = self.M @ z, self.A.T @ lam, self.C.T @ point.mu
-            Az, Cz = self.A @ z, self.C @ z
-            F = Mz + self.q - At - Ct
-            rows, equality = Az - self.b, Cz - self.d
+            Mz = self.M @ z
+            F = Mz + self.q - self.A.T @ lam - self.C.T @ point.mu
+            rows, equality = self.A @ z - self.b, self.C @ z - self.d
             box = z - project_box(z - F, self.lb, self.ub)
             natural = norm(np.concatenate([box, np.minimum(lam, rows), equality]))
+            if not np.isfinite(F).all():  # which the bounds would clip
+                natural = np.inf
             data = norm(np.concatenate([self.q, self.b, self.d]))
-            bounds = np.concatenate([self.lb[np.isfinite(self.lb)], self.ub[np.isfinite(self.ub)]])
-            z_scale = max(max_abs(z), max_abs(bounds), max_abs(self.q) / (max_abs(self.M) or 1.0))
-            forces = max(map(max_abs, (self.q, Mz, At, Ct)))
-            judged = {
-                "natural": scaled(natural, data),
-                "unit_free": box_residuals(z, F, self.lb, self.ub, z_scale, forces),
-            }
-            if self.b.size:
-                row_scale = max(max_abs(Az), max_abs(self.b))
-                zero = np.zeros_like(lam)
-                judged["complementarity"] = box_residuals(
-                    rows, lam, zero, np.full_like(lam, np.inf), row_scale, max(max_abs(lam), forces)
-                )
-            if self.d.size:
-                judged["equality"] = scaled(norm(equality), norm(Cz), norm(self.d))
+            judged = {"natural": scaled(natural, data)}
+            if self.z_unit > 0:
+                judged |= self._without_units(z, F, Mz, lam, rows, equality)
             return Residuals(
                 judged=judged,
                 parts={
@@ -122,3 +131,19 @@ class AVI(Problem):
                 },
                 flags=() if data > 0 else ("absolute",),
             )
+
+    def _without_units(
+        self, z: Vector, F: Vector, Mz: Vector, lam: Vector, rows: Vector, equality: Vector
+    ) -> dict[str, float]:
+        z_scale = max(top(z, self.moving), self.z_unit)
+        forces = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit) or 1.0
+        own = own_scale(z_scale, self.lb, self.moving)
+        judged = {"unit_free": box_residuals(z, F, self.lb, self.ub, own, forces)}
+        if self.b.size:
+            sizes = row_sizes(self.A)
+            row_scale = np.maximum(np.abs(self.b) / sizes, z_scale)
+            judged["complementarity"] = norm(np.minimum(rows / sizes / row_scale, lam * sizes / forces))
+        if self.d.size:
+            sizes = row_sizes(self.C)
+            judged["equality"] = norm(equality / sizes / np.maximum(np.abs(self.d) / sizes, z_scale))
+        return judged

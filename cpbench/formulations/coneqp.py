@@ -12,8 +12,9 @@ from cpbench import matrices
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_fields, cone_residuals
-from cpbench.matrices import Matrix, Vector, max_abs, norm
-from cpbench.product_cones import ProductCone
+from cpbench.formulations.sizes import group_max, least, ratio, row_sizes
+from cpbench.matrices import Matrix, Vector, freeze, max_abs, norm
+from cpbench.product_cones import Cone, ProductCone
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,10 @@ class ConeQP(ConicProblem):
 
     K may have factors ℝ₊ × disk, which are convex and no cones; there the conditions are −y ∈ N_K(s), of which
     s = P_K(s − y) is the general form. Judged: `natural` = ‖(Qx + p − Aᵀy, s − P_K(s − y))‖/‖(p, b)‖; `stationarity`
-    = ‖Qx + p − Aᵀy‖/max(‖Qx‖, ‖p‖, ‖Aᵀy‖); `unit_free`, the cone part with s and y over their own sizes. When Q
+    = ‖Qx + p − Aᵀy‖/max(‖Qx‖, ‖p‖, ‖Aᵀy‖, max|Q| x_unit); `unit_free`, the cone part with every factor (every row
+    of ℝ₊) divided by its largest entry in A, then s over max(|b|, ‖x‖∞, x_unit) of the factor and y over forces =
+    max(‖p‖∞, ‖Qx‖∞, max|Q| x_unit): neither a large b of an idle factor nor large multipliers that cancel may set a
+    scale. When Q
     is not positive semidefinite, the flag `stationary` says that these conditions are not sufficient.
     """
 
@@ -82,10 +86,22 @@ class ConeQP(ConicProblem):
         return matrices.max_abs(self.A - matrices.identity(self.p.size, self.A)) == 0.0
 
     @cached_property
-    def s_unit(self) -> float:
-        """The least size of an s that can balance the data: max(‖b‖∞, max|A| ‖p‖∞/max|Q|) over nonzero Q."""
-        top = max_abs(self.Q)
-        return max(max_abs(self.b), max_abs(self.A) * max_abs(self.p) / top if top > 0 else 0.0)
+    def block_sizes(self) -> Vector:
+        """max|A| over the rows of each factor, 1 where that is 0; shape (m,)."""
+        return freeze(row_sizes(self.A, self.K.blocks))
+
+    @cached_property
+    def block_data(self) -> Vector:
+        """max|b| over each factor and its size: the x that it asks for; shape (m,)."""
+        if not self.b.size:
+            return self.b
+        return freeze(group_max(self.b, self.K.blocks)[self.K.blocks] / self.block_sizes)
+
+    @cached_property
+    def x_unit(self) -> float:
+        """The lesser of ‖p‖∞/max|Q|, an x that balances p, and the x that b asks for; 0 without any."""
+        bounded = np.repeat(self.K.kind != Cone.FREE, self.K.size.astype(np.int64))
+        return least(ratio(max_abs(self.p), max_abs(self.Q)), max_abs(self.block_data[bounded]))
 
     def objective(self, x: Vector) -> float:
         return float(0.5 * x @ (self.Q @ x) + self.p @ x)
@@ -100,18 +116,19 @@ class ConeQP(ConicProblem):
             Qx, Aty = self.Q @ x, self.A.T @ y
             s = self.A @ x + self.b
             stationarity = Qx + self.p - Aty
-            cone_part, unit_free = cone_residuals(self.K, s, y, self.s_unit, ())
+            cone_part = norm(s - self.K.project(s - y))
             natural = norm(np.array([norm(stationarity), cone_part]))
             data = norm(np.concatenate([self.p, self.b]))
-            absolute = data == 0.0
+            judged = {"natural": scaled(natural, data)}
+            balance = max(norm(self.p), max_abs(self.Q) * self.x_unit)
+            if balance > 0:
+                judged["stationarity"] = norm(stationarity) / max(norm(Qx), norm(Aty), balance)
+            if self.x_unit > 0:
+                forces = max(max_abs(self.p), max_abs(Qx), max_abs(self.Q) * self.x_unit) or 1.0
+                s_scale = np.maximum(self.block_data, max(max_abs(x), self.x_unit)) * self.block_sizes
+                judged["unit_free"] = cone_residuals(self.K, s, y, s_scale, forces / self.block_sizes)
             return Residuals(
-                judged={
-                    "natural": scaled(natural, data),
-                    "unit_free": cone_part if absolute else unit_free,
-                    "stationarity": norm(stationarity)
-                    if absolute
-                    else scaled(norm(stationarity), norm(Qx), norm(self.p), norm(Aty)),
-                },
+                judged=judged,
                 parts={
                     "natural_absolute": natural,
                     "stationarity_absolute": norm(stationarity),
@@ -119,5 +136,5 @@ class ConeQP(ConicProblem):
                     "complementarity": abs(float(s @ y)),
                     "objective": self.objective(x),
                 },
-                flags=(("absolute",) if absolute else ()) + (() if self.convex else ("stationary",)),
+                flags=(("absolute",) if data == 0 else ()) + (() if self.convex else ("stationary",)),
             )

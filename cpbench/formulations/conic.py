@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Problem, scaled
-from cpbench.matrices import Vector, max_abs, norm
+from cpbench.formulations.base import Problem
+from cpbench.matrices import Vector, norm
 from cpbench.product_cones import Cone, ProductCone
 
 
@@ -63,16 +63,9 @@ def cone_fields(K: ProductCone) -> Mapping[str, Vector]:
     return {"cone_kind": K.kind, "cone_size": K.size, "cone_mu": K.mu, "cone_mu_r": K.mu_r}
 
 
-def cone_residuals(
-    K: ProductCone, s: Vector, y: Vector, s_unit: float, y_terms: tuple[Vector, ...]
-) -> tuple[float, float]:
-    """‖s − P_K(s − y)‖, and ‖s − P_K(s − ρy)‖/σ_s with ρ = σ_s/σ_y, which does not change with the units of s and y.
+def cone_residuals(K: ProductCone, s: Vector, y: Vector, s_scale: float | Vector, y_scale: float | Vector) -> float:
+    """‖(s − P_K(s − ρy))/σ_s‖ with ρ = σ_s/σ_y, which does not change with the units of s and y.
 
-    σ_s = max(‖s‖∞, s_unit), σ_y the largest of ‖y‖∞ and the terms it is a sum of; both 1 where nothing has a size.
+    The scales are numbers, or vectors that are constant on every factor, positive.
     """
-    natural = norm(s - K.project(s - y))
-    top_s = max(max_abs(s), s_unit)
-    top_y = max(map(max_abs, (y, *y_terms)))
-    if top_s == 0.0 or top_y == 0.0:
-        return natural, scaled(natural, top_s)
-    return natural, norm(s - K.project(s - (top_s / top_y) * y)) / top_s
+    return norm((s - K.project(s - (s_scale / y_scale) * y)) / s_scale)

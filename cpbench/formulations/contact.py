@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -77,6 +78,43 @@ class ContactProblem(_HasFriction, Problem):
         mu_r = getattr(self, "mu_r", None)
         return Coulomb(self.mu) if mu_r is None else RollingCoulomb(self.mu, mu_r)
 
+    @cached_property
+    @abstractmethod
+    def mobility(self) -> Dense:
+        """Diagonal of the Delassus operator, shape (nc, d)."""
+
+    @cached_property
+    def lengths(self) -> Dense:
+        """What makes moments of impulses, shape (nc, d): 1, and ℓ_c = √(tr W_TT/tr W_MM) in the rows of M.
+
+        m/ℓ is in N·s and ωℓ in m/s, so that one norm may hold both, whatever the unit of length.
+        """
+        lengths = np.ones((self.nc, self.dimension))
+        if hasattr(self, "mu_r"):
+            k = (self.dimension - 1) // 2
+            slides, rolls = self.mobility[:, 1 : 1 + k].sum(axis=1), self.mobility[:, 1 + k :].sum(axis=1)
+            both = (slides > 0) & (rolls > 0)
+            lengths[both, 1 + k :] = np.sqrt(slides[both] / rolls[both])[:, None]
+        return matrices.freeze(lengths)
+
+    @cached_property
+    def rho(self) -> Vector:
+        """ρ_c = d / tr W_cc, 1 where the trace is not positive; with rolling, moments and ω in units of `lengths`."""
+        return natural_rho((self.mobility * self.lengths**2).sum(axis=1), self.dimension)
+
+    @cached_property
+    def effective_mass(self) -> Vector:
+        """ρ_c of every row (ρ_cℓ_c² in rows of M): a reaction that answers a velocity; shape (nc·d,)."""
+        return matrices.freeze((self.rho[:, None] * self.lengths**2).ravel())
+
+    def contact_residuals(
+        self, r: Vector, u: Vector, q: Vector, tolerance: float, *, absolute: bool
+    ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
+        """:func:`contact_residuals` of this problem's law; q are the velocities for r = 0."""
+        return contact_residuals(
+            r, u, q, self.law, self.rho, tolerance, absolute=absolute, lengths=self.lengths.ravel()
+        )
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DelassusContact(_HasDelassus, ContactProblem):
@@ -90,9 +128,8 @@ class DelassusContact(_HasDelassus, ContactProblem):
         return matrices.freeze(diagonal_blocks(self.W, self.dimension))
 
     @cached_property
-    def rho(self) -> Vector:
-        """ρ_c = d / tr W_cc, 1 where the trace is not positive."""
-        return natural_rho(np.einsum("cii->c", self.diagonal_blocks), self.dimension)
+    def mobility(self) -> Dense:
+        return matrices.freeze(np.einsum("cii->ci", self.diagonal_blocks).copy())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -110,10 +147,7 @@ class LocalContact(DelassusContact):
         self.check_point(point)
         with np.errstate(all="ignore"):
             u = self.W @ point.r + self.q
-            judged, parts, flags = contact_residuals(
-                point.r, u, self.q, self.law, self.rho, tolerance, absolute=not self.q.any()
-            )
-            return Residuals(judged, parts, flags)
+            return Residuals(*self.contact_residuals(point.r, u, self.q, tolerance, absolute=not self.q.any()))
 
 
 def diagonal_blocks(W: Matrix, d: int) -> Dense:
@@ -137,20 +171,31 @@ def natural_rho(trace: Vector, d: int) -> Vector:
 
 
 def contact_residuals(
-    r: Vector, u: Vector, q: Vector, law: Law, rho: Vector, tolerance: float, *, absolute: bool
+    r: Vector,
+    u: Vector,
+    q: Vector,
+    law: Law,
+    rho: Vector,
+    tolerance: float,
+    *,
+    absolute: bool,
+    lengths: Vector | float = 1.0,
 ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
     """Judged numbers, readable parts and flags of reactions r with velocities u (recomputed by the caller).
 
     Judged: `natural` = ‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖), Siconos' fc3d_compute_error; the energy norm
     `energy` = √Σ‖Δ_c‖²/ρ_c / max(√Σ‖r_c‖²/ρ_c, √Σρ_c‖u_c‖², √Σρ_c‖q_c‖²), Δ_c = r_c − P(r_c − ρ_c û_c), which
-    does not change with the units of r and u; and `opening` = Σρ_c dist(û_c, K*)² / max(Σρ_c‖u_c‖², Σρ_c‖q_c‖²),
-    the energy in velocities that no contact may have over that in all velocities. The first two have ‖r‖ in their
-    scale, so that reactions that grow without bound would pass on a problem without solution; the third has not.
+    does not change with the units of r and u (nor with that of length: moments are divided and angular velocities
+    multiplied by `lengths`); and `opening` = Σρ_c dist(û_c, K*)² / Σρ_c‖q_c‖², the energy in velocities that no
+    contact may have over that in the free ones. The first two have ‖r‖ in their scale, so that reactions that grow
+    without bound would pass on a problem without solution; no answer can stretch the scale of the third.
+
     All are absolute (unscaled) where the caller says so: q = 0.
 
     The slip angle ∠(−u_T, r_T) is taken over contacts that push (r_N > 0), rub (μ > 0, r_T ≠ 0) and slide: ρ_c‖u_T‖
     above tolerance·‖r_c‖, and √ρ_c‖u_T‖ above tolerance times the scale of `energy`, below which an answer within
-    the tolerance may have any velocity. Rolling angles ∠(−ω, m) in the same way.
+    the tolerance may have any velocity. Rolling angles ∠(−ω, m) in the same way. `reaction_error` is Δ over the
+    reactions alone, max(√Σ‖r_c‖²/ρ_c, √Σρ_c q_Nc²): what the speed of sliding hides in `natural` and `energy`.
     """
     nc = rho.size
     if nc == 0:
@@ -158,36 +203,40 @@ def contact_residuals(
     R, U, Q = r.reshape(nc, -1), u.reshape(nc, -1), q.reshape(nc, -1)
     hat = law.shift(U)
     defect = R - law.project(R - hat)
-    delta = R - law.project(R - rho[:, None] * hat)
     cone_violation = R - law.project(R)
     dual_violation = law.project(-hat)  # û − P_{K*}(û) = −P_K(−û), Moreau
-    row = _row_norms
-    r_c, u_c, q_c, delta_c = row(R), row(U), row(Q), row(delta)
     natural = norm(defect.ravel())
+
+    # the same in lengths of the contacts, where norms of forces and moments together mean something
+    L = np.broadcast_to(lengths, r.shape).reshape(nc, -1)
+    even = law.in_units(L)
+    R_L, hat_L = R / L, even.shift(U * L)
+    delta_c = _row_norms(R_L - even.project(R_L - rho[:, None] * hat_L))
+    r_c, u_c, q_c = _row_norms(R_L), _row_norms(U * L), _row_norms(Q * L)
     root = np.sqrt(rho)
-    energy = norm(delta_c / root)
-    opening = norm(root * row(dual_violation))
+    energy, opening = norm(delta_c / root), norm(root * _row_norms(even.project(-hat_L)))
+    r_energy, u_energy, q_energy = norm(r_c / root), norm(root * u_c), norm(root * q_c)
+    energy_scale = max(r_energy, u_energy, q_energy)
     per_contact_scale = np.maximum(np.maximum(r_c, rho * u_c), rho * q_c)
     per_contact = np.divide(delta_c, per_contact_scale, out=delta_c.copy(), where=per_contact_scale > 0)
-    velocity_scale = max(norm(root * u_c), norm(root * q_c))
-    energy_scale = max(norm(r_c / root), velocity_scale)
     judged = {
         "natural": natural if absolute else scaled(natural, norm(q), norm(r), norm(u)),
         "energy": energy if absolute else scaled(energy, energy_scale),
-        "opening": (opening if absolute else scaled(opening, velocity_scale)) ** 2,
+        "opening": (opening if absolute else scaled(opening, q_energy or u_energy)) ** 2,
     }
     noise = tolerance * np.maximum(r_c / rho, energy_scale / root)
     work = float(np.einsum("ci,ci->", R, hat))
     parts = {
         "per_contact": float(per_contact.max()),
+        "reaction_error": scaled(energy, r_energy, norm(root * Q[:, 0])),
         "natural_absolute": natural,
         "fclib2018": scaled(natural, norm(q)),
-        "cone_violation [N s]": norm(row(cone_violation)),
-        "dual_violation [m/s]": norm(row(dual_violation)),
+        "cone_violation [N s]": norm(cone_violation.ravel()),
+        "dual_violation [m/s]": norm(dual_violation.ravel()),
         "work [J]": abs(work),
         "penetration_velocity [m/s]": float(max(0.0, -U[:, 0].min())),
         "work_cosine": scaled(abs(work), norm(r) * norm(hat.ravel())),
-        **_angles(R, U, law, noise),
+        **_angles(R_L, U * L, law, noise),
     }
     return judged, parts, ("absolute",) if absolute else ()
 

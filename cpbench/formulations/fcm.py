@@ -10,7 +10,8 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
-from cpbench.formulations.contact import DelassusContact, contact_residuals
+from cpbench.formulations.contact import DelassusContact
+from cpbench.formulations.sizes import least_squares
 from cpbench.matrices import Factorization, Matrix, Vector, norm
 
 
@@ -27,7 +28,9 @@ class FCMPoint(Point):
 class MixedFrictionContact(DelassusContact):
     """u = Wr + Vλ + q, Vᵀr + Rλ + s = 0, K*_μ ∋ û ⟂ r ∈ K_μ at every contact.
 
-    Judged: the contact errors with u recomputed, and `constraint` = ‖Vᵀr + Rλ + s‖/max(‖Vᵀr‖, ‖Rλ‖, ‖s‖).
+    Judged: the contact errors with u recomputed and q − VR⁺s for q; `constraint` = ‖e‖/max(‖Vᵀr‖, ‖Rλ‖, ‖s‖, ‖e₀‖),
+    e = Vᵀr + Rλ + s; and `drift` = (‖e‖/max(‖s‖, ‖e₀‖))², which reactions that cancel cannot make small. e₀ = |Vᵀ|r₀
+    with the reactions r₀ = ρ|q − VR⁺s| that the free velocities ask for: s alone is 0 in a problem without drift.
     Absolute when q and s are 0.
     """
 
@@ -60,10 +63,15 @@ class MixedFrictionContact(DelassusContact):
 
     @cached_property
     def free_velocity(self) -> Vector:
-        """q − VR⁻¹s, the velocities for r = 0: the scale of the contact errors (q alone where R is singular)."""
-        if self.factorization.singular:
-            return self.q
-        return matrices.freeze(self.q - self.V @ self.factorization.solve(self.s))
+        """q − VR⁻¹s, the velocities for r = 0: the scale of the contact errors (R⁺s where R is singular)."""
+        R, s = self.factorization, self.s
+        lam = least_squares(self.R, s) if R.singular and s.size else R.solve(s)
+        return matrices.freeze(self.q - self.V @ lam)
+
+    @cached_property
+    def drift_unit(self) -> float:
+        """max(‖s‖, ‖e₀‖)."""
+        return max(norm(self.s), norm(abs(self.V).T @ (self.effective_mass * np.abs(self.free_velocity))))
 
     def slacks(self, point: FCMPoint) -> dict[str, Vector]:
         return {"u": self.W @ point.r + self.V @ point.lam + self.q}
@@ -75,9 +83,9 @@ class MixedFrictionContact(DelassusContact):
             u = self.W @ point.r + self.V @ point.lam + self.q
             constraint = norm(Vr + Rl + self.s)
             absolute = not (self.q.any() or self.s.any())
-            judged, parts, flags = contact_residuals(
-                point.r, u, self.free_velocity, self.law, self.rho, tolerance, absolute=absolute
-            )
-            judged["constraint"] = constraint if absolute else scaled(constraint, *map(norm, (Vr, Rl, self.s)))
+            judged, parts, flags = self.contact_residuals(point.r, u, self.free_velocity, tolerance, absolute=absolute)
+            unit = 0.0 if absolute else self.drift_unit
+            judged["constraint"] = constraint if unit == 0 else scaled(constraint, norm(Vr), norm(Rl), unit)
+            judged["drift"] = scaled(constraint, unit) ** 2
             parts["constraint_absolute [m/s]"] = constraint
             return Residuals(judged, parts, flags)

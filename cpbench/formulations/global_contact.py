@@ -7,11 +7,13 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse.linalg as spla
 
 from cpbench import matrices
 from cpbench.formulations.base import Point, Residuals, scaled
-from cpbench.formulations.contact import ContactProblem, contact_residuals, natural_rho
-from cpbench.matrices import Factorization, Matrix, Vector, norm
+from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.sizes import least_squares
+from cpbench.matrices import Dense, Factorization, Matrix, Vector, norm
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +38,11 @@ class _HasDynamics:
 class GlobalContact(_HasDynamics, ContactProblem):
     """Mv = Hr + Gλ + f, Gᵀv + b = 0, u = Hᵀv + w and a contact law.
 
-    Judged: `dynamics` = ‖Mv − Hr − Gλ − f‖/max(‖Mv‖, ‖Hr‖, ‖Gλ‖, ‖f‖), `constraint` = ‖Gᵀv + b‖/max(‖Gᵀv‖, ‖b‖)
-    where there is a G, and the contact errors with u := Hᵀv + w and ρ_c = d/tr(H_cᵀM⁻¹H_c); all absolute when
-    f, w and b are 0.
+    Judged: `dynamics` = ‖d‖/max(‖Mv‖, ‖Hr‖, ‖Gλ‖, ‖f‖, ‖f₀‖), d = Mv − Hr − Gλ − f; `constraint` = ‖e‖/max(‖|Gᵀ||v|‖,
+    ‖b‖, ‖|Gᵀ|v₀‖), e = Gᵀv + b, where there is a G; `imbalance` = (‖d‖/max(‖f‖, ‖f₀‖))² and `drift` =
+    (‖e‖/max(‖b‖, ‖|Gᵀ|v₀‖))², whose scales no answer can stretch; and the contact errors with u := Hᵀv + w and
+    ρ_c = d/tr(H_cᵀM⁻¹H_c). v₀ are the velocities that the loads f, b and the contacts give (b alone is 0 for joints
+    that only hold, and Gᵀv then too), f₀ the impulses. All absolute when f, w and b are 0.
     """
 
     rows_of: ClassVar[str] = "w"
@@ -61,30 +65,50 @@ class GlobalContact(_HasDynamics, ContactProblem):
         return Factorization(matrices.block([[self.M, -self.G], [matrices.transpose(self.G), corner]]))
 
     @cached_property
-    def rho(self) -> Vector:
-        """ρ_c = d / tr(H_cᵀM⁻¹H_c); 1 where M is singular or the trace is not positive."""
-        if self.factorization.singular or self.nc == 0:
-            return matrices.freeze(np.ones(self.nc))
-        diagonal = np.empty(self.w.size)
-        columns: Any = matrices.sparse(self.H).tocsc() if matrices.is_sparse(self.H) else self.H
-        for start in range(0, self.w.size, 512):  # bounded memory: M⁻¹H is dense
-            chunk = matrices.dense(columns[:, start : start + 512])
-            diagonal[start : start + 512] = np.einsum("ij,ij->j", chunk, self.factorization.solve(chunk))
-        return natural_rho(diagonal.reshape(self.nc, -1).sum(axis=1), self.dimension)
+    def mobility(self) -> Dense:
+        """Diagonal of HᵀM⁻¹H, shape (nc, d); 0 where M is singular."""
+        diagonal = np.zeros(self.w.size)
+        if not self.factorization.singular:
+            columns: Any = matrices.sparse(self.H).tocsc() if matrices.is_sparse(self.H) else self.H
+            for start in range(0, self.w.size, 512):  # bounded memory: M⁻¹H is dense
+                chunk = matrices.dense(columns[:, start : start + 512])
+                diagonal[start : start + 512] = np.einsum("ij,ij->j", chunk, self.factorization.solve(chunk))
+        return matrices.freeze(diagonal.reshape(self.nc, self.dimension))
+
+    @cached_property
+    def free_motion(self) -> Vector:
+        """v for r = 0: K⁻¹(f, −b); where K is singular, λ is the shortest that keeps the constraints; 0 with M."""
+        n, M, G = self.f.size, self.factorization, self.G
+        if not self.saddle.singular:
+            return matrices.freeze(np.asarray(self.saddle.solve(np.concatenate([self.f, -self.b]))[:n]))
+        if M.singular:
+            return matrices.freeze(np.zeros(n))
+        p = self.b.size
+        R = spla.LinearOperator(
+            (p, p),
+            matvec=lambda x: G.T @ M.solve(G @ np.ravel(x)),
+            rmatvec=lambda x: G.T @ M.solve(G @ np.ravel(x), transpose=True),
+            dtype=np.float64,
+        )
+        lam = least_squares(R, -self.b - G.T @ M.solve(self.f))
+        return matrices.freeze(np.asarray(M.solve(self.f + G @ lam)))
 
     @cached_property
     def free_velocity(self) -> Vector:
-        """u for r = 0, which is q of the local form: the scale of the contact errors.
+        """u for r = 0, which is q of the local form: the scale of the contact errors."""
+        return matrices.freeze(self.H.T @ self.free_motion + self.w)
 
-        w + [Hᵀ 0] K⁻¹ [f; −b]; without the constraints where K is singular, w alone where M is.
+    @cached_property
+    def units(self) -> tuple[float, float]:
+        """‖f₀‖ and ‖|Gᵀ|v₀‖: the sizes of impulses and of constraint velocities that belong to the problem.
+
+        The contacts' part is what the impulses ρq, q the free velocities of the contacts, do to the bodies.
         """
-        if not self.saddle.singular:
-            v = self.saddle.solve(np.concatenate([self.f, -self.b]))[: self.f.size]
-        elif not self.factorization.singular:
-            v = self.factorization.solve(self.f)
-        else:
-            return self.w
-        return matrices.freeze(self.H.T @ v + self.w)
+        push = abs(self.H) @ (self.effective_mass * np.abs(self.free_velocity))
+        velocity = np.abs(self.free_motion)
+        if not self.factorization.singular:
+            velocity = velocity + np.abs(self.factorization.solve(push))
+        return max(norm(push), norm(self.M @ self.free_motion)), norm(abs(self.G).T @ velocity)
 
     def slacks(self, point: GFCPoint) -> dict[str, Vector]:
         return {"u": self.H.T @ point.v + self.w}
@@ -93,15 +117,19 @@ class GlobalContact(_HasDynamics, ContactProblem):
         self.check_point(point)
         with np.errstate(all="ignore"):
             Mv, Hr, Gl = self.M @ point.v, self.H @ point.r, self.G @ point.lam
-            Hv, Gv = self.H.T @ point.v, self.G.T @ point.v
-            dynamics, constraint = norm(Mv - Hr - Gl - self.f), norm(Gv + self.b)
+            dynamics, constraint = norm(Mv - Hr - Gl - self.f), norm(self.G.T @ point.v + self.b)
             absolute = not (self.f.any() or self.w.any() or self.b.any())
-            judged, parts, flags = contact_residuals(
-                point.r, Hv + self.w, self.free_velocity, self.law, self.rho, tolerance, absolute=absolute
+            judged, parts, flags = self.contact_residuals(
+                point.r, self.H.T @ point.v + self.w, self.free_velocity, tolerance, absolute=absolute
             )
-            judged["dynamics"] = dynamics if absolute else scaled(dynamics, *map(norm, (Mv, Hr, Gl, self.f)))
+            impulse, velocity = (0.0, 0.0) if absolute else self.units
+            impulse, velocity = max(impulse, norm(self.f)), max(velocity, norm(self.b))
+            judged["dynamics"] = dynamics if impulse == 0 else scaled(dynamics, *map(norm, (Mv, Hr, Gl)), impulse)
+            judged["imbalance"] = scaled(dynamics, impulse) ** 2
             parts["dynamics_absolute [N s]"] = dynamics
             if self.b.size:
-                judged["constraint"] = constraint if absolute else scaled(constraint, norm(Gv), norm(self.b))
+                Gv = norm(abs(self.G).T @ np.abs(point.v))
+                judged["constraint"] = constraint if velocity == 0 else scaled(constraint, Gv, velocity)
+                judged["drift"] = scaled(constraint, velocity) ** 2
                 parts["constraint_absolute [m/s]"] = constraint
             return Residuals(judged, parts, flags)

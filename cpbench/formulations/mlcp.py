@@ -68,6 +68,11 @@ class MLCP(Problem):
         return max_abs(self.b)
 
     @cached_property
+    def _push(self) -> float:
+        """What v_unit does to the equalities: their scale where a = 0, or u = 1e-12 in place of 0 would be 100 % wrong."""
+        return max_abs(self.C) * self.v_unit
+
+    @cached_property
     def factorization(self) -> Factorization:
         """LU of A, shared by the test for singularity, the Schur complement and its lift."""
         return Factorization(self.A)
@@ -95,7 +100,7 @@ class MLCP(Problem):
                     ),
                     "equality": norm(equality)
                     if data == 0.0
-                    else scaled(norm(equality), norm(self.a), norm(Au), norm(Cv)),
+                    else scaled(norm(equality), norm(self.a) or self._push, norm(Au), norm(Cv)),
                 },
                 parts={
                     "natural_absolute": natural,

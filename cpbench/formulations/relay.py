@@ -7,12 +7,14 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cpbench import matrices
 from cpbench.cones import project_box
 from cpbench.formulations.base import Point, Problem, Residuals, formulations, matrix_field, vector_field
-from cpbench.formulations.box import box_residuals, check_bounds
+from cpbench.formulations.box import box_residuals, check_bounds, largest_in_box, own_scale, top
 from cpbench.formulations.lcp import LCPPoint
+from cpbench.formulations.sizes import least, ratio
 from cpbench.matrices import Matrix, Vector, max_abs, norm
 
 
@@ -21,7 +23,8 @@ from cpbench.matrices import Matrix, Vector, max_abs, norm
 class Relay(Problem):
     """w = Mz + q, lb ≤ z ≤ ub finite: w ≥ 0 where z = lb, w ≤ 0 where z = ub, w = 0 between, any w where lb = ub.
 
-    Judged: `natural` = ‖z − P_[lb,ub](z − w)‖/(1 + ‖q‖), and `unit_free`, the same with z and w over their own sizes.
+    Judged: `natural` = ‖z − P_[lb,ub](z − w)‖/(1 + ‖q‖), and `unit_free`, the same with z and w over their own sizes:
+    max(‖z‖∞, z_unit) and max(‖q‖∞, ‖Mz‖∞, max|M| z_unit), over the unknowns that can move.
     """
 
     node: ClassVar[str] = "relay"
@@ -51,6 +54,20 @@ class Relay(Problem):
         """M + Mᵀ positive semidefinite."""
         return matrices.is_psd(self.M)
 
+    @cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """lb < ub."""
+        return self.lb < self.ub
+
+    @cached_property
+    def z_unit(self) -> float:
+        """The lesser of ‖q‖∞/max|M|, a z that balances q, and the largest z in the box.
+
+        Bounds alone would not do: a bound of 1e20 stands for none. Nor would q: forces may be beyond any z allowed.
+        """
+        box = largest_in_box(self.lb, self.ub, self.moving)
+        return least(ratio(top(self.q, self.moving), max_abs(self.M)), box)
+
     def slacks(self, point: LCPPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.z + self.q}
 
@@ -60,8 +77,8 @@ class Relay(Problem):
             z, Mz = point.z, self.M @ point.z
             w = Mz + self.q
             natural = norm(z - project_box(z - w, self.lb, self.ub))
-            z_scale = max(map(max_abs, (z, self.lb, self.ub)))
-            w_scale = max(max_abs(self.q), max_abs(Mz))
+            z_scale = own_scale(max(top(z, self.moving), self.z_unit), self.lb, self.moving)
+            w_scale = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit)
             return Residuals(
                 judged={
                     "natural": natural / (1.0 + norm(self.q)),

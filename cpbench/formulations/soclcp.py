@@ -27,7 +27,8 @@ class SOCLCPPoint(Point):
 class SOCLCP(ConicProblem):
     """K ∋ x ⟂ w = Mx + q ∈ K*, K a product of cones: {0}, ℝ, ℝ₊, second-order, rolling and their duals.
 
-    Judged: `natural` = ‖x − P_K(x − w)‖/‖q‖, and `unit_free`, the same with x and w over their own sizes.
+    Judged: `natural` = ‖x − P_K(x − w)‖/‖q‖, and `unit_free`, the same with x over max(‖x‖∞, ‖q‖∞/max|M|) and
+    w over max(‖q‖∞, ‖Mx‖∞), both over components where K is more than {0}: elsewhere w may be anything.
     """
 
     node: ClassVar[str] = "soclcp"
@@ -70,19 +71,20 @@ class SOCLCP(ConicProblem):
         with np.errstate(all="ignore"):
             x, Mx = point.x, self.M @ point.x
             w = Mx + self.q
-            unit = max_abs(self.q) / (max_abs(self.M) or 1.0)
-            natural, unit_free = cone_residuals(self.K, x, w, unit, (self.q, Mx))
-            absolute = not self.q.any()
+            natural = norm(x - self.K.project(x - w))
+            judged = {"natural": scaled(natural, norm(self.q))}
+            felt = self.K.extended
+            q_size = max_abs(self.q[felt])
+            if q_size > 0:
+                x_scale = max(max_abs(x), q_size / (max_abs(self.M) or 1.0))
+                judged["unit_free"] = cone_residuals(self.K, x, w, x_scale, max(q_size, max_abs(Mx[felt])))
             return Residuals(
-                judged={
-                    "natural": scaled(natural, norm(self.q)),
-                    "unit_free": natural if absolute else unit_free,
-                },
+                judged=judged,
                 parts={
                     "natural_absolute": natural,
                     "cone_violation": norm(x - self.K.project(x)),
                     "dual_violation": norm(w - self.K.project_dual(w)),
                     "complementarity": abs(float(x @ w)),
                 },
-                flags=("absolute",) if absolute else (),
+                flags=() if self.q.any() else ("absolute",),
             )

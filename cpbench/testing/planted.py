@@ -31,7 +31,7 @@ def square(rng: np.random.Generator, n: int, kind: str) -> np.ndarray:
     skew = G - G.T
     if kind == "positive definite":
         return G @ G.T + 0.1 * np.eye(n)
-    low = rng.standard_normal((n, n // 2))
+    low = rng.standard_normal((n, max(1, n // 2)))  # one number is never singular: with M = 0 all z may be solutions
     if kind == "singular semidefinite":
         return low @ low.T
     if kind == "monotone":

@@ -180,8 +180,8 @@ def _velocity_2d(start, column, blocks, q, r, i):
     error_model="numpy",
 )
 def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
-    """max(natural, energy) of `cpbench.formulations.fc.contact_residuals`; NaN when anything is."""
-    natural = energy = 0.0
+    """max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`; NaN when anything is."""
+    natural = energy = opening = 0.0
     rr = uu = qq = rr_e = uu_e = qq_e = 0.0
     for i in range(mu.size):
         if dimension == 3:
@@ -202,6 +202,8 @@ def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
         natural += (r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2
         p0, p1, p2 = _natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
         energy += ((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2) / rho[i]
+        p0, p1, p2 = _natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
+        opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)
         square = r0 * r0 + r1 * r1 + r2 * r2
         rr += square
         rr_e += square / rho[i]
@@ -214,7 +216,9 @@ def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
     if qq > 0.0:
         natural /= max(qq, max(rr, uu))
         energy /= max(qq_e, max(rr_e, uu_e))
-    return np.sqrt(natural) if not natural < energy else np.sqrt(energy)
+        opening /= qq_e
+    worst = np.sqrt(natural) if not natural < energy else np.sqrt(energy)
+    return worst if not worst < opening else opening
 
 
 @njit(error_model="numpy")
