@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import time
 from collections.abc import Iterator
@@ -247,15 +248,26 @@ def test_a_file_that_is_gone_after_planning_is_an_error(session: Session, tmp_pa
     assert row["message"].startswith("loading: ")
 
 
+def _hanging(path: Path) -> Path:
+    """A file that never opens, as on a network drive that does not answer: a pipe nobody writes to."""
+    path.unlink(missing_ok=True)
+    os.mkfifo(path)
+    return path
+
+
 def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
-    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.0)
+    session.survey(str(_lcp(tmp_path, "other")), [plan.exact()])  # the referee holds one problem
+    hanging = _hanging(tmp_path / "p.h5")
+    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.3)
     row, _ = session.run(pair, session.prepare(pair))
-    assert row == {"status": "error", "message": "loading: no reply within 0 s"}
+    assert row == {"status": "error", "message": "loading: no reply within 0.3 s"}
     monkeypatch.undo()
+    hanging.unlink()
+    _lcp(tmp_path)
     assert session.run(pair, session.prepare(pair))[0]["status"] == "solved"
 
 
@@ -266,8 +278,8 @@ def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
     prepared = session.prepare(pair)
     session.start(["lemke"])
-    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.0)
-    row, _ = session.run(pair, prepared)
+    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.3)
+    row, _ = session.run(pair, {**prepared, "path": str(_hanging(tmp_path / "hanging.h5"))})
     assert row["status"] == "error"
     assert row["message"].startswith("loading: ")
     assert "solve" not in row
