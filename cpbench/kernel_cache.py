@@ -13,7 +13,7 @@ import importlib
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -69,7 +69,7 @@ def _writable(directory: Path) -> bool:
 
 
 @contextlib.contextmanager
-def _one_at_a_time(path: Path) -> Iterator[None]:
+def _one_at_a_time(path: Path) -> Generator[None]:
     """Hold the lock file while compiling; the system frees it when the holder dies.
 
     Without lock files (no fcntl, a file system that refuses) numba's own atomic renames have to do.

@@ -31,6 +31,8 @@ PSD_TOLERANCE = 1e-8
 """A symmetric part counts as positive semidefinite when its least eigenvalue is above this times -max|M|."""
 SYMMETRY_TOLERANCE = 1e-12
 """max|M - Mᵀ| / max|M| below which a matrix counts as symmetric."""
+_MARK = "_cpbench_adopted"
+"""Attribute of a CSR that keeps the arrays it was adopted with."""
 SINGULAR_RCOND = 1e-13
 """Reciprocal condition number (1-norm, equilibrated) below which a matrix counts as numerically singular."""
 POORLY_SCALED = 0.1
@@ -62,11 +64,13 @@ def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> V
 def matrix(value: Any, label: str = "matrix") -> Matrix:
     """A read-only float64 copy of `value`: 2-D array, or canonical CSR when `value` is sparse."""
     if sp.issparse(value):
+        if _adopted(value):
+            return value
         csr = sp.csr_array(value, dtype=np.float64, copy=True)
         csr.sum_duplicates()
         csr.data = _native(csr.data)
         _require_finite(csr.data, label)
-        return freeze_sparse(csr)
+        return adopt(csr)
     try:
         array = _native(np.array(value, dtype=np.float64, order="C"))
     except (TypeError, ValueError) as cause:
@@ -75,6 +79,26 @@ def matrix(value: Any, label: str = "matrix") -> Matrix:
         raise ProblemError(label, f"must be a matrix, has shape {array.shape}")
     _require_finite(array, label)
     return freeze(array)
+
+
+def adopt(csr: Sparse) -> Sparse:
+    """Freeze a CSR of one's own making, which `matrix` then takes without a copy or a look at its numbers.
+
+    The caller promises float64, sorted indices, no duplicates, finite entries, and that nobody else writes to them.
+    """
+    csr.has_canonical_format = True
+    freeze_sparse(csr)
+    setattr(csr, _MARK, (csr.data, csr.indices, csr.indptr))
+    return csr
+
+
+def _adopted(value: Any) -> bool:
+    """Whether `adopt` has seen these very arrays, and nobody has thawed or replaced them since."""
+    seen = getattr(value, _MARK, None)
+    if seen is None or not isinstance(value, sp.csr_array):
+        return False
+    now = (value.data, value.indices, value.indptr)
+    return all(a is b and not a.flags.writeable for a, b in zip(seen, now, strict=True))
 
 
 def _native(array: NDArray[Any]) -> NDArray[Any]:

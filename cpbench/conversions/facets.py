@@ -14,14 +14,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy.sparse as sp
 
-from cpbench import matrices
+from cpbench.conversions.base import Size
+from cpbench.conversions.congruence import Congruence
+from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Dense, Matrix, Sparse, Vector
+from cpbench.matrices import Dense, Vector
 
 
 def directions(facets: int, angle: float) -> Dense:
@@ -51,43 +52,39 @@ def wrong_knobs(facets: int, angle: float) -> str | None:
     return None
 
 
-def repeat(block: Dense, nc: int, weights: Vector | None = None) -> Sparse:
-    """blockdiag(weights_c · block) over nc contacts (weights 1 by default), CSR without explicit zeros."""
-    row, col = np.nonzero(block)
-    height, width = block.shape
-    contact = np.arange(nc)[:, None]
-    data = np.outer(np.ones(nc) if weights is None else weights, block[row, col])
-    place = ((contact * height + row).ravel(), (contact * width + col).ravel())
-    result = sp.csr_array((data.ravel(), place), shape=(nc * height, nc * width))
-    result.eliminate_zeros()
-    return result
-
-
-def congruence(left: Sparse, W: Matrix, right: Sparse) -> Matrix:
-    """leftᵀ W right; dense when W is."""
-    if matrices.is_sparse(W):
-        return sp.csr_array(left.T @ W @ right)
-    return (right.T @ (left.T @ W).T).T
-
-
-def plus(M: Matrix, K: Sparse) -> Matrix:
-    """M + K, stored as M is."""
-    return sp.csr_array(M + K) if matrices.is_sparse(M) else M + matrices.dense(K)
+def congruence(D: Dense) -> Congruence:
+    """M of (47)-(48) with the vertices D, shape (d − 1, ν), its coefficients at a contact 1 and μ."""
+    d, count = D.shape[0] + 1, D.shape[1]
+    embed = np.zeros((d, count + 2))
+    embed[0, 0] = 1.0
+    embed[1:, 1:-1] = D
+    coupling, friction = np.zeros((count + 2, count + 2)), np.zeros((count + 2, count + 2))
+    coupling[1:-1, -1], coupling[-1, 1:-1] = 1.0, -1.0
+    friction[-1, 0] = 1.0
+    return Congruence(embed, embed, np.stack([coupling, friction]))
 
 
 def to_lcp(problem: FrictionContact, D: Dense) -> tuple[LCP, Trace]:
     """The LCP of (47)-(48) with the vertices D, shape (d − 1, ν), and the trace of its `push`: W, q, mu."""
-    nc, d, count = problem.nc, problem.dimension, D.shape[1]
-    embed = np.zeros((d, count + 2))
-    embed[0, 0] = 1.0
-    embed[1:, 1:-1] = D
-    E = repeat(embed, nc)
-    coupling, friction = np.zeros((count + 2, count + 2)), np.zeros((count + 2, count + 2))
-    coupling[1:-1, -1], coupling[-1, 1:-1] = 1.0, -1.0
-    friction[-1, 0] = 1.0
-    K = repeat(coupling, nc) + repeat(friction, nc, problem.mu)
-    M = plus(congruence(E, problem.W, E), K)
-    return LCP(M=M, q=E.T @ problem.q), {"W": problem.W, "q": problem.q, "mu": problem.mu}
+    form = congruence(D)
+    M = form.assemble(problem.W, coefficients(problem.mu))
+    q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
+    return LCP(M=M, q=q), {"W": problem.W, "q": problem.q, "mu": problem.mu}
+
+
+def operator(problem: FrictionContact, D: Dense) -> ContactOperator:
+    """M of `to_lcp`, never assembled."""
+    return congruence(D).operator(problem.W, coefficients(problem.mu))
+
+
+def predict(problem: FrictionContact, D: Dense) -> Size:
+    """What `to_lcp` will make, at most."""
+    return congruence(D).size(problem.W)
+
+
+def coefficients(*bounds: Vector) -> Dense:
+    """1 and the friction coefficients of every contact, as columns."""
+    return np.column_stack([np.ones(bounds[0].size), *bounds])
 
 
 def from_lcp(point: LCPPoint, D: Dense) -> FCPoint:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.conversions import facets
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
+from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -47,6 +48,14 @@ class FCtoLCP2D(Conversion):
     def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)
         return facets.to_lcp(problem, _DIRECTIONS)
+
+    def operator(self, problem: FrictionContact) -> ContactOperator:
+        """M of the LCP, never assembled."""
+        self.require(problem)
+        return facets.operator(problem, _DIRECTIONS)
+
+    def predict(self, problem: FrictionContact) -> Size:
+        return facets.predict(problem, _DIRECTIONS)
 
     def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
         return facets.from_lcp(point, _DIRECTIONS)

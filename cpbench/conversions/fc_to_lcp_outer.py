@@ -14,7 +14,8 @@ import math
 from dataclasses import dataclass
 
 from cpbench.conversions import facets as polygon
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
+from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -49,6 +50,14 @@ class FCtoLCPOuter(Conversion):
     def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)
         return polygon.to_lcp(problem, self.vertices)
+
+    def operator(self, problem: FrictionContact) -> ContactOperator:
+        """M of the LCP, never assembled."""
+        self.require(problem)
+        return polygon.operator(problem, self.vertices)
+
+    def predict(self, problem: FrictionContact) -> Size:
+        return polygon.predict(problem, self.vertices)
 
     def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
         return polygon.from_lcp(point, self.vertices)

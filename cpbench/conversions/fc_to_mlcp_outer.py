@@ -15,7 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.conversions import facets as polygon
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
+from cpbench.conversions.congruence import Congruence
+from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -48,23 +50,43 @@ class FCtoMLCPOuter(Conversion):
 
     def apply(self, problem: FrictionContact) -> tuple[MLCP, Trace]:
         self.require(problem)
-        W, q, mu, nc, count = problem.W, problem.q, problem.mu, problem.nc, self.facets
-        tangential = polygon.repeat(np.eye(3)[:, 1:], nc)  # r = tangential r_T + normal v
-        first = np.zeros((3, count + 1))
-        first[0, 0] = 1.0
-        normal = polygon.repeat(first, nc)
-        sides = polygon.repeat(np.hstack([np.zeros((2, 1)), self.normals]), nc)
-        friction = np.zeros((count + 1, count + 1))
-        friction[1:, 0] = 1.0
-        target = MLCP(
-            A=polygon.congruence(tangential, W, tangential),
-            B=polygon.plus(polygon.congruence(normal, W, normal), polygon.repeat(friction, nc, mu)),
-            C=polygon.plus(polygon.congruence(tangential, W, normal), sides),
-            D=polygon.plus(polygon.congruence(normal, W, tangential), -sides.T),
-            a=tangential.T @ q,
-            b=normal.T @ q,
+        W, q, mu = problem.W, problem.q, problem.mu
+        every = polygon.coefficients(mu)
+        A, B, C, D = (form.assemble(W, every) for form in self.congruences.values())
+        u = q.reshape(-1, 3)
+        b = np.zeros((problem.nc, self.facets + 1))
+        b[:, 0] = u[:, 0]
+        return MLCP(A=A, B=B, C=C, D=D, a=u[:, 1:].ravel(), b=b.ravel()), {"W": W, "q": q, "mu": mu}
+
+    def operator(self, problem: FrictionContact) -> dict[str, ContactOperator]:
+        """A, B, C and D of the MLCP, never assembled."""
+        self.require(problem)
+        every = polygon.coefficients(problem.mu)
+        return {name: form.operator(problem.W, every) for name, form in self.congruences.items()}
+
+    def predict(self, problem: FrictionContact) -> Size:
+        parts = [form.size(problem.W) for form in self.congruences.values()]
+        return Size(
+            rows=problem.nc * (self.facets + 3),
+            entries=sum(part.entries for part in parts),
+            bytes=sum(part.bytes for part in parts),
         )
-        return target, {"W": W, "q": q, "mu": mu}
+
+    @property
+    def congruences(self) -> dict[str, Congruence]:
+        """A, B, C and D, their coefficients at a contact 1 and μ."""
+        tangential = np.eye(3)[:, 1:]  # r = tangential r_T + normal v
+        normal = np.zeros((3, self.facets + 1))
+        normal[0, 0] = 1.0
+        sides = np.hstack([np.zeros((2, 1)), self.normals])
+        friction = np.zeros((self.facets + 1, self.facets + 1))
+        friction[1:, 0] = 1.0
+        return {
+            "A": Congruence(tangential, tangential, np.zeros((2, 2, 2))),
+            "B": Congruence(normal, normal, np.stack([0.0 * friction, friction])),
+            "C": Congruence(tangential, normal, np.stack([sides, 0.0 * sides])),
+            "D": Congruence(normal, tangential, np.stack([-sides.T, 0.0 * sides.T])),
+        }
 
     def lift(self, point: MLCPPoint, trace: Trace) -> FCPoint:
         normal = point.v.reshape(-1, self.facets + 1)[:, 0]

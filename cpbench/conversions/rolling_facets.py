@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import facets
+from cpbench.conversions.congruence import Congruence
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.lcp import LCP, LCPPoint
@@ -23,29 +23,26 @@ from cpbench.matrices import Dense, Vector
 
 def to_lcp(problem: RollingFrictionContact, D: Dense) -> tuple[LCP, Trace]:
     """The LCP with the vertices D, shape (k, ν), for forces and moments; trace: `W`, `q`, `mu`, `mu_r`."""
-    nc, (k, count) = problem.nc, D.shape
+    form = congruence(D)
+    M = form.assemble(problem.W, facets.coefficients(problem.mu, problem.mu_r))
+    q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
+    return LCP(M=M, q=q), {"W": problem.W, "q": problem.q, "mu": problem.mu, "mu_r": problem.mu_r}
+
+
+def congruence(D: Dense) -> Congruence:
+    """M of the LCP with the vertices D, shape (k, ν), its coefficients at a contact 1, μ and μ_r."""
+    k, count = D.shape
     width = 1 + 2 * (count + 1)
     embed = np.zeros((1 + 2 * k, width))
     embed[0, 0] = 1.0
-    own = np.zeros((width, width))
-    bounds = (np.zeros((width, width)), np.zeros((width, width)))
+    own, *bounds = np.zeros((3, width, width))
     for part, bound in enumerate(bounds):
         first = 1 + part * (count + 1)
         forces, multiplier = slice(first, first + count), first + count
         embed[1 + part * k : 1 + (part + 1) * k, forces] = D
         own[forces, multiplier], own[multiplier, forces] = 1.0, -1.0
         bound[multiplier, 0] = 1.0
-    E = facets.repeat(embed, nc)
-    K = facets.repeat(own, nc)
-    for bound, coefficient in zip(bounds, (problem.mu, problem.mu_r), strict=True):
-        K = K + facets.repeat(bound, nc, coefficient)
-    M = facets.plus(facets.congruence(E, problem.W, E), matrices.sparse(K))
-    return LCP(M=M, q=E.T @ problem.q), {
-        "W": problem.W,
-        "q": problem.q,
-        "mu": problem.mu,
-        "mu_r": problem.mu_r,
-    }
+    return Congruence(embed, embed, np.stack([own, *bounds]))
 
 
 def from_lcp(point: LCPPoint, D: Dense) -> FCPoint:
