@@ -66,19 +66,22 @@ def rolling_norms(x: Dense) -> tuple[Vector, Vector]:
 def project_rolling_cone(x: Dense, mu: Vector, mu_r: Vector) -> Dense:
     """Euclidean projection of every row on {r : ‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}; shape (nc, 3) or (nc, 5).
 
-    For a given r_N the nearest r_T and m are x_T and x_M clipped, so r_N minimises a convex function of one
-    variable that is quadratic between kinks; its minimum is one of four candidates, by which clips are active.
+    For a given r_N the nearest r_T and m are x_T and x_M clipped, so r_N is the root of an increasing piecewise linear
+    g(r) = r − x_N − μ(‖x_T‖ − μr)₊ − μ_r(‖x_M‖ − μ_r r)₊, and its signs at the two kinks tell which clips are active.
+    Comparing distances instead would lose half of the digits.
     """
     k = (x.shape[1] - 1) // 2
     xn = x[:, 0]
     t, m = rolling_norms(x)
-    best, value = np.zeros_like(xn), np.full_like(xn, np.inf)
-    for a in (0.0, 1.0):
-        for b in (0.0, 1.0):
-            r = np.maximum((xn + a * mu * t + b * mu_r * m) / (1.0 + a * mu**2 + b * mu_r**2), 0.0)
-            distance = (r - xn) ** 2 + np.maximum(t - mu * r, 0.0) ** 2 + np.maximum(m - mu_r * r, 0.0) ** 2
-            better = distance < value
-            best, value = np.where(better, r, best), np.where(better, distance, value)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        kink_t, kink_m = np.where(mu > 0, t / mu, np.inf), np.where(mu_r > 0, m / mu_r, np.inf)
+        swap = kink_m < kink_t
+        first, second = np.minimum(kink_t, kink_m), np.maximum(kink_t, kink_m)
+        c, size = np.where(swap, mu, mu_r), np.where(swap, t, m)  # of the clip that ends at the second kink
+        both = (xn + mu * t + mu_r * m) / (1.0 + mu**2 + mu_r**2)
+        one = (xn + c * size) / (1.0 + c**2)
+        before_first = first - xn - np.where(c > 0, c * (size - c * first), 0.0) >= 0
+    best = np.maximum(np.where(before_first, both, np.where(second >= xn, one, xn)), 0.0)
     result = np.empty_like(x)
     result[:, 0] = best
     for part, size, bound in ((slice(1, 1 + k), t, mu * best), (slice(1 + k, None), m, mu_r * best)):

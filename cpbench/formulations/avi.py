@@ -115,7 +115,7 @@ class AVI(Problem):
             rows, equality = self.A @ z - self.b, self.C @ z - self.d
             box = z - project_box(z - F, self.lb, self.ub)
             natural = norm(np.concatenate([box, np.minimum(lam, rows), equality]))
-            if not np.isfinite(F).all():  # which the bounds would clip
+            if not point.finite:  # which the bounds would clip
                 natural = np.inf
             data = norm(np.concatenate([self.q, self.b, self.d]))
             judged = {"natural": scaled(natural, data)}

@@ -118,6 +118,8 @@ class ConeQP(ConicProblem):
             stationarity = Qx + self.p - Aty
             cone_part = norm(s - self.K.project(s - y))
             natural = norm(np.array([norm(stationarity), cone_part]))
+            if not point.finite:  # which a projection would clip
+                natural = np.inf
             data = norm(np.concatenate([self.p, self.b]))
             judged = {"natural": scaled(natural, data)}
             balance = max(norm(self.p), max_abs(self.Q) * self.x_unit)

@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
-from cpbench.testing import cases_conic, cases_contact, corners, planted, planted_conic, planted_contact
+from cpbench.testing import (
+    cases_conic,
+    cases_contact,
+    corners,
+    corners_conic,
+    corners_contact,
+    planted,
+    planted_conic,
+    planted_contact,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +35,7 @@ class Case:
 def cases(node: str) -> list[Case]:
     """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, zero rows, units of 1e±8."""
     made: dict[str, tuple[Problem, Any]] = {}
-    for makers in (_MAKERS, cases_contact.MAKERS, cases_conic.MAKERS, corners.MAKERS):
+    for makers in _ALL_MAKERS:
         if node in makers:
             made |= makers[node]()
     return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in made.items()]
@@ -44,7 +53,8 @@ def infeasible(node: str) -> list[Case]:
         no_row = MLCP(A=np.zeros((1, 1)), B=np.eye(1), C=np.zeros((1, 1)), D=np.zeros((1, 1)), a=[1.0], b=[0.0])
         negative = MLCP(A=np.eye(1), B=-np.eye(1), C=np.zeros((1, 1)), D=np.zeros((1, 1)), a=[0.0], b=[-1.0])
         return [Case("no-row", no_row, None), Case("negative", negative, None)]
-    return []
+    others = corners_contact.infeasible(node) | corners_conic.infeasible(node)
+    return [Case(name, problem, None) for name, problem in others.items()]
 
 
 def draw(node: str, seed: int, size: int) -> Case:
@@ -196,3 +206,11 @@ def _gfc() -> dict[str, tuple[Problem, Any]]:
 
 
 _MAKERS = {"lcp": _lcp, "mlcp": _mlcp, "qp": _qp, "fc": _fc, "gfc": _gfc}
+_ALL_MAKERS = (
+    _MAKERS,
+    cases_contact.MAKERS,
+    cases_conic.MAKERS,
+    corners.MAKERS,
+    corners_contact.MAKERS,
+    corners_conic.MAKERS,
+)

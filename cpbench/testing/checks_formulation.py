@@ -89,7 +89,8 @@ def check_fingerprint_is_of_the_content(node: type[Problem], cases: list[Case]) 
         for name, value in problem.data().items():
             if value.ndim == 1 and value.size and np.isfinite(value).all():
                 try:
-                    other = dataclasses.replace(problem, **{name: value + (0.5 if name != "lb" else -0.5)})
+                    step = 0.5 + 0.5 * np.abs(value)  # seen in a bound of 1e20, too
+                    other = dataclasses.replace(problem, **{name: value + (step if name != "lb" else -step)})
                 except ProblemError:  # kinds and sizes of cones are not any numbers
                     continue
                 assert other.fingerprint != problem.fingerprint, f"{case.name}: does not depend on {name}"
