@@ -6,11 +6,13 @@ import sys
 from pathlib import Path
 
 import click
+import psutil
 
 from cpbench import checking, graph, storage
 from cpbench.bench import plan
 from cpbench.bench.referee import parse_request
-from cpbench.cli.options import Counts, force_option, format_option, number, tolerance_option
+from cpbench.cli.options import Counts, Memory, force_option, format_option, number, tolerance_option
+from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
 from cpbench.formulations import Kind, Problem, formulations
 
@@ -23,6 +25,11 @@ from cpbench.formulations import Kind, Problem, formulations
 @click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
 @click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
 @click.option("--check", is_flag=True, help="Send an answer there and back: errors, amplification, times; exit 1.")
+@click.option(
+    "--memory",
+    type=Memory(),
+    help="Refuse a conversion that may make more than this, 8G say; 0: no limit.  [default: what is available]",
+)
 @kinds_option
 @tolerance_option
 @format_option
@@ -35,6 +42,7 @@ def command(
     facets: tuple[int, ...],
     angle: float,
     check: bool,
+    memory: int | None,
     kinds: frozenset[Kind],
     tolerance: float,
     file_format: str | None,
@@ -48,8 +56,9 @@ def command(
     formulations.get(node)
     problem = storage.load(source, format=file_format)
     pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header())[1] if via else ()
-    memory = graph.Memory()
-    arrival = graph.arrive(problem, node, kinds, pinned, memory)
+    room = psutil.virtual_memory().available if memory is None else memory
+    done = graph.Memory()
+    arrival = graph.arrive(problem, node, kinds, pinned, lambda edge, p: converting(edge, p, done, room))
     storage.save(arrival.problem, target_file, force=force)
     click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
@@ -57,7 +66,7 @@ def command(
     if check:
         found = storage.solution(source)
         known = None if found is None else found[0]
-        report = checking.examine(problem, arrival, memory.seconds(problem, arrival.route), known, tolerance)
+        report = checking.examine(problem, arrival, done.seconds(problem, arrival.route), known, tolerance)
         _print(problem, report, tolerance)
         if not report.passed:
             sys.exit(1)

@@ -10,6 +10,13 @@ from typing import Any
 import click
 
 from cpbench.bench.plan import Pair
+from cpbench.conversions import Conversion
+from cpbench.errors import NotApplicable
+from cpbench.formulations import Problem
+from cpbench.graph import Apply
+
+LARGE = 50e6
+"""Bytes of a conversion's result from which on it is announced."""
 
 
 class Display:
@@ -76,3 +83,24 @@ class Display:
         from rich.progress import track
 
         return track(items, description=label, console=Console(file=sys.stderr), transient=True)
+
+
+def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:
+    """`apply`, announced on stderr where the result is large, with a spinner on a terminal.
+
+    Raises NotApplicable, with the estimate, when the result may take more than `room` bytes (0: no limit).
+    """
+    size = edge.predict(problem)
+    if size is not None and 0 < room < size.bytes:
+        raise NotApplicable(
+            edge.label, f"would not fit: {size}, {room / 1e9:.3g} GB are allowed; --memory says otherwise"
+        )
+    if size is None or size.bytes < LARGE:
+        return apply(edge, problem)
+    if not sys.stderr.isatty():
+        click.echo(f"{edge.label}: {size}", err=True)
+        return apply(edge, problem)
+    from rich.console import Console
+
+    with Console(file=sys.stderr).status(f"{edge.label}: {size}"):
+        return apply(edge, problem)
