@@ -122,7 +122,7 @@ class HDF5(Format):
 class Native(HDF5):
     name = "native"
     summary = "cpbench's own HDF5: any formulation, with provenance, sequence and contact geometry"
-    writes = frozenset({"lcp", "mlcp", "qp", "fc", "gfc"})
+    writes = frozenset({"lcp", "mlcp", "qp", "fc", "gfc", "fcm", "rfc", "grfc", "afc", "relay", "avi", "soclcp", "coneqp"})
 
     def _require(self, parent: Tree, group: str) -> None:
         if group:
