@@ -20,7 +20,7 @@ from cpbench.matrices import Dense, Matrix, Vector
 
 MU = 0.625
 """Friction of the planted contacts: r_N = 8 carries ‖r_T‖ = 5."""
-_DIRECTIONS = np.array([[3.0, 4], [4, 3], [-3, 4], [-4, 3], [3, -4], [4, -3], [-3, -4], [-4, -3]])
+DIRECTIONS = np.array([[3.0, 4], [4, 3], [-3, 4], [-4, 3], [3, -4], [4, -3], [-3, -4], [-4, -3]])
 STATES = ("stick", "slide", "open", "graze")
 
 
@@ -61,7 +61,7 @@ def contact_states(rng: np.random.Generator, states: Sequence[str], mu: float, d
     nc, d = len(states), dimension
     r, u = np.zeros((nc, d)), np.zeros((nc, d))
     for c, state in enumerate(states):
-        direction = _DIRECTIONS[rng.integers(8)] if d == 3 else np.array([5.0 * (1 - 2 * rng.integers(2))])
+        direction = DIRECTIONS[rng.integers(8)] if d == 3 else np.array([5.0 * (1 - 2 * rng.integers(2))])
         size = 2.0 ** rng.integers(-1, 2)
         if state in ("stick", "slide"):
             r[c, 0] = 8.0 * size

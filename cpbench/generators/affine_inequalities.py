@@ -1,0 +1,68 @@
+"""Affine variational inequalities: traffic equilibrium, nearest points, and planted ones."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cpbench.formulations.avi import AVI, AVIPoint
+from cpbench.generators.base import Instance, collection, dyadic, generator
+
+
+@collection(
+    "affine-inequalities",
+    "avi",
+    "affine variational inequalities over boxes and polyhedra with known solutions",
+    "Braess 1968, Unternehmensforschung 12:258; Held, Wolfe, Crowder 1974, Math. Prog. 6:62; planted by cpbench",
+)
+def build() -> list[Instance]:
+    rng = generator(23)
+    return [
+        braess(),
+        nearest_in_simplex(),
+        _planted("polyhedral-24", rng, 24, 12, 4),
+        _planted("degenerate-box-40", rng, 40, 0, 0),
+    ]
+
+
+def braess() -> Instance:
+    """Braess' network with its bridge: 6 units over three routes, 2 each, at cost 92 (83 without the bridge).
+
+    Links cost 10x, 50 + x, 50 + x, 10x, and the bridge 10 + x; z are the flows of the routes, μ their common cost.
+    """
+    routes = np.array([[1.0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 1, 1], [0, 0, 1]])
+    slope, fixed = np.array([10.0, 1, 1, 10, 1]), np.array([0.0, 50, 50, 0, 10])
+    problem = AVI(
+        M=routes.T @ (slope[:, None] * routes),
+        q=routes.T @ fixed,
+        C=np.ones((1, 3)),
+        d=[6.0],
+        lb=np.zeros(3),
+        name="braess",
+    )
+    return Instance(problem, AVIPoint(z=[2.0, 2.0, 2.0], mu=[92.0]), "published", properties={"class": "SPD"})
+
+
+def nearest_in_simplex() -> Instance:
+    """The point of {z ≥ 0, Σz = 1} nearest to p: z = max(p − τ, 0) with Σz = 1."""
+    p = np.array([0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0, -1.0])
+    tau = 0.3125  # four are above: 2.25 − 4τ = 1
+    z = np.maximum(p - tau, 0.0)
+    problem = AVI(M=np.eye(8), q=-p, C=np.ones((1, 8)), d=[1.0], lb=np.zeros(8), name="nearest-in-simplex")
+    return Instance(problem, AVIPoint(z=z, mu=[-tau]), "closed form", properties={"class": "SPD"})
+
+
+def _planted(name: str, rng: np.random.Generator, n: int, m: int, k: int) -> Instance:
+    """Every second row holds; unknowns at a bound, between, without bounds, and at a bound without force."""
+    G, S = dyadic(rng, (n, n), -1, 1), dyadic(rng, (n, n), -1, 1)
+    M = G @ G.T + np.eye(n) + np.triu(S, 1) - np.triu(S, 1).T
+    A, C = dyadic(rng, (m, n), -1, 1), dyadic(rng, (k, n), -1, 1)
+    z, mu = dyadic(rng, n, -2, 2), dyadic(rng, k, -2, 2)
+    active, size = np.arange(m) % 2 == 0, dyadic(rng, m, 0, 3) + 0.125
+    lam, slack = np.where(active, size, 0.0), np.where(active, 0.0, size)
+    state = np.arange(n) % 5
+    lb = np.select([(state == 0) | (state == 4), state == 3], [z, -np.inf], z - 1.0)
+    ub = np.select([state == 1, state == 3], [z, np.inf], z + 1.0)
+    F = np.select([state == 0, state == 1], [0.75, -0.5], 0.0)
+    problem = AVI(M=M, q=F - M @ z + A.T @ lam + C.T @ mu, A=A, b=A @ z - slack, C=C, d=C @ z, lb=lb, ub=ub, name=name)
+    properties = {"class": "PD nonsymmetric", "degenerate": True}
+    return Instance(problem, AVIPoint(z=z, lam=lam, mu=mu), "planted", properties=properties)

@@ -1,0 +1,129 @@
+"""Rolling resistance: discs and balls on a plane, which rest, roll or slide as formulas say, and planted contacts.
+
+A disc or ball of mass 1 and radius 1 is pressed with the impulse N and pushed sideways with P. It rests while
+P ≤ μN and RP ≤ μ_r N; it rolls without sliding where the second fails: m = μ_r N against ω,
+v = (P − μ_r N/R)/(1 + J/(mR²)) and ‖r_T‖ = P − mv (Acary and Bourrier 2021 for the law).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.grfc import GlobalRollingFrictionContact
+from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.generators.base import Instance, collection, dyadic, generator
+from cpbench.generators.contact_planted import DIRECTIONS
+from cpbench.matrices import Dense
+
+CITATION = "Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046; planted by cpbench"
+DISC = np.array([[0.0, 1, 0], [1, 0, 0], [0, 1, 1]])
+"""H of a disc: unknowns (x, y, ω), rows of the contact (N, T, M) = (y, x + ω, ω)."""
+HOOP = np.diag([1.0, 1.0, 1.0])
+BALL_INERTIA = 0.5
+"""Between that of a solid ball, 2/5, and of a hollow one, 2/3."""
+
+
+@collection("rolling", "rfc", "discs and balls with rolling resistance, local form", CITATION)
+def build_local() -> list[Instance]:
+    return [disc("rests", push=1.0), disc("rolls", push=5.0), ball_rolls(), _planted("planted-12", 12)]
+
+
+@collection("rolling-global", "grfc", "discs and balls with rolling resistance, global form", CITATION)
+def build_global() -> list[Instance]:
+    return [coupled_discs(), ball_global()]
+
+
+def disc(what: str, push: float) -> Instance:
+    """A hoop (J = 1) pressed with 8 and pushed, μ = 1/2, μ_r = 1/4: it rests up to P = 2, then rolls."""
+    pressed, mu, mu_r = 8.0, 0.5, 0.25
+    speed = max(push - mu_r * pressed, 0.0) / 2.0
+    r = np.array([pressed, speed - push, min(push, mu_r * pressed)])
+    problem = RollingFrictionContact(
+        W=DISC.T @ DISC,
+        q=DISC.T @ np.array([push, -pressed, 0.0]),
+        mu=[mu],
+        mu_r=[mu_r],
+        dimension=3,
+        name=f"disc-{what}",
+    )
+    return Instance(problem, FCPoint(r=r), "closed form", properties={"state": what, "rank": 3, "symmetric": True})
+
+
+def coupled_discs() -> Instance:
+    """Two such hoops with their centres coupled, the first pushed with 10: they roll as one pushed with 5 would.
+
+    The coupling hands half of the push on: λ = 5.
+    """
+    H, G = np.kron(np.eye(2), DISC), np.array([[-1.0], [0], [0], [1], [0], [0]])
+    one = disc("rolls", push=5.0)
+    assert isinstance(one.solution, FCPoint)
+    r = np.tile(one.solution.r, 2)
+    speed = np.array([1.5, 0.0, -1.5])
+    problem = GlobalRollingFrictionContact(
+        M=np.kron(np.eye(2), HOOP),
+        H=H,
+        G=G,
+        f=[10.0, -8.0, 0.0, 0.0, -8.0, 0.0],
+        w=np.zeros(6),
+        mu=[0.5, 0.5],
+        mu_r=[0.25, 0.25],
+        dimension=3,
+        name="coupled-discs",
+    )
+    return Instance(problem, GFCPoint(v=np.tile(speed, 2), r=r, lam=[5.0]), "closed form", properties={"joints": 1})
+
+
+def _ball() -> tuple[Dense, Dense]:
+    """M and H of a ball: unknowns (x, y, z, ω₁, ω₂, ω₃), normal z; u_T = (x − ω₂, y + ω₁), rolling (ω₁, ω₂)."""
+    H = np.zeros((6, 5))
+    H[2, 0] = H[0, 1] = H[1, 2] = H[3, 3] = H[4, 4] = 1.0
+    H[4, 1], H[3, 2] = -1.0, 1.0
+    return np.diag([1.0, 1, 1, BALL_INERTIA, BALL_INERTIA, BALL_INERTIA]), H
+
+
+def ball_global() -> Instance:
+    """A ball pressed with 8 and pushed with 12.5 along (3, 4)/5, μ = 1, μ_r = 5/8: v = (12.5 − 5)/(3/2) = 5."""
+    M, H = _ball()
+    v = np.array([3.0, 4.0, 0.0, -4.0, 3.0, 0.0])
+    r = np.array([8.0, -4.5, -6.0, 4.0, -3.0])
+    problem = GlobalRollingFrictionContact(
+        M=M, H=H, f=[7.5, 10.0, -8.0, 0, 0, 0], w=np.zeros(5), mu=[1.0], mu_r=[0.625], name="ball-rolls"
+    )
+    return Instance(problem, GFCPoint(v=v, r=r), "closed form", properties={"state": "rolls"})
+
+
+def ball_rolls() -> Instance:
+    """The same in local form."""
+    whole = ball_global()
+    assert isinstance(whole.problem, GlobalRollingFrictionContact)
+    assert isinstance(whole.solution, GFCPoint)
+    M, H = _ball()
+    inverse = 1.0 / np.diag(M)
+    problem = RollingFrictionContact(
+        W=H.T @ (inverse[:, None] * H), q=H.T @ (inverse * whole.problem.f), mu=[1.0], mu_r=[0.625], name="ball-rolls"
+    )
+    return Instance(problem, FCPoint(r=whole.solution.r), "closed form", properties={"state": "rolls", "rank": 5})
+
+
+def _planted(name: str, nc: int) -> Instance:
+    """Contacts that stick, slide, roll, do both or are open, μ = 5/8, μ_r = 5/16, W of full rank."""
+    rng = generator(31)
+    states = [("stick", "slide", "roll", "both", "open")[c % 5] for c in range(nc)]
+    r, u = np.zeros((nc, 5)), np.zeros((nc, 5))
+    for c, state in enumerate(states):
+        way, spin = DIRECTIONS[rng.integers(8, size=2)]
+        if state == "open":
+            u[c] = np.r_[2.0, way / 16, spin / 16]
+            continue
+        slides, rolls = state in ("slide", "both"), state in ("roll", "both")
+        r[c] = np.r_[8.0, way * (1.0 if slides else 0.5), spin * (0.5 if rolls else 0.25)]
+        u[c] = np.r_[0.0, -way * slides / 4, -spin * rolls / 8]
+    B = dyadic(rng, (5 * nc, 5 * nc), -1, 1)
+    W = B @ B.T / 8 + np.eye(5 * nc)
+    problem = RollingFrictionContact(
+        W=W, q=u.ravel() - W @ r.ravel(), mu=np.full(nc, 0.625), mu_r=np.full(nc, 0.3125), name=name
+    )
+    properties = {"rank": 5 * nc, "symmetric": True, "states": {s: states.count(s) for s in dict.fromkeys(states)}}
+    return Instance(problem, FCPoint(r=r.ravel()), "planted", properties=properties)
