@@ -25,6 +25,9 @@ MOVED = 1e-6
 """Size of the moves of a target answer, relative to its parts."""
 MOVES = 8
 """Random directions in which it is moved."""
+ROUNDING = float(np.finfo(float).eps)
+FOREIGN_ITERATIONS = 200
+"""For solvers of other packages, which nobody can stop in this process: what their interior-point methods need."""
 
 
 @dataclass(frozen=True)
@@ -137,14 +140,19 @@ def answers(
     """Answers of registered solvers whose strictest error on `problem` is at most `tolerance`, one solver at a time.
 
     Native solvers come first (alone with `native`), those of the problem's own node before those behind further exact
-    conversions. Who was asked in vain goes into `tried`, with the reason.
+    conversions. Who was asked in vain goes into `tried`, with the reason; nobody is asked for less than rounding.
     """
+    if tolerance < ROUNDING:
+        tried.append(f"an answer to {tolerance:.0e} is wanted, which rounding does not allow")
+        return
     for arrival, solver in _solvers_ahead(problem, tried, native):
         steps = len(arrival.route.steps)
         who = f"{solver.spec.name} after {arrival.route.label}" if steps else solver.spec.name
         why = solver.obstacle(arrival.problem)
         if why is None:
-            budget = Budget(tolerance=graph.tolerance(arrival.problem, tolerance, steps), seconds=seconds)
+            iterations = FOREIGN_ITERATIONS if solver.spec.requires else None
+            wanted = graph.tolerance(arrival.problem, tolerance, steps)
+            budget = Budget(tolerance=wanted, seconds=seconds, iterations=iterations)
             try:
                 out = solver.run(arrival.problem, budget)
             except Exception as failure:  # a foreign package may raise anything
