@@ -1,0 +1,387 @@
+"""Errors of the nodes with joints, rolling, ellipses, boxes and cones: by plain loops, on answers made to fool them.
+
+Rolling cones are projected on by Dykstra's alternating projections, ellipses by sampling, polyhedra by linear programs:
+nothing here is shared with the package.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cpbench.formulations import (
+    AVI,
+    LCP,
+    MLCP,
+    SOCLCP,
+    AnisotropicFrictionContact,
+    AVIPoint,
+    ConeQP,
+    ConeQPPoint,
+    FCMPoint,
+    FCPoint,
+    FrictionContact,
+    GFCPoint,
+    GlobalFrictionContact,
+    LCPPoint,
+    MixedFrictionContact,
+    MLCPPoint,
+    Relay,
+    SOCLCPPoint,
+)
+from cpbench.formulations.conic import cone_fields
+from cpbench.product_cones import Cone, ProductCone
+from cpbench.testing import cases, corners_contact, planted_conic, planted_contact
+from cpbench.testing.cases import infeasible
+from cpbench.verification import judge
+
+E = np.eye
+
+
+def _soc(x: np.ndarray, columns: list[int], mu: float) -> np.ndarray:
+    """Nearest point with ‖x[columns]‖ ≤ μ x₀, the rest as it is."""
+    x = x.copy()
+    t = math.sqrt(sum(x[c] ** 2 for c in columns))
+    if t <= mu * x[0]:
+        return x
+    r = max(0.0, (x[0] + mu * t) / (1 + mu * mu))
+    for c in columns:
+        x[c] *= mu * r / t
+    x[0] = r
+    return x
+
+
+def _rolling(x: np.ndarray, mu: float, mu_r: float) -> np.ndarray:
+    """Dykstra: alternate on the two cones, each with the correction of its last step."""
+    k = (x.size - 1) // 2
+    first, second = list(range(1, 1 + k)), list(range(1 + k, x.size))
+    p, q = np.zeros_like(x), np.zeros_like(x)
+    for _ in range(4000):
+        y = _soc(x + p, first, mu)
+        p = x + p - y
+        z = _soc(y + q, second, mu_r)
+        q = y + q - z
+        if np.abs(z - x).max() < 1e-16:
+            break
+        x = z
+    return x
+
+
+def _natural_rolling(r: np.ndarray, u: np.ndarray, mu: np.ndarray, mu_r: np.ndarray, d: int) -> float:
+    total, k = 0.0, (d - 1) // 2
+    for c in range(len(mu)):
+        rc, uc = r[d * c : d * c + d], u[d * c : d * c + d].copy()
+        uc[0] += mu[c] * np.linalg.norm(uc[1 : 1 + k]) + mu_r[c] * np.linalg.norm(uc[1 + k :])
+        total += float(((rc - _rolling(rc - uc, mu[c], mu_r[c])) ** 2).sum())
+    return math.sqrt(total)
+
+
+@pytest.mark.parametrize("d", [3, 5])
+def test_rolling_against_alternating_projections(d: int, rng: np.random.Generator) -> None:
+    for seed in range(4):
+        problem, point = planted_contact.rfc(np.random.default_rng(seed), 3, d)
+        r = point.r + 0.3 * rng.standard_normal(3 * d)
+        u = problem.W @ r + problem.q
+        expected = _natural_rolling(r, u, problem.mu, problem.mu_r, d)
+        expected /= max(np.linalg.norm(v) for v in (r, u, problem.q))
+        assert problem.residuals(FCPoint(r=r)).judged["natural"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_wrong_ellipse_shows(rng: np.random.Generator) -> None:
+    """The scaled error of an elliptic contact is 0 exactly where r solves the law, tested on its optimality conditions.
+
+    Maximal dissipation: r_T minimises u_Tᵀr_T over the ellipse of size r_N, found by sampling it.
+    """
+    mu = np.array([0.9, 0.3])
+    angle = np.linspace(0, 2 * np.pi, 200001)
+    for _ in range(5):
+        u_T, r_N = rng.standard_normal(2), rng.uniform(0.5, 2.0)
+        rim = r_N * np.column_stack([mu[0] * np.cos(angle), mu[1] * np.sin(angle)])
+        r = np.concatenate([[r_N], rim[(rim @ u_T).argmin()]])
+        u = np.concatenate([[0.0], u_T])
+        A = rng.standard_normal((3, 3))
+        W = A @ A.T + E(3)
+        problem = AnisotropicFrictionContact(W=W, q=u - W @ r, mu=mu[None, :])
+        assert problem.residuals(FCPoint(r=r)).error < 1e-4  # of the sampled angle
+        against = np.concatenate([[r_N], -r_N * mu * u_T / np.linalg.norm(u_T)])  # opposite to u: not associated
+        assert problem.residuals(FCPoint(r=against)).error > 1e-3
+
+
+def test_local_mixed_and_global_are_one_problem(rng: np.random.Generator) -> None:
+    """gfc with joints condensed to fcm, and fcm to fc by λ = −R⁻¹(Vᵀr + s): the same errors of the contacts."""
+    for make, dimension in ((planted_contact.gfc, 3), (planted_contact.grfc, 5)):
+        whole, point = make(rng, 2, 3, 2, dimension)
+        r = point.r + 0.2 * rng.standard_normal(point.r.size)
+        K = np.block([[whole.M, -whole.G], [whole.G.T, np.zeros((2, 2))]])
+        x = np.linalg.solve(K, np.concatenate([whole.H @ r + whole.f, -whole.b]))
+        ours = whole.residuals(GFCPoint(v=x[:12], r=r, lam=x[12:])).judged
+        assert max(ours[k] for k in ("dynamics", "constraint", "imbalance", "drift")) < 1e-12
+        u, free = whole.H.T @ x[:12] + whole.w, whole.free_velocity
+        scale = max(np.linalg.norm(v) for v in (r, u, free))
+        if dimension == 5:
+            expected = _natural_rolling(r, u, whole.mu, whole.mu_r, 5) / scale
+        else:
+            X, Y = np.linalg.solve(whole.M, whole.H), np.linalg.solve(whole.M, whole.G)
+            F = np.linalg.solve(whole.M, whole.f)
+            W, V, R = whole.H.T @ X, whole.H.T @ Y, whole.G.T @ Y
+            q, s = whole.H.T @ F + whole.w, whole.G.T @ F + whole.b
+            mixed = MixedFrictionContact(W=W, V=V, R=R, q=q, s=s, mu=whole.mu)
+            inner = np.linalg.solve(R, np.column_stack([V.T, s]))
+            local = FrictionContact(W=W - V @ inner[:, :-1], q=q - V @ inner[:, -1], mu=whole.mu)
+            expected = local.residuals(FCPoint(r=r)).judged["natural"]
+            theirs = mixed.residuals(FCMPoint(r=r, lam=x[12:])).judged
+            assert theirs["natural"] == pytest.approx(expected, rel=1e-9)
+            assert theirs["energy"] == pytest.approx(ours["energy"], rel=1e-9)
+            assert theirs["opening"] == pytest.approx(ours["opening"], rel=1e-9, abs=1e-15)
+        assert ours["natural"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_boxes_against_a_loop(rng: np.random.Generator) -> None:
+    for seed in range(5):
+        relay, point = planted_conic.relay(np.random.default_rng(seed), 6)
+        z = point.z + 0.2 * rng.standard_normal(6)
+        w = relay.M @ z + relay.q
+        step = [x - min(max(x - f, lo), hi) for x, f, lo, hi in zip(z, w, relay.lb, relay.ub, strict=True)]
+        expected = math.hypot(*step) / (1 + np.linalg.norm(relay.q))
+        assert relay.residuals(LCPPoint(z=z)).judged["natural"] == pytest.approx(expected, rel=1e-12)
+        avi = AVI(M=relay.M, q=relay.q, lb=relay.lb, ub=relay.ub)
+        expected = math.hypot(*step) / np.linalg.norm(relay.q)
+        assert avi.residuals(AVIPoint(z=z)).judged["natural"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_polyhedral_solution_is_one_by_definition(rng: np.random.Generator) -> None:
+    """(Mz + q)ᵀ(y − z) ≥ 0 over X, by a linear program (HiGHS): 0 at points without error, negative at others."""
+    from scipy.optimize import linprog
+
+    for seed in range(6):
+        avi, point = planted_conic.avi(np.random.default_rng(seed), 5, 4, 1, "positive definite")
+        box = list(zip(avi.lb, avi.ub, strict=True))
+
+        def gap(z: np.ndarray, avi: AVI = avi, box: Any = box) -> float:
+            cost = avi.M @ z + avi.q
+            lp = linprog(cost, A_ub=-avi.A, b_ub=-avi.b, A_eq=avi.C, b_eq=avi.d, bounds=box)
+            return -math.inf if lp.status == 3 else float(lp.fun - cost @ z)
+
+        assert avi.residuals(point).error < 1e-12
+        assert gap(point.z) == pytest.approx(0.0, abs=1e-8)
+        start = linprog(
+            rng.standard_normal(5),
+            A_ub=-avi.A,
+            b_ub=-avi.b,
+            A_eq=avi.C,
+            b_eq=avi.d,
+            bounds=[(max(lo, -9), min(hi, 9)) for lo, hi in box],
+        )
+        if start.status == 0 and gap(start.x) < -1e-3:
+            multipliers = dataclasses.replace(point, z=start.x)
+            assert avi.residuals(multipliers).error > 1e-4
+
+
+def test_cones_against_their_definition(rng: np.random.Generator) -> None:
+    """natural of soclcp and coneqp with projections by loops."""
+    K = ProductCone.of(
+        (Cone.SECOND_ORDER, 2, 3, np.array([0.5, 2.0])), (Cone.ROLLING, 1, 5, 0.6, 0.3), (Cone.FREE, 1, 1)
+    )
+
+    def project(x: np.ndarray) -> np.ndarray:
+        parts = [_soc(x[:3], [1, 2], 0.5), _soc(x[3:6], [1, 2], 2.0), _rolling(x[6:11], 0.6, 0.3), x[11:]]
+        return np.concatenate(parts)
+
+    problem, point = planted_conic.soclcp(rng, K, "positive definite")
+    x = point.x + 0.2 * rng.standard_normal(12)
+    w = problem.M @ x + problem.q
+    expected = np.linalg.norm(x - project(x - w)) / np.linalg.norm(problem.q)
+    assert problem.residuals(SOCLCPPoint(x=x)).judged["natural"] == pytest.approx(expected, rel=1e-6)
+    program, at = planted_conic.coneqp(rng, 7, K)
+    x, y = at.x + 0.2 * rng.standard_normal(7), at.y + 0.2 * rng.standard_normal(12)
+    s = program.A @ x + program.b
+    parts = np.concatenate([program.Q @ x + program.p - program.A.T @ y, s - project(s - y)])
+    expected = np.linalg.norm(parts) / np.linalg.norm(np.concatenate([program.p, program.b]))
+    assert program.residuals(ConeQPPoint(x=x, y=y)).judged["natural"] == pytest.approx(expected, rel=1e-6)
+
+
+UNIT_FREE = [
+    ("fcm", "impulse-unit", ("energy", "opening", "constraint", "drift")),
+    ("fcm", "velocity-unit", ("energy", "opening", "constraint", "drift")),
+    ("fcm", "constraint-unit", ("energy", "opening", "constraint", "drift")),
+    ("rfc", "impulse-unit", ("energy", "opening")),
+    ("rfc", "velocity-unit", ("energy", "opening")),
+    ("rfc", "length-unit", ("energy", "opening")),
+    ("afc", "impulse-unit", ("energy", "opening")),
+    ("afc", "velocity-unit", ("energy", "opening")),
+    ("relay", "z-unit", ("unit_free",)),
+    ("relay", "w-unit", ("unit_free",)),
+    ("avi", "z-unit", ("unit_free", "complementarity", "equality")),
+    ("avi", "force-unit", ("unit_free", "complementarity", "equality")),
+    ("avi", "row-unit", ("unit_free", "complementarity", "equality")),
+    ("soclcp", "x-unit", ("unit_free",)),
+    ("soclcp", "w-unit", ("unit_free",)),
+    ("coneqp", "objective-unit", ("unit_free", "stationarity")),
+    ("coneqp", "x-unit", ("unit_free",)),
+    ("coneqp", "s-unit", ("unit_free", "stationarity")),
+    ("gfc", "joint-velocity-unit", ("energy", "opening", "dynamics", "imbalance", "constraint", "drift")),
+    ("gfc", "joint-mass-unit", ("energy", "opening", "dynamics", "imbalance", "constraint", "drift")),
+    ("grfc", "joint-velocity-unit", ("energy", "opening", "dynamics", "imbalance", "constraint", "drift")),
+]
+
+
+@pytest.mark.parametrize(("node", "unit", "names"), UNIT_FREE)
+def test_a_change_of_units_changes_no_error(node: str, unit: str, names: tuple[str, ...]) -> None:
+    """The same wrong answer, every number of it 30 % too large, in units of 1e-8 (1e-6) and of 1e8."""
+    found: dict[str, list[dict[str, float]]] = {}
+    for case in cases(node):
+        if case.name.startswith(unit):
+            wrong = type(case.point)(**{k: 1.3 * v for k, v in case.point.arrays().items()})
+            kind = case.name.removeprefix(unit).lstrip("-")[5:]  # the dimension, where there is one
+            found.setdefault(kind, []).append(dict(case.problem.residuals(wrong).judged))
+    for small, large in found.values():
+        assert max(small.values()) > 1e-4
+        for name in names:
+            assert small[name] == pytest.approx(large[name], rel=1e-5, abs=1e-12), name
+
+
+def _rod(w: float = 0.0) -> GlobalFrictionContact:
+    """One block held sideways by a joint, on the ground."""
+    H, G = np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[1.0], [0.0]])
+    return GlobalFrictionContact(M=E(2), H=H, G=G, f=[0.25, -1.0], w=[w, 0.0], b=[0.0], mu=[0.5], dimension=2)
+
+
+NONNEGATIVE_2 = ProductCone.of((Cone.NONNEGATIVE, 1, 2))
+WRONG = {
+    "a far bound says nothing of sizes": (
+        Relay(M=1e8 * E(1), q=[1e8], lb=[0.0], ub=[1e20]),
+        LCPPoint(z=[1.0]),
+    ),
+    "forces beyond any z of the box": (Relay(M=E(1), q=[1e8], lb=[-1.0], ub=[1.0]), LCPPoint(z=[1.0])),
+    "the force on a fixed unknown": (
+        Relay(M=E(2), q=[1e8, -0.5], lb=[1.0, -1.0], ub=[1.0, 1.0]),
+        LCPPoint(z=[1.0, 0.9]),
+    ),
+    "a multiplier in the units of its row": (AVI(M=E(1), q=[-1.0], A=[[1e8]], b=[-1e8]), AVIPoint(z=[2.0], lam=[1e-8])),
+    "an idle row with a large b": (
+        AVI(M=E(2), q=[0.0, 1.0], A=E(2), b=[-1e8, 0.0]),
+        AVIPoint(z=[0.0, 1.0], lam=[0.0, 2.0]),
+    ),
+    "multipliers that cancel": (
+        AVI(M=E(1), q=[-1.0], A=[[1.0]], b=[0.0], C=[[1.0]], d=[0.0], lb=[-1e8]),
+        AVIPoint(z=[0.0], lam=[1e8], mu=[-1e8]),
+    ),
+    "rows as tight as a box under large forces": (
+        AVI(M=E(1), q=[1e8], A=[[1.0], [-1.0]], b=[-1.0, -1.0]),
+        AVIPoint(z=[1.0], lam=[1e8 + 1, 0.0]),
+    ),
+    "an idle row of a program": (
+        ConeQP.over(E(2), np.array([0.0, 1.0]), NONNEGATIVE_2, None, np.array([1e8, 0.0])),
+        ConeQPPoint(x=[0.0, 1.0], y=[0.0, 2.0]),
+    ),
+    "the force where a cone has no extent": (
+        next(c.problem for c in cases("soclcp") if c.name == "support"),
+        SOCLCPPoint(x=[0.0, 0.9]),
+    ),
+    "reactions that cancel a joint's": (_rod(), GFCPoint(v=[0.0, 0.0], r=[1.0, 1e8], lam=[-1e8 + 1.0])),
+    "a joint that is not kept": (_rod(), GFCPoint(v=[0.5, 0.0], r=[1.0, -0.5], lam=[0.75])),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_answers_do_not_pass(name: str) -> None:
+    problem, point = WRONG[name]
+    assert problem.residuals(point).error > 1e-2
+
+
+RIGHT = {
+    "relay at rest": (Relay(M=E(1), q=[0.0], lb=[-1.0], ub=[1.0]), LCPPoint(z=[1e-12])),
+    "equality without right side": (
+        AVI(M=E(2), q=[-1.0, 1.0], C=[[1.0, 1.0]], d=[0.0]),
+        AVIPoint(z=[1.0, -1.0 + 1e-12], mu=[0.0]),
+    ),
+    "lcp without q": (LCP(M=E(2), q=[0.0, 0.0]), LCPPoint(z=[1e-12, 0.0])),
+    "mlcp without a and b": (MLCP(A=E(1), B=E(1), C=E(1), D=E(1), a=[0.0], b=[0.0]), MLCPPoint(u=[1e-12], v=[1e-12])),
+    "mlcp without a": (MLCP(A=E(1), B=E(1), C=E(1), D=E(1), a=[0.0], b=[1.0]), MLCPPoint(u=[1e-12], v=[0.0])),
+    "a joint that only holds": (_rod(), GFCPoint(v=[1e-14, 0.0], r=[1.0, 0.0], lam=[-0.25])),
+    "constraints without drift": (
+        MixedFrictionContact(W=E(3), V=np.ones((3, 1)), R=4.0 * E(1), q=[1.0, 0, 0], s=[0.0], mu=[0.5]),
+        FCMPoint(r=np.zeros(3), lam=[1e-12]),
+    ),
+    "constraints that hold nothing": (
+        MixedFrictionContact(W=E(3), V=np.zeros((3, 1)), R=E(1), q=[1.0, 0, 0], s=[0.0], mu=[0.5]),
+        FCMPoint(r=np.zeros(3), lam=[1e-12]),
+    ),
+    "a program without p": (
+        ConeQP.over(E(2), np.zeros(2), NONNEGATIVE_2, None, np.ones(2)),
+        ConeQPPoint(x=[1e-12, 0.0], y=[0.0, 0.0]),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_rounding_is_no_false_alarm(name: str) -> None:
+    problem, point = RIGHT[name]
+    assert problem.residuals(point).error < 1e-10
+
+
+def test_an_infeasible_wedge_is_not_solved_by_a_huge_reaction() -> None:
+    """W_NN = [[1, −1], [−1, 1]], q_N = (−1, −1): u₁N + u₂N = −2 for every r; W = 0, q_N = −1: u_N = −1."""
+    wedge, immovable = (case.problem for case in infeasible("fc"))
+    push = np.tile([1e8, 0.0, 0.0], 2)
+    for problem, r in ((wedge, push), (immovable, push[:3])):
+        verdict = judge(problem, FCPoint(r=r), 1e-3)
+        assert verdict.judged["natural"] < 1e-7
+        assert verdict.judged["opening"] == pytest.approx(1.0)
+        assert not verdict.solved
+
+
+@pytest.mark.parametrize("node", ["fc", "fcm", "gfc", "rfc", "grfc", "afc", "avi", "soclcp", "coneqp", "mlcp"])
+def test_nothing_solves_what_has_no_solution(node: str, rng: np.random.Generator) -> None:
+    """Thousands of answers, each unknown of any size up to 1e12 and of any sign, and 1 or 0 among them."""
+    for case in infeasible(node):
+        sizes = case.problem.point_sizes
+        for _ in range(2000):
+            parts = {}
+            for name, size in sizes.items():
+                x = rng.choice([-1.0, 0.0, 1.0], size) * 10.0 ** rng.integers(-12, 13, size)
+                parts[name] = np.full(size, x[0]) if size and rng.random() < 0.3 else x
+            error = case.problem.residuals(case.problem.point_type(**parts)).error
+            assert error > 1e-3, (case.name, parts)
+
+
+def test_a_large_a_and_a_weak_coupling_hide_no_v() -> None:
+    """a = 1e8 and C = 1e-8: v of size 1 has nothing to do with a/C = 1e16; v = 2 where 1 is right is 100 % wrong."""
+    problem = MLCP(A=1e8 * E(1), B=E(1), C=1e-8 * E(1), D=np.zeros((1, 1)), a=[1e8], b=[-1.0])
+    right = MLCPPoint(u=[-1.0 - 1e-16], v=[1.0])
+    wrong = MLCPPoint(u=[-1.0 - 2e-16], v=[2.0])
+    assert judge(problem, right, 1e-9).solved
+    assert judge(problem, wrong, 1e-3).judged["unit_free"] == pytest.approx(0.5)
+
+
+def test_speed_hides_a_reaction_and_the_reader_is_told() -> None:
+    """Sliding at 1e8 with 2r: accepted by the natural map and the energy norm; `reaction_error` tells."""
+    problem = FrictionContact(W=E(3), q=[-1.0, 1e8, 0.0], mu=[0.5])
+    parts = problem.residuals(FCPoint(r=[2.0, -1.0, 0.0])).parts
+    assert parts["reaction_error"] > 0.3
+    assert problem.residuals(FCPoint(r=[1.0, -0.5, 0.0])).parts["reaction_error"] < 1e-7
+
+
+def test_joints_given_twice_have_the_scale_of_joints_given_once() -> None:
+    """K is singular then; the free motion, which scales the contact errors, is the same."""
+    made = corners_contact.MAKERS["gfc"]()
+    twice, _ = made["joints-twice"]
+    once = dataclasses.replace(twice, G=twice.G[:, :2], b=twice.b[:2])
+    assert twice.saddle.singular
+    assert not once.saddle.singular
+    assert np.allclose(twice.free_velocity, once.free_velocity, rtol=1e-8, atol=1e-9)
+    repeated = next(c.problem for c in cases("fcm") if c.name == "constraint-twice")
+    single = dataclasses.replace(repeated, V=repeated.V[:, :3], R=repeated.R[:3, :3], s=repeated.s[:3])
+    assert repeated.factorization.singular
+    assert np.allclose(repeated.free_velocity, single.free_velocity, rtol=1e-8, atol=1e-9)
+
+
+def test_a_cone_with_all_factors_fixed_has_no_scale() -> None:
+    """{0} alone: x = 0 is the answer whatever q is."""
+    problem = SOCLCP(M=E(2), q=[3.0, -4.0], **cone_fields(ProductCone.of((Cone.ZERO, 1, 2))))
+    assert problem.residuals(SOCLCPPoint(x=[0.0, 0.0])).error == 0.0
+    assert problem.residuals(SOCLCPPoint(x=[1.0, 0.0])).error == pytest.approx(0.2)
