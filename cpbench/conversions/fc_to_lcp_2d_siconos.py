@@ -12,15 +12,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench import matrices
-from cpbench.conversions import facets
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Matrix
+from cpbench.matrices import Dense, Matrix, Sparse, Vector
+
+_SELECT = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+_SHEAR = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+_OWN = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+_FRICTION = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 
 
 @conversions.register("fc-lcp-2d-siconos")
@@ -42,15 +47,14 @@ class FCtoLCP2DSiconos(Conversion):
 
     def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)
-        nc, mu, W, q = problem.nc, problem.mu, problem.W, problem.q
-        select = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-        shear = np.array([[0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-        rows = facets.repeat(select, nc)
-        columns = matrices.sparse(rows + facets.repeat(shear, nc, mu))  # r = columns @ z
-        corner = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        friction = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-        own = facets.repeat(corner, nc) + facets.repeat(friction, nc, mu)
-        M: Matrix = facets.plus(facets.congruence(rows, W, columns), matrices.sparse(own))
+        W, q, mu = problem.W, problem.q, problem.mu
+        rows = _blockdiag(_SELECT, np.ones(mu.size))
+        columns = sp.csr_array(rows + _blockdiag(_SHEAR, -mu))  # r = columns @ z
+        own = sp.csr_array(_blockdiag(_OWN, np.ones(mu.size)) + _blockdiag(_FRICTION, 2.0 * mu))
+        if matrices.is_sparse(W):
+            M: Matrix = sp.csr_array(rows.T @ W @ columns + own)
+        else:
+            M = rows.T @ (columns.T @ matrices.dense(W).T).T + matrices.dense(own)
         return LCP(M=M, q=rows.T @ q), {"W": W, "q": q, "mu": mu}
 
     def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
@@ -62,3 +66,8 @@ class FCtoLCP2DSiconos(Conversion):
         r = point.r.reshape(-1, 2)
         z = np.column_stack([r[:, 0], r[:, 1] + trace["mu"] * r[:, 0], np.maximum(-u[:, 1], 0.0)])
         return LCPPoint(z=z.ravel())
+
+
+def _blockdiag(block: Dense, weights: Vector) -> Sparse:
+    """blockdiag(weights_c · block)."""
+    return sp.csr_array(sp.kron(sp.diags_array(weights), block))
