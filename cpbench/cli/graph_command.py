@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 import click
 
@@ -24,7 +25,7 @@ from cpbench.report.graph_drawing import FORMATS, draw
     show_default=True,
     help="With --check: the largest error on a source.",
 )
-@kinds_option
+@partial(kinds_option, default="all")
 def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]) -> None:
     """Draw the formulations, the conversions between them and the solvers on each.
 

@@ -17,13 +17,13 @@ def _kinds(_: click.Context, __: click.Parameter, value: str) -> frozenset[Kind]
     return EXACT if value == "exact" else ALL
 
 
-def kinds_option(f: Callable[..., Any]) -> Callable[..., Any]:
+def kinds_option(f: Callable[..., Any], default: str = "exact") -> Callable[..., Any]:
     """`--routes exact|all` as a set of kinds, in the argument `kinds`."""
     return click.option(
         "--routes",
         "kinds",
         type=click.Choice(["exact", "all"]),
-        default="exact",
+        default=default,
         show_default=True,
         callback=_kinds,
         help="all: approximate, relaxed and merely necessary conversions too.",
