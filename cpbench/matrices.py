@@ -8,6 +8,7 @@ and traces without copies.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol, TypeAlias, cast
@@ -65,7 +66,7 @@ def matrix(value: Any, label: str = "matrix") -> Matrix:
     """A read-only float64 copy of `value`: 2-D array, or canonical CSR when `value` is sparse."""
     if sp.issparse(value):
         if _adopted(value):
-            return value
+            return cast(Sparse, value)
         csr = sp.csr_array(value, dtype=np.float64, copy=True)
         csr.sum_duplicates()
         csr.data = _native(csr.data)
@@ -90,6 +91,12 @@ def adopt(csr: Sparse) -> Sparse:
     freeze_sparse(csr)
     setattr(csr, _MARK, (csr.data, csr.indices, csr.indptr))
     return csr
+
+
+def settle(csr: Sparse) -> Sparse:
+    """`adopt` for a CSR whose arrays are the caller's alone, where it keeps that promise; else as it is."""
+    plain = csr.dtype == np.float64 and csr.data.dtype.isnative
+    return adopt(csr) if plain and csr.has_canonical_format and _all_finite(csr.data) else csr
 
 
 def _adopted(value: Any) -> bool:
@@ -118,9 +125,15 @@ def freeze_sparse(csr: Sparse) -> Sparse:
     return csr
 
 
+def _all_finite(array: NDArray[Any]) -> bool:
+    with np.errstate(over="ignore", invalid="ignore"):
+        # a sum is finite only if its terms are, and takes no memory; one that overflows has to be looked at
+        return bool(np.isfinite(array.sum()) or np.isfinite(array).all())
+
+
 def _require_finite(array: NDArray[Any], label: str) -> None:
-    bad = ~np.isfinite(array)
-    if bad.any():
+    if not _all_finite(array):
+        bad = ~np.isfinite(array)
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         place = where[0] if len(where) == 1 else where
         raise ProblemError(label, f"has {int(bad.sum())} non-finite entries, the first at {place}")
@@ -252,8 +265,13 @@ def least_eigenvalue(M: Matrix) -> float:
 
 
 def rank(M: Matrix) -> int:
-    """Numerical rank by singular values (dense; for messages about small blocks)."""
-    return int(np.linalg.matrix_rank(dense(M))) if min(M.shape) else 0
+    """Numerical rank by singular values of the equilibrated matrix (dense; for messages about small blocks)."""
+    if not min(M.shape):
+        return 0
+    D = dense(M)
+    for axis in (1, 0):
+        D = D * _power_of_two(np.abs(D).max(axis=axis, keepdims=True))
+    return int(np.linalg.matrix_rank(D))
 
 
 def sparse_lu(A: Any) -> Any | None:
@@ -337,11 +355,60 @@ class Factorization:
         return int(self.A.shape[0])
 
     @cached_property
-    def _made(self) -> tuple[_Solver | None, tuple[Vector, Vector] | None]:
-        """What solves, None where A is exactly singular; row and column scales, None where A needs none."""
-        if not sp.issparse(self.A) or self.n <= DENSE_LIMIT:
-            return _dense_solver(dense(self.A))
-        return _sparse_solver(sparse(self.A))
+    def blocks(self) -> list[Blocks]:
+        """The components with at most SMALL_COMPONENT unknowns, as dense blocks of A."""
+        A = sparse(self.A)
+        if not A.data.all():  # a stored zero connects nothing
+            A = sp.csr_array(A, copy=True)
+            A.eliminate_zeros()
+        return diagonal_blocks(A, SMALL_COMPONENT)
+
+    @property
+    def block_diagonal(self) -> bool:
+        """Whether `blocks` are all of A."""
+        return sum(b.unknowns.size for b in self.blocks) == self.n
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """`is_symmetric` of A."""
+        if not (sp.issparse(self.A) and self.n > DENSE_LIMIT and self.block_diagonal):
+            return is_symmetric(self.A)
+        apart = max(max_abs(b.values - b.values.swapaxes(1, 2)) for b in self.blocks)
+        return apart <= SYMMETRY_TOLERANCE * max_abs(self.A)
+
+    @cached_property
+    def block_inverses(self) -> list[Blocks]:
+        """The inverses of `blocks`; raises numpy.linalg.LinAlgError when one is exactly singular."""
+        return self._inverted.inverses
+
+    @cached_property
+    def _inverted(self) -> _BlockInverses:
+        return _BlockInverses(sparse(self.A), self.blocks, self.scales)
+
+    @cached_property
+    def scales(self) -> tuple[Vector, Vector] | None:
+        """Powers of 2 for rows and columns, None where A needs none; raises LinAlgError for a zero row or column."""
+        return _sparse_scales(self.A) if sp.issparse(self.A) else _dense_scales(self.A)
+
+    @cached_property
+    def _solver(self) -> _Solver | None:
+        """What solves; None where A is exactly singular."""
+        try:
+            if not sp.issparse(self.A):
+                return _DenseLU(self.A, self.scales)
+            if self.n <= DENSE_LIMIT:
+                small = dense(self.A)
+                return _DenseLU(small, _dense_scales(small))
+            if self.block_diagonal and self._inverted.rcond() > INVERTED_RCOND:
+                return self._inverted
+            return _SparseLU(sparse(self.A), self.scales)
+        except np.linalg.LinAlgError:
+            return None
+
+    @property
+    def entries(self) -> int:
+        """Entries of the two factors, of the inverses of small blocks, or of A where it is exactly singular."""
+        return nnz(self.A) if self._solver is None else self._solver.entries
 
     @cached_property
     def rcond(self) -> float:
@@ -351,8 +418,7 @@ class Factorization:
         """
         if self.n == 0:
             return 1.0
-        solver, _ = self._made
-        return 0.0 if solver is None else solver.rcond()
+        return 0.0 if self._solver is None else self._solver.rcond()
 
     @property
     def singular(self) -> bool:
@@ -364,55 +430,64 @@ class Factorization:
         Raises ProblemError where A is exactly singular.
         """
         right: NDArray[np.float64] = dense(B) if sp.issparse(B) else np.asarray(B, dtype=np.float64)
-        if self.n == 0:
-            return right
-        solver, scales = self._made
-        if solver is None:
+        if right.size == 0:
+            return np.zeros(right.shape)
+        if self._solver is None:
             raise ProblemError("factorization", f"the {self.n}x{self.n} matrix is exactly singular, nothing solves it")
-        if scales is None:
-            return solver.solve(right, transpose)
-        before, after = scales[::-1] if transpose else scales
-        column = (slice(None), *(None,) * (right.ndim - 1))
-        result = solver.solve(right * before[column], transpose)
-        result *= after[column]
-        return result
+        return self._solver.solve(right, transpose)
+
+
+_Scales: TypeAlias = "tuple[Vector, Vector] | None"
 
 
 class _Solver(Protocol):
+    @property
+    def entries(self) -> int: ...
     def rcond(self) -> float: ...
     def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]: ...
 
 
 class _DenseLU:
-    """LAPACK's LU of Aᵀ where A lies by rows, as all our arrays do: the Fortran order comes without a copy."""
+    """LAPACK's LU of Aᵀ where A lies by rows, as all our arrays do: Fortran's order then comes without a copy."""
 
-    def __init__(self, A: Dense, *, overwrite: bool) -> None:
+    def __init__(self, A: Dense, scales: _Scales) -> None:
+        if scales is not None:
+            A = A * scales[0][:, None] * scales[1]
+        self.scales = scales
         self.flipped = not A.flags.f_contiguous
         T = A.T if self.flipped else A
-        norm = "I" if self.flipped else "1"  # the 1-norm of A
-        size = float(lapack.dlange(norm, T))
-        self.lu, self.pivots, self.info = lapack.dgetrf(T, overwrite_a=overwrite)
-        self._norms = norm, size
+        self.norm = "I" if self.flipped else "1"  # the 1-norm of A
+        self.size = float(lapack.dlange(self.norm, T))
+        self.entries = A.size
+        self.lu, self.pivots, self.info = lapack.dgetrf(T, overwrite_a=scales is not None)
 
     def rcond(self) -> float:
         if self.info != 0:  # an exactly zero pivot
             return 0.0
-        norm, size = self._norms
-        value, info = lapack.dgecon(self.lu, size, norm=norm)
+        value, info = lapack.dgecon(self.lu, self.size, norm=self.norm)
         return float(value) if info == 0 else 0.0
 
     def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:
-        if B.size == 0:
-            return np.zeros(B.shape)
-        return lapack.dgetrs(self.lu, self.pivots, B, trans=int(transpose != self.flipped))[0]
+        def core(right: NDArray[np.float64]) -> NDArray[np.float64]:
+            return lapack.dgetrs(self.lu, self.pivots, right, trans=int(transpose != self.flipped))[0]
+
+        return _between(core, B, self.scales, transpose)
 
 
 class _SparseLU:
-    """SuperLU."""
+    """SuperLU; raises LinAlgError for an exactly singular matrix."""
 
-    def __init__(self, A: Sparse, lu: Any) -> None:
-        self.lu = lu
-        self.norm = float(abs(A).sum(axis=0).max())
+    def __init__(self, A: Sparse, scales: _Scales) -> None:
+        if scales is not None:
+            A = sp.csr_array(A, copy=True)
+            A.data *= np.repeat(scales[0], np.diff(A.indptr)) * scales[1][A.indices]
+        self.scales = scales
+        lu = sparse_lu(A)
+        if lu is None:
+            raise np.linalg.LinAlgError
+        self.lu: Any = lu
+        self.entries = int(lu.nnz)
+        self.size = float(abs(A).sum(axis=0).max())
 
     def rcond(self) -> float:
         inverse = spla.LinearOperator(
@@ -423,21 +498,35 @@ class _SparseLU:
             rmatmat=lambda X: self.lu.solve(np.ascontiguousarray(X), "T"),
             dtype=np.float64,
         )
-        inverse_norm = float(spla.onenormest(inverse))
-        return 1.0 / (self.norm * inverse_norm) if np.isfinite(inverse_norm) and inverse_norm > 0 else 0.0
+        inverse_size = float(spla.onenormest(inverse))
+        return 1.0 / (self.size * inverse_size) if np.isfinite(inverse_size) and inverse_size > 0 else 0.0
 
     def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:
-        return self.lu.solve(np.ascontiguousarray(B), "T" if transpose else "N")
+        def core(right: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self.lu.solve(np.ascontiguousarray(right), "T" if transpose else "N")
+
+        return _between(core, B, self.scales, transpose)
 
 
 class _BlockInverses:
     """Inverses of the diagonal blocks; a step of refinement makes up for what an inverse loses against an LU."""
 
-    def __init__(self, A: Sparse, blocks: list[Blocks]) -> None:
+    def __init__(self, A: Sparse, blocks: list[Blocks], scales: _Scales) -> None:
         self.A = A
-        self.inverses = [Blocks(b.unknowns, np.linalg.inv(b.values)) for b in blocks]
-        norm = max(float(np.abs(b.values).sum(axis=1).max()) for b in blocks)
-        self._rcond = 1.0 / (norm * max(float(np.abs(b.values).sum(axis=1).max()) for b in self.inverses))
+        self.entries = sum(b.values.size for b in blocks)
+        self.inverses: list[Blocks] = []
+        size = inverse_size = 0.0
+        for block in blocks:
+            if scales is None:
+                row = column = np.ones((1, 1))
+            else:
+                row, column = scales[0][block.unknowns], scales[1][block.unknowns]
+            scaled = block.values * row[:, :, None] * column[:, None, :]
+            inverse = np.linalg.inv(scaled)
+            size = max(size, float(np.abs(scaled).sum(axis=1).max()))
+            inverse_size = max(inverse_size, float(np.abs(inverse).sum(axis=1).max()))
+            self.inverses.append(Blocks(block.unknowns, inverse * column[:, :, None] * row[:, None, :]))
+        self._rcond = 1.0 / (size * inverse_size) if size * inverse_size > 0 else 0.0
 
     def rcond(self) -> float:
         return self._rcond
@@ -456,49 +545,73 @@ class _BlockInverses:
         return X.reshape(B.shape)
 
 
-_Made: TypeAlias = "tuple[_Solver | None, tuple[Vector, Vector] | None]"
+def _between(
+    core: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    B: NDArray[np.float64],
+    scales: _Scales,
+    transpose: bool,
+) -> NDArray[np.float64]:
+    """A⁻¹B from (RAC)⁻¹: scaled before and after, R and C changing places for A⁻ᵀ."""
+    if scales is None:
+        return core(B)
+    before, after = scales[::-1] if transpose else scales
+    column = (slice(None), *(None,) * (B.ndim - 1))
+    result = core(B * before[column])
+    result *= after[column]
+    return result
 
 
-def _dense_solver(A: Dense) -> _Made:
-    # the transpose is Fortran's: its columns are our rows
-    flipped = not A.flags.f_contiguous
-    first, second, first_ratio, second_ratio, _, info = lapack.dgeequb(A.T if flipped else A)
+def _dense_scales(A: Dense) -> _Scales:
+    # by rows or by columns, LAPACK takes the array without a copy
+    *_, first_ratio, second_ratio, _, info = lapack.dgeequb(A if A.flags.f_contiguous else A.T)
     if info != 0:  # a zero row or column
-        return None, None
+        raise np.linalg.LinAlgError
     if min(first_ratio, second_ratio) >= POORLY_SCALED:
-        return _DenseLU(A, overwrite=False), None
-    rows, columns = (second, first) if flipped else (first, second)
-    return _DenseLU(A * rows[:, None] * columns, overwrite=True), (rows, columns)
+        return None
+    row, column = np.nonzero(A)
+    return _balanced(A.shape[0], row, column, np.abs(A[row, column]))
 
 
-def _sparse_solver(A: Sparse) -> _Made:
-    row = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
-    size = np.abs(A.data)
-    tops = np.zeros(A.shape[0])
-    np.maximum.at(tops, row, size)
+def _sparse_scales(A: Sparse) -> _Scales:
+    row, size = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr)), np.abs(A.data)
+    rows, row_ratio = _scales_of(row, size, A.shape[0])
+    _, column_ratio = _scales_of(A.indices, size * rows[row], A.shape[0])
+    if min(row_ratio, column_ratio) >= POORLY_SCALED:
+        return None
+    return _balanced(A.shape[0], row, A.indices, size)
+
+
+def _balanced(n: int, row: NDArray[Any], column: NDArray[Any], size: Vector) -> tuple[Vector, Vector]:
+    """Powers of 2 for the rows and columns of an n x n matrix with the entries ±size at (row, column)."""
+    diagonal = np.zeros(n)
+    np.maximum.at(diagonal, row[row == column], size[row == column])
+    if diagonal.all():
+        # units of unknowns: near the best there is for a positive definite matrix (van der Sluis 1969)
+        scales = np.ldexp(1.0, -np.frexp(diagonal)[1] // 2)
+        if (size * scales[row] * scales[column]).max() <= 2.0:
+            return scales, scales
+    found: list[tuple[float, tuple[Vector, Vector]]] = []
+    for first, second in ((row, column), (column, row)):
+        one, _ = _scales_of(first, size, n)
+        other, ratio = _scales_of(second, size * one[first], n)
+        found.append((ratio, (one, other) if first is row else (other, one)))
+    return max(found, key=lambda item: item[0])[
+        1
+    ]  # what had only rows, or only columns, to scale leaves a ratio near 1
+
+
+def _scales_of(line: NDArray[Any], size: Vector, n: int) -> tuple[Vector, float]:
+    """Scales of the n lines (rows or columns) the entries are in, and the ratio of least to greatest line maximum.
+
+    Raises LinAlgError for a zero line.
+    """
+    tops = np.zeros(n)
+    np.maximum.at(tops, line, size)
     if not tops.all():
-        return None, None
-    rows = _power_of_two(tops)
-    column_tops = np.zeros(A.shape[0])
-    np.maximum.at(column_tops, A.indices, size * rows[row])
-    if not column_tops.all():
-        return None, None
-    scales = None
-    if min(tops.min() / tops.max(), column_tops.min() / column_tops.max()) < POORLY_SCALED:
-        scales = rows, _power_of_two(column_tops)
-        A = sp.csr_array((A.data * rows[row] * scales[1][A.indices], A.indices, A.indptr), shape=A.shape)
-    blocks = diagonal_blocks(A, SMALL_COMPONENT)
-    if sum(b.unknowns.size for b in blocks) == A.shape[0]:
-        try:
-            inverses = _BlockInverses(A, blocks)
-        except np.linalg.LinAlgError:  # an exactly zero pivot
-            return None, None
-        if inverses.rcond() > INVERTED_RCOND:
-            return inverses, scales
-    lu = sparse_lu(A)
-    return (None if lu is None else _SparseLU(A, lu)), scales
+        raise np.linalg.LinAlgError
+    return _power_of_two(tops), float(tops.min() / tops.max())
 
 
 def _power_of_two(top: Vector) -> Vector:
-    """The powers of 2 that bring the positive numbers `top` into [1/2, 1)."""
+    """The powers of 2 that bring the positive numbers `top` into [1/2, 1), and 1 for 0."""
     return np.ldexp(1.0, -np.frexp(top)[1])

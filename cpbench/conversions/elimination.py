@@ -1,29 +1,30 @@
 """Products with an inverse, D A⁻¹ C, for the edges that eliminate unknowns (Schur complement, Delassus operator).
 
 Sparse stays sparse. A matrix falls apart into the connected components of its graph (bodies of a mechanical
-system, nodes of a circuit), and so does the product. Small components are inverted all at once, as dense blocks:
-their inverse is as sparse as they are. A large one is factored, and the columns of C that touch it are solved
-for in bundles, so that no more than a few hundred dense columns exist at a time.
+system, nodes of a circuit), and so does the product. Small components are dense blocks (`delassus`). Large ones are
+factored, and the columns of C that touch them are solved for one by one as sparse vectors where that is cheaper
+(`sparse_schur`), else in bundles, so that no more than a few hundred dense columns exist at a time.
 """
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
+from scipy.linalg import blas
 
 from cpbench import matrices
+from cpbench.conversions import delassus, sparse_schur
 from cpbench.matrices import Dense, Factorization, Matrix, Sparse
 
-SMALL_COMPONENT = 32
-"""Components up to this size are inverted; a body has 3 or 6 unknowns."""
 BUNDLE = 256
 """Right-hand sides of one sparse solve."""
 FULL = 0.5
 """Share of nonzero entries above which an eliminated matrix is kept dense: CSR would then need as much memory."""
+FEW = 300
+"""Rows and columns of a product that is computed by dense matrices where A is factored as one."""
 RANK_LIMIT = 500
 """Largest matrix whose rank is told in a refusal (it takes a singular value decomposition)."""
 
@@ -34,18 +35,45 @@ def product(left: Matrix, factor: Factorization, right: Matrix) -> Matrix:
     Dense when one of the three is (A⁻¹ is never formed); otherwise CSR, or dense when it fills up.
     """
     if not all(matrices.is_sparse(part) for part in (left, factor.A, right)):
-        return matrices.dense(left @ factor.solve(right))
-    rows, cols = left.shape[0], right.shape[1]
-    result = sp.csr_array((rows, cols), dtype=np.float64)
-    if factor.n and rows and cols:
-        A = sp.csr_array(factor.A, copy=True)
-        A.eliminate_zeros()
-        for unknowns in _large(A):
-            result = result + _by_factor(matrices.sparse(left), A, factor, matrices.sparse(right), unknowns)
-        inverse = _small_inverse(A)
-        if inverse.nnz:
-            result = result + left @ (inverse @ right)
-    return compact(result)
+        return _dense_product(matrices.dense(left), factor, matrices.dense(right))
+    return compact(_sparse_product(_canonical(left), factor, _canonical(right)))
+
+
+def congruence(H: Matrix, factor: Factorization) -> Matrix:
+    """HᵀA⁻¹H for a nonsingular A; shapes (n, k), (n, n). Symmetric to the last bit when A is symmetric.
+
+    Half the work of `product` where A is positive definite too.
+    """
+    if not factor.symmetric:
+        return product(matrices.transpose(H), factor, H)
+    if not (matrices.is_sparse(H) and matrices.is_sparse(factor.A)):
+        return _dense_congruence(matrices.dense(H), factor)
+    if factor.n > matrices.DENSE_LIMIT and factor.block_diagonal:
+        W = delassus.congruence(_canonical(H), factor)
+        if W is not None:
+            return compact(W)
+    W = _sparse_product(_canonical(matrices.transpose(H)), factor, _canonical(H))
+    return compact(_mean_with_transpose(W))
+
+
+def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
+    """The Schur complement B − D A⁻¹ C for a nonsingular A; shapes (m, k), (m, n), (n, n), (n, k)."""
+    if factor.n == 0 or 0 in B.shape:
+        return compact(B)
+    if not any(matrices.is_sparse(part) for part in (B, D, factor.A, C)):
+        left, right = _sides(D, factor, C)
+        # by rows for us is by columns for BLAS: Bᵀ − rightᵀ leftᵀ, B copied once and nothing transposed in memory
+        return blas.dgemm(-1.0, right.T, left.T, beta=1.0, c=B.T).T
+    less = product(D, factor, C)
+    if matrices.is_sparse(less):
+        return compact(B - less)
+    np.negative(less, out=less)
+    if matrices.is_sparse(B):
+        entries = matrices.sparse(B).tocoo()
+        less[entries.row, entries.col] += entries.data
+    else:
+        less += B
+    return less
 
 
 def compact(M: Matrix) -> Matrix:
@@ -65,68 +93,89 @@ def singularity(factor: Factorization, what: str, instead: str) -> str | None:
     return f"{what} ({n}x{n}{rank}) is numerically singular, condition number {condition}; {instead}"
 
 
-def _components(A: Sparse) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Label of every unknown and size of every component."""
-    _, labels = cast("tuple[int, NDArray[Any]]", connected_components(A, directed=False))
-    return labels, np.bincount(labels)
+def _sides(left: Dense, factor: Factorization, right: Dense) -> tuple[Dense, Dense]:
+    """Two factors of left A⁻¹ right: A is solved with from the side that has fewer vectors."""
+    if left.shape[0] < right.shape[1]:
+        return factor.solve(left.T, transpose=True).T, right
+    return left, factor.solve(right)
 
 
-def _large(A: Sparse) -> list[NDArray[Any]]:
-    labels, sizes = _components(A)
-    return [np.flatnonzero(labels == k) for k in np.flatnonzero(sizes > SMALL_COMPONENT)]
+def _dense_product(left: Dense, factor: Factorization, right: Dense) -> Dense:
+    if left.size == 0 or right.size == 0:
+        return np.zeros((left.shape[0], right.shape[1]))
+    first, second = _sides(left, factor, right)
+    return first @ second
 
 
-def _by_factor(left: Sparse, A: Sparse, factor: Factorization, right: Sparse, unknowns: NDArray[Any]) -> Sparse:
-    """The part of left A⁻¹ right that goes through one large component."""
-    whole = unknowns.size == factor.n
-    part = factor if whole else Factorization(sp.csr_array(A[unknowns][:, unknowns]))
-    into = (right if whole else right[unknowns]).tocsc()
-    out = left if whole else left[:, unknowns]
-    columns = np.flatnonzero(np.diff(into.indptr))
-    touched = np.flatnonzero(np.diff(out.indptr))
-    out = out[touched]
-    pieces: list[Dense] = []
-    for start in range(0, columns.size, BUNDLE):
-        bundle = into[:, columns[start : start + BUNDLE]].toarray()
-        pieces.append(out @ part.solve(bundle))
-    if not pieces or not touched.size:
-        return sp.csr_array((left.shape[0], right.shape[1]), dtype=np.float64)
-    values = sp.coo_array(np.hstack(pieces))
-    place = (touched[values.row], columns[values.col])
-    return sp.csr_array((values.data, place), shape=(left.shape[0], right.shape[1]))
+def _dense_congruence(H: Dense, factor: Factorization) -> Dense:
+    """GᵀG with G = L⁻¹H where A = LLᵀ (NumPy computes one half of it); else the mean of the product and its mirror."""
+    if H.size == 0:
+        return np.zeros((H.shape[1], H.shape[1]))
+    try:
+        lower = np.linalg.cholesky(matrices.dense(factor.A))
+    except np.linalg.LinAlgError:
+        return _mean_with_transpose(_dense_product(H.T, factor, H))
+    G = blas.dtrsm(1.0, lower.T, H, trans_a=1)  # L lies by rows, so that BLAS sees the upper Lᵀ
+    return G.T @ G
 
 
-def _small_inverse(A: Sparse) -> Sparse:
-    """A⁻¹ on the unknowns of the small components, zero elsewhere."""
-    labels, sizes = _components(A)
-    order = np.argsort(labels, kind="stable")
-    first = np.concatenate([[0], np.cumsum(sizes)])
-    position = np.empty(labels.size, dtype=np.int64)  # of an unknown within its component
-    position[order] = np.arange(labels.size) - first[labels[order]]
-    coo = A.tocoo()
-    size_of_entry = sizes[labels[coo.row]]
-    triplets: list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]] = []
-    for size in np.unique(sizes[sizes <= SMALL_COMPONENT]):
-        members = np.flatnonzero(sizes == size)
-        number = np.full(sizes.size, -1)
-        number[members] = np.arange(members.size)
-        here = size_of_entry == size
-        row, col = coo.row[here], coo.col[here]
-        blocks = np.zeros((members.size, size, size))
-        blocks[number[labels[row]], position[row], position[col]] = coo.data[here]
-        unknowns = order[first[members][:, None] + np.arange(size)]
-        inverse = np.linalg.inv(blocks)
-        shape = inverse.shape
-        triplets.append(
-            (
-                inverse.ravel(),
-                np.broadcast_to(unknowns[:, :, None], shape).ravel(),
-                np.broadcast_to(unknowns[:, None, :], shape).ravel(),
-            )
-        )
-    if not triplets:
-        return sp.csr_array(A.shape, dtype=np.float64)
-    data, row, col = (np.concatenate(part) for part in zip(*triplets, strict=True))
-    result = sp.csr_array((data, (row, col)), shape=A.shape)
-    result.eliminate_zeros()
-    return result
+def _sparse_product(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
+    shape = (left.shape[0], right.shape[1])
+    if not (factor.n and left.nnz and right.nnz):
+        return sp.csr_array(shape, dtype=np.float64)
+    if factor.n <= matrices.DENSE_LIMIT and max(shape) <= FEW:
+        return sp.csr_array(_dense_product(left.toarray(), factor, right.toarray()))
+    if factor.block_diagonal:
+        return delassus.product(left, factor, right)
+    small = _small(factor)
+    if not small.any():
+        return _over_large(left, factor, right)
+    large = np.flatnonzero(~small)
+    part = Factorization(matrices.sparse(matrices.sparse(factor.A)[large][:, large]))
+    result = _over_large(matrices.sparse(left[:, large]), part, matrices.sparse(right[large]))
+    return result + delassus.product(left, factor, right)
+
+
+def _canonical(M: Matrix) -> Sparse:
+    """Sorted and without duplicates, as the kernels need it."""
+    csr = matrices.sparse(M)
+    if not csr.has_canonical_format:
+        csr = sp.csr_array(csr, copy=True)
+        csr.sum_duplicates()
+    return csr
+
+
+def _small(factor: Factorization) -> NDArray[np.bool_]:
+    """Which unknowns are in small components."""
+    small = np.zeros(factor.n, dtype=bool)
+    for block in factor.blocks:
+        small[block.unknowns] = True
+    return small
+
+
+def _over_large(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
+    """The product by one factor of A, on the rows of `left` and columns of `right` that hold an entry."""
+    shape = (left.shape[0], right.shape[1])
+    rows, columns = np.flatnonzero(np.diff(left.indptr)), np.unique(right.indices)
+    if (rows.size, columns.size) != shape:
+        left, right = matrices.sparse(left[rows]), matrices.sparse(right[:, columns])
+    result = sparse_schur.product(left, factor, right)
+    if result is None:
+        result = _by_bundles(left, factor, right)
+    if (rows.size, columns.size) == shape and matrices.nnz(result) > FULL * shape[0] * shape[1]:
+        return result
+    entries = sp.coo_array(result)
+    return sp.csr_array((entries.data, (rows[entries.row], columns[entries.col])), shape=shape)
+
+
+def _by_bundles(left: Sparse, factor: Factorization, right: Sparse) -> Sparse:
+    """Some hundred columns of `right` at a time, as dense vectors."""
+    into = right.tocsc()
+    bundles = (into[:, start : start + BUNDLE].toarray() for start in range(0, right.shape[1], BUNDLE))
+    pieces = [sp.csr_array(left @ factor.solve(bundle)) for bundle in bundles]
+    return sp.csr_array(sp.hstack(pieces, format="csr"))
+
+
+def _mean_with_transpose(W: Any) -> Any:
+    # (x + y)/2 = (y + x)/2 in floating point too: symmetric to the last bit
+    return (W + W.T) * 0.5

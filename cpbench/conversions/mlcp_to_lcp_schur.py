@@ -36,7 +36,7 @@ class MLCPtoLCPSchur(Conversion):
     def apply(self, problem: MLCP) -> tuple[LCP, Trace]:
         self.require(problem)
         factor = problem.factorization
-        M = elimination.compact(problem.B - elimination.product(problem.D, factor, problem.C))
+        M = elimination.schur(problem.B, problem.D, factor, problem.C)
         q = problem.b - problem.D @ factor.solve(problem.a)
         return LCP(M=M, q=q), {"factor": factor, "C": problem.C, "a": problem.a}
 
