@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
+from cpbench.formulations.conic import ConicProblem
 from cpbench.testing import (
     cases_conic,
     cases_contact,
@@ -102,8 +103,13 @@ _SYMBOLS: dict[str, dict[str, tuple[str, ...]]] = {
     "afc": {"m": ("r",), "nc": ()},
     "relay": {"n": ("z",)},
     "avi": {"n": ("z",), "m": ("lam",), "k": ("mu",)},
+    "soclcp": {"n": ("x",), "k": ()},
+    "coneqp": {"n": ("x",), "m": ("y",), "k": ()},
 }
 """Dimensions of a node whose order has no meaning, with the parts of a point that they count."""
+
+
+_NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 def renumbered(case: Case, seed: int) -> Case | None:
@@ -116,6 +122,11 @@ def renumbered(case: Case, seed: int) -> Case | None:
     if "nc" in order:  # the rows of a contact stay together, normal first
         d = case.problem.dimension
         order["m"] = (d * order["nc"][:, None] + np.arange(d)).ravel()
+    if isinstance(case.problem, ConicProblem):  # so do those of a factor
+        rows = np.split(np.arange(case.problem.K.rows), np.cumsum(case.problem.cone_size.astype(int))[:-1])
+        order["n" if case.problem.node == "soclcp" else "m"] = np.concatenate(
+            [_NO_ROWS, *(rows[i] for i in order["k"])]
+        )
     data: dict[str, Any] = {}
     for field in dataclasses.fields(case.problem):
         if "shape" in field.metadata:
