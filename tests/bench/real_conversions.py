@@ -1,4 +1,4 @@
-"""Every problem file of a folder along every exact route: where it goes, what refuses it, and whether answers come back.
+"""Every problem file of a folder along every exact route: where it goes, what refuses it, and what comes back.
 
     python tests/bench/real_conversions.py FOLDER [--seconds 10] [--routes 4] [--explain]
 

@@ -1,0 +1,72 @@
+"""AVI → QP, M symmetric: the objective whose gradient is Mz + q.
+
+Source  −(Mz + q) ∈ N_X(z),  X = {Az ≥ b, Cz = d, lb ≤ z ≤ ub}.
+Target  min ½zᵀMz + qᵀz over X.
+Lift    z, λ, μ.        Push  z, λ, μ;  ν = Mz + q − Aᵀλ − Cᵀμ.
+Kind    equivalent when M is positive semidefinite, otherwise necessary: every minimum is a solution, and a stationary
+        point too, but the QP may have no minimum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cpbench import matrices
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.convexity import indefinite
+from cpbench.formulations.avi import AVI, AVIPoint
+from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.formulations.qp import QP, QPPoint
+
+
+@conversions.register("avi-qp")
+@dataclass(frozen=True)
+class AVItoQP(Conversion):
+    """A symmetric variational inequality as the conditions of a minimum. Trace: `M`, `q`, `A`, `C`, for `push`."""
+
+    name = "avi-qp"
+    source = "avi"
+    target = "qp"
+    equation = "(22) → (1)"
+    kind = Kind.NECESSARY
+    best_kind = Kind.EQUIVALENT
+    cost = 1.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, AVI)
+        return self.best_kind if problem.monotone else self.kind
+
+    def reservation(self, problem: AVI) -> str:
+        return indefinite(problem.M, "M")
+
+    def obstacle(self, problem: AVI) -> str | None:
+        if problem.symmetric:
+            return None
+        asymmetry = matrices.asymmetry(problem.M)
+        return f"M is not symmetric, max|M-Mᵀ|/max|M| = {asymmetry:.1e}: it is no gradient; use avi-mlcp"
+
+    def tolerance(self, tolerance: float) -> float:
+        """Three digits more, as lcp-qp: a duality gap δ may leave a natural residual between δ and √δ."""
+        return 1e-3 * tolerance
+
+    def apply(self, problem: AVI) -> tuple[QP, Trace]:
+        self.require(problem)
+        target = QP(
+            Q=problem.M,
+            p=problem.q,
+            A=problem.A,
+            b=problem.b,
+            C=problem.C,
+            d=problem.d,
+            lb=problem.lb,
+            ub=problem.ub,
+        )
+        return target, {"M": problem.M, "q": problem.q, "A": problem.A, "C": problem.C}
+
+    def lift(self, point: QPPoint, trace: Trace) -> AVIPoint:
+        return AVIPoint(z=point.z, lam=point.lam, mu=point.mu)
+
+    def push(self, point: AVIPoint, trace: Trace) -> QPPoint:
+        z, lam, mu = point.z, point.lam, point.mu
+        nu = trace["M"] @ z + trace["q"] - trace["A"].T @ lam - trace["C"].T @ mu
+        return QPPoint(z=z, lam=lam, mu=mu, nu=nu)
