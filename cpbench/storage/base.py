@@ -10,9 +10,9 @@ import contextlib
 import os
 import secrets
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Problem
@@ -60,6 +60,10 @@ class Format(ABC):
         raise FormatError(
             problem.name or problem.node, "", f"cannot be written as {self.name}: that format is read only"
         )
+
+    def write(self, problem: Problem, file: BinaryIO, *, compress: bool) -> None:
+        """Put `problem` into an empty file, open for reading too; a format of large files need not build it first."""
+        file.write(self.encode(problem, compress=compress))
 
     def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
         """The problem of a file that `self` and `others` recognise; a family of formats decides by content."""
@@ -134,8 +138,8 @@ def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
         raise FormatError(path, f"{where}/{inside}{field}" if where else field, cause.cause) from None
 
 
-def write_atomic(path: Path, data: bytes, *, force: bool) -> None:
-    """Put `data` at `path` in one step: complete or not at all, even if the process is killed meanwhile.
+def write_atomic(path: Path, data: bytes | Callable[[BinaryIO], object], *, force: bool) -> None:
+    """Put `data`, or what it writes, at `path` in one step: complete or not at all, even if the process is killed.
 
     The bytes go to a file without a name (Linux) or with a temporary one beside the target, which then gets
     the target's name. Raises FormatError when the target exists (unless `force`) or cannot be written.
@@ -144,15 +148,16 @@ def write_atomic(path: Path, data: bytes, *, force: bool) -> None:
         raise FormatError(path, "", "is a folder, cannot be written as a file")
     if not force and path.exists():
         raise FormatError(path, "", "exists already: --force replaces it")
+    put: Callable[[BinaryIO], object] = data if callable(data) else lambda file: file.write(data)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
     try:
         with _nameless(path.parent) as fd:
             if fd is None:
-                with open(temporary, "xb") as file:
-                    file.write(data)
+                with open(temporary, "x+b") as file:
+                    put(file)
             else:
-                with open(fd, "wb", closefd=False) as file:
-                    file.write(data)
+                with open(fd, "r+b", closefd=False) as file:
+                    put(file)
                 name = temporary if force else path
                 # with a src_dir_fd (unused: the path is absolute) Python calls linkat, which follows the link
                 os.link(f"/proc/self/fd/{fd}", name, src_dir_fd=fd, follow_symlinks=True)
@@ -173,7 +178,7 @@ def _nameless(folder: Path) -> Any:
     """Descriptor of a file without a name in `folder`, which vanishes with the process; None where there is none."""
     flag = getattr(os, "O_TMPFILE", 0)
     try:
-        fd = os.open(folder, os.O_WRONLY | flag, 0o666) if flag and os.path.isdir("/proc/self/fd") else None
+        fd = os.open(folder, os.O_RDWR | flag, 0o666) if flag and os.path.isdir("/proc/self/fd") else None
     except OSError:  # this file system has none
         fd = None
     try:

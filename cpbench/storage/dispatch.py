@@ -52,7 +52,7 @@ def save(
         raise FormatError(file, "", "exists already: --force replaces it")
     if problem.provenance and not chosen.keeps_provenance:
         logger.warning("%s: %s keeps no provenance: answers to it cannot be lifted (.h5 can)", file, chosen.name)
-    write_atomic(file, chosen.encode(problem, compress=compress), force=force)
+    write_atomic(file, lambda out: chosen.write(problem, out, compress=compress), force=force)
 
 
 def save_pack(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import h5py
 
@@ -110,10 +111,9 @@ class HDF5(Format):
         with open_tree(path) as root:
             return read_problem(root, member)
 
-    def encode(self, problem: Problem, *, compress: bool) -> bytes:
-        with new_file() as (root, image):
+    def write(self, problem: Problem, file: BinaryIO, *, compress: bool) -> None:
+        with h5py.File(file, "w", track_order=False) as root:  # straight into the file: it may be large
             write_problem(root, problem, compress=compress)
-        return image[0]
 
     def _require(self, parent: Tree, group: str) -> None:
         """Raises FormatError when the problem is not in this format."""
@@ -122,7 +122,9 @@ class HDF5(Format):
 class Native(HDF5):
     name = "native"
     summary = "cpbench's own HDF5: any formulation, with provenance, sequence and contact geometry"
-    writes = frozenset({"lcp", "mlcp", "qp", "fc", "gfc", "fcm", "rfc", "grfc", "afc", "relay", "avi", "soclcp", "coneqp"})
+    writes = frozenset(
+        {"lcp", "mlcp", "qp", "fc", "gfc", "fcm", "rfc", "grfc", "afc", "relay", "avi", "soclcp", "coneqp"}
+    )
 
     def _require(self, parent: Tree, group: str) -> None:
         if group:

@@ -43,7 +43,7 @@ def read_matrix(tree: Tree, name: str, shape: tuple[int | None, int | None], *, 
     _require_shape(tree, name, (m, n), shape)
     if None in shape and nz != CSR:
         raise group.error("nz", f"is {nz}, expected -2: nothing else in the file tells the size of this matrix")
-    p, i = group.array("p", np.int64), group.array("i", np.int64)
+    p, i = group.array("p", np.integer), group.array("i", np.integer)
     x = group.array("x")
     if nz in (CSC, CSR):
         csr = _compressed(group, m, n, p, i, x, rows=nz == CSR)
@@ -53,7 +53,7 @@ def read_matrix(tree: Tree, name: str, shape: tuple[int | None, int | None], *, 
         raise group.error("nz", f"is {nz}, expected -2 (rows), -1 (columns) or the count of a triplet matrix")
     if packed or group.flagged("symmetric_packed"):
         csr = _unpack(group, csr)
-    return csr
+    return matrices.settle(csr)
 
 
 def write_sparse(
@@ -76,11 +76,11 @@ def write_sparse(
         put_integer(group, key, value)
     if triplet:
         rows = np.repeat(np.arange(m, dtype=index), np.diff(csr.indptr))
-        put_array(group, "p", csr.indices.astype(index), compress=compress)
+        put_array(group, "p", csr.indices.astype(index, copy=False), compress=compress)
         put_array(group, "i", rows, compress=compress)
     else:
-        put_array(group, "p", csr.indptr.astype(index), compress=compress)
-        put_array(group, "i", csr.indices.astype(index), compress=compress)
+        put_array(group, "p", csr.indptr.astype(index, copy=False), compress=compress)
+        put_array(group, "i", csr.indices.astype(index, copy=False), compress=compress)
     put_array(group, "x", csr.data, compress=compress)
     return group
 
@@ -120,7 +120,8 @@ def _compressed(
     count = int(p[-1])
     _require_entries(group, count, i, x)
     _require_range(group, "i", i[:count], minor)
-    parts: Any = (x[:count], i[:count], p)
+    index = np.result_type(p, i)  # SciPy wants one type, and looks at the numbers of the wider one
+    parts: Any = (x[:count], i[:count].astype(index, copy=False), p.astype(index, copy=False))
     return sp.csr_array(parts, shape=(m, n)) if rows else sp.csr_array(sp.csc_array(parts, shape=(m, n)))
 
 
@@ -147,7 +148,8 @@ def _require_entries(group: Tree, count: int, i: NDArray[Any], x: NDArray[Any]) 
 
 
 def _require_range(group: Tree, name: str, index: NDArray[Any], limit: int) -> None:
-    if index.size and (index.min() < 0 or index.max() >= limit):
+    unsigned = index.view(f"u{index.itemsize}")  # one look: a negative index is a large one
+    if index.size and unsigned.max() >= limit:
         bad = int(index.min() if index.min() < 0 else index.max())
         raise group.error(name, f"holds the index {bad}, expected 0 to {limit - 1}")
 

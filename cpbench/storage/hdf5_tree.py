@@ -94,15 +94,21 @@ class Tree:
 
     @_guarded
     def array(self, name: str, dtype: Any = np.float64, ndim: int | None = 1) -> NDArray[Any]:
-        """A numeric data set as `dtype` (None: as stored); raises FormatError before allocating what is not there."""
+        """A numeric data set as `dtype`; raises FormatError before allocating what is not there.
+
+        `dtype` None: as stored; np.integer: whole numbers, int32 where that is stored, else int64.
+        """
         data = self._open(name, h5d.DatasetID, "a data set")
         shape, stored = data.shape, data.dtype
-        if stored.kind not in ("biu" if dtype == np.int64 else "biuf"):
-            wanted = "whole numbers" if dtype == np.int64 else "numbers"
+        whole = dtype in (np.int64, np.integer)
+        if stored.kind not in ("biu" if whole else "biuf"):
+            wanted = "whole numbers" if whole else "numbers"
             raise self.error(name, f"holds {_type_name(stored)}, expected {wanted}")
         if ndim is not None and len(shape) != ndim:
             raise self.error(name, f"has shape {shape}, expected {ndim} dimension{'s' * (ndim != 1)}")
         self._require_stored(name, data)
+        if dtype == np.integer:
+            dtype = np.int32 if stored.kind == "i" and stored.itemsize == 4 else np.int64
         out = np.empty(shape, stored.newbyteorder("=") if dtype is None else dtype)
         if out.size:
             self._fill(name, data, out)

@@ -1,4 +1,4 @@
-"""Writing HDF5 the way FCLIB's C reader takes it: the whole file in memory (HDF5's core driver), put down at once.
+"""Writing HDF5 the way FCLIB's C reader takes it: packs and answers in memory (HDF5's core driver), put down at once.
 
 `base.write_atomic` gives the finished bytes their name.
 """

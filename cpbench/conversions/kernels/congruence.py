@@ -131,7 +131,8 @@ def write(
     k_count, k_place : the places in the second list of the nonzeros of K, by rows, (k,), (k, ·).
     K, coefficients : the block of contact c is Σ coefficients[c, s] K[s], columns as in the second list; (nc, ·).
     at, J, S, R, column : work, (d,), (b,), (d, b·d), (d, b·m), (b·m,), b one more than the most blocks of a contact.
-    ptr, ix, x : the result; ix and x need room for every entry that is structurally there and two blocks' rows more.
+    ptr, ix, x : the result; ix and x need room for every entry that is structurally there and for the
+        zeros of one row, at most two blocks of them, which are taken out again.
     """
     d = at.size
     height = e_count.size
