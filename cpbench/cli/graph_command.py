@@ -49,7 +49,15 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     for cell in above:
         said = cell.reason or f"error {cell.error:.1e}"
         click.echo(f"{cell.source} -> {cell.target}: above {number(tolerance)}: '{cell.case}' by {cell.route}: {said}")
+    rounded = [cell for cell in found if cell.error is not None and tolerance < cell.error <= cell.rounding]
+    for cell in rounded:
+        click.echo(
+            f"{cell.source} -> {cell.target}: error {cell.error:.1e} on '{cell.case}', whose planted solution has "
+            f"{cell.rounding:.1e} when its last digits change"
+        )
     taken = sum(cell.error is not None for cell in found)
-    click.echo(f"{taken - len(above)} of {taken} pairs within {number(tolerance)}")
+    within = taken - len(above) - len(rounded)
+    more = f", {len(rounded)} more within rounding" if rounded else ""
+    click.echo(f"{within} of {taken} pairs within {number(tolerance)}{more}")
     if above:
         sys.exit(1)
