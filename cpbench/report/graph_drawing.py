@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from cpbench.conversions import Conversion
 from cpbench.formulations import Kind, formulations
 from cpbench.graph import best_kind, edges
-from cpbench.report.registry_tables import promise
 from cpbench.solvers.base import solvers
 
 FORMATS = ("text", "mermaid", "dot")
@@ -26,6 +25,12 @@ def solvers_of(node: str) -> list[str]:
     """Names of the registered solvers of a node; one that drops a term of the law is marked."""
     specs = [solver.spec for solver in solvers if solver.spec.node == node]
     return [spec.name if spec.kind.exact else f"{spec.name} ({spec.kind})" for spec in specs]
+
+
+def promise(edge: Conversion) -> str:
+    """`equivalent or necessary` where the promise depends on the problem, else the one word."""
+    kind, best = edge.kind, best_kind(edge)
+    return str(kind) if kind == best else f"{best} or {kind}"
 
 
 def _text(shown: list[Conversion]) -> str:

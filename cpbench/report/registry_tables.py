@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 
 from cpbench.conversions import Conversion
 from cpbench.formulations import formulations
-from cpbench.graph import best_kind, edges
+from cpbench.graph import ALL, edges
+from cpbench.report.graph_drawing import draw, promise
 from cpbench.solvers.base import Trait, solvers
 from cpbench.storage import formats
 
@@ -14,7 +15,7 @@ BEGIN, END = "<!-- tables from the registries: begin -->", "<!-- tables from the
 
 
 def registry_tables() -> str:
-    """Formulations, conversions, solvers and formats, each a heading and a table."""
+    """Formulations, conversions, solvers and formats, each a heading and a table, and the graph of the first two."""
     parts = [
         ("Formulations", ["node", "problem", "lecture"], ([c.node, c.title, c.equation] for c in formulations)),
         (
@@ -33,7 +34,9 @@ def registry_tables() -> str:
             ([f"`{f.name}`", ", ".join(f.suffixes), f.summary] for f in formats),
         ),
     ]
-    return "\n\n".join(f"### {title}\n\n{_table(head, rows)}" for title, head, rows in parts)
+    tables = [f"### {title}\n\n{_table(head, rows)}" for title, head, rows in parts]
+    drawing = f"```mermaid\n{draw('mermaid', ALL)}\n```"
+    return "\n\n".join([tables[0], drawing, *tables[1:]])
 
 
 def replace_between_marks(text: str, tables: str) -> str:
@@ -46,12 +49,6 @@ def replace_between_marks(text: str, tables: str) -> str:
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     return "\n".join([*lines, *("| " + " | ".join(c.replace("|", "\\|") for c in row) + " |" for row in rows)])
-
-
-def promise(edge: Conversion) -> str:
-    """`equivalent or necessary` where the promise depends on the problem, else the one word."""
-    kind, best = edge.kind, best_kind(edge)
-    return str(kind) if kind == best else f"{best} or {kind}"
 
 
 def _summary(edge: Conversion) -> str:
