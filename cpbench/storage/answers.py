@@ -7,17 +7,20 @@ problem it answers. Bare vectors (.npy, .npz, .csv, .txt) are the parts one afte
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
 from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem, write_problem
+from cpbench.storage.hdf5_points import put_guesses, put_point, put_solution, read_point
 from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
-from cpbench.storage.hdf5_writer import new_file, put_point, put_solution
+from cpbench.storage.hdf5_writer import new_file
 
 
 def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:
@@ -66,16 +69,20 @@ def save_answer(
     *,
     force: bool = False,
     with_problem: bool = False,
+    guesses: Sequence[Point] = (),
 ) -> None:
     """Write an answer file for `problem`; raises PointError on an answer of the wrong shape, FormatError.
 
     `with_problem` puts the problem beside its answer: a converted problem can then be lifted from this one file.
+    `guesses` are starting points for solvers.
     """
-    problem.check_point(point)
+    for candidate in (point, *guesses):
+        problem.check_point(candidate)
     with new_file() as (root, image):
         if with_problem:
             write_problem(root, problem, compress=True)
         put_solution(root, problem, point, {"name": problem.name, **attrs})
+        put_guesses(root, guesses)
     write_atomic(Path(path), image[0], force=force)
 
 
@@ -84,7 +91,7 @@ def save_point(
 ) -> None:
     """Write an answer file for a problem that is not at hand, known by its node and fingerprint."""
     with new_file() as (root, image):
-        put_point(root, point.arrays(), {**attrs, "node": node, "fingerprint": fingerprint})
+        put_point(root, point, {**attrs, "node": node, "fingerprint": fingerprint})
     write_atomic(Path(path), image[0], force=force)
 
 
@@ -97,8 +104,8 @@ def load_answer(path: str | Path, problem: Problem) -> Any:
         if file.suffix.lower() == ".npz":
             arrays = read_npz(file)
             sizes = problem.point_sizes
-            if set(sizes) <= set(arrays):
-                point = problem.point_type(**{name: arrays[name] for name in sizes})
+            if all(name in arrays for name, size in sizes.items() if size):
+                point = problem.point_type(**{name: arrays.get(name, np.zeros(0)) for name in sizes})
                 problem.check_point(point)
                 return point
             if len(arrays) != 1:
@@ -137,7 +144,7 @@ def _load_hdf5(path: Path, member: str, problem: Problem) -> Any:
 
 
 def _read_point(tree: Tree, problem: Problem) -> Any:
-    point = _point(tree, problem.point_type, list(problem.point_sizes))
+    point = read_point(tree, problem.point_type)
     try:
         problem.check_point(point)
     except PointError as cause:
@@ -151,8 +158,4 @@ def _answer(tree: Tree) -> tuple[Any, dict[str, Any]]:
     if node not in formulations:
         raise tree.error("@node", f"is '{node}', expected the formulation that is answered")
     kind = formulations.get(node).point_type
-    return _point(tree, kind, list(kind.__dataclass_fields__)), said
-
-
-def _point(tree: Tree, kind: type[Point], names: list[str]) -> Any:
-    return kind(**{name: tree.array(name) for name in names})
+    return read_point(tree, kind), said

@@ -10,7 +10,7 @@ import contextlib
 import os
 import secrets
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -30,6 +30,7 @@ class Format(ABC):
     ----------
     name : what ``--format`` takes. summary : one line for tables.
     suffixes : of files that may be in this format, lower case. writes : nodes it can write.
+    why_not : node -> why it cannot, where there is more to say.
     keeps_provenance : whether an answer to a written file can be lifted.
     """
 
@@ -37,6 +38,7 @@ class Format(ABC):
     summary: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
     writes: ClassVar[frozenset[str]] = frozenset()
+    why_not: ClassVar[Mapping[str, str]] = {}
     keeps_provenance: ClassVar[bool] = False
 
     @abstractmethod

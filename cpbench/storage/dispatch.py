@@ -11,7 +11,7 @@ from cpbench.formulations.base import Point, Problem
 from cpbench.storage.base import SEPARATOR, Format, formats, read_head, split_address, write_atomic
 
 logger = logging.getLogger("cpbench.storage")
-_TEXT_NODES = {"lcp": "siconos-lcp", "mlcp": "siconos-mlcp", "fc": "siconos-fc{}d", "gfc": "siconos-gfc{}d"}
+_TEXT_NODES = frozenset({"lcp", "avi", "mlcp", "relay", "soclcp", "fc", "gfc", "rfc", "grfc"})
 
 
 def load(path: str | Path, *, format: str | None = None) -> Problem:
@@ -47,7 +47,10 @@ def save(
     chosen = formats.get(format) if format is not None else _by_suffix(problem, file)
     if problem.node not in chosen.writes:
         able = ", ".join(sorted(chosen.writes)) or "nothing"
-        raise FormatError(file, "", f"the format {chosen.name} writes {able}, not a problem of type {problem.node}")
+        reason = f": {chosen.why_not[problem.node]}" if problem.node in chosen.why_not else ""
+        raise FormatError(
+            file, "", f"the format {chosen.name} writes {able}, not a problem of type {problem.node}{reason}"
+        )
     if not force and file.exists():
         raise FormatError(file, "", "exists already: --force replaces it")
     if problem.provenance and not chosen.keeps_provenance:
@@ -122,7 +125,9 @@ def _by_suffix(problem: Problem, file: Path) -> Format:
     if suffix in (".h5", ".hdf5"):
         return formats.get("native")
     if suffix == ".dat" and problem.node in _TEXT_NODES:
-        return formats.get(_TEXT_NODES[problem.node].format(getattr(problem, "dimension", "")))
+        d = getattr(problem, "dimension", None)
+        space = "" if d is None else f"{(d + 1) // 2 if problem.node in ('rfc', 'grfc') else d}d"
+        return formats.get(f"siconos-{problem.node}{space}")
     if suffix == ".npz" and problem.node == "qp":
         return formats.get("qp-npz")
     raise FormatError(

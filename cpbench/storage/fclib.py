@@ -1,12 +1,14 @@
-"""The FCLIB schema (Acary et al., Friction Contact LIBrary): groups `fclib_local` and `fclib_global`.
+"""The FCLIB schema (Acary et al., Friction Contact LIBrary): frictional contact, with bilateral constraints or rolling.
 
-    fclib_local    spacedim, W, vectors/{q, mu}, info        u = Wr + q
-    fclib_global   spacedim, M, H, vectors/{f, w, mu}, info  Mv = Hr + f, u = Hᵀv + w
-    solution, guesses/{number_of_guesses, 1, 2, ...}         beside the problem: v, u, r
+    fclib_local           spacedim, W, vectors/{q, mu}, info          u = Wr + q                            (fc)
+                          V, R, vectors/s beside them                 u = Wr + Vλ + q, Vᵀr + Rλ + s = 0     (fcm)
+    fclib_global          spacedim, M, H, vectors/{f, w, mu}, info    Mv = Hr + f, u = Hᵀv + w              (gfc)
+                          G, vectors/b beside them                    Mv = Hr + Gλ + f, Gᵀv + b = 0
+    fclib_global_rolling  as fclib_global, with vectors/mu_r; spacedim 3 or 5                               (grfc)
+    solution, guesses/{number_of_guesses, 1, 2, ...}                  beside the problem: v, u, r, l = λ
 
-Written so that every reader takes it: local W by rows, global M and H as triplets, counts as int32 data sets
-of shape (1,). Bilateral constraints (V, R, s or G, b) and rolling friction are refused: no formulation of this
-version has them, and leaving them out would be another problem.
+Written so that every reader takes it: local matrices by rows, global ones as triplets, counts as int32 data sets
+of shape (1,). Without bilateral constraints their parts are left out.
 """
 
 from __future__ import annotations
@@ -14,11 +16,15 @@ from __future__ import annotations
 from typing import Any
 
 import h5py
+import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.fcm import MixedFrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.grfc import GlobalRollingFrictionContact
+from cpbench.matrices import Vector
 from cpbench.storage.annotations import read_info, read_place, read_provenance, write_texts
 from cpbench.storage.base import build
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse
@@ -26,55 +32,82 @@ from cpbench.storage.hdf5_tree import Tree
 from cpbench.storage.hdf5_writer import put_array, put_integer
 
 LOCAL, GLOBAL, ROLLING = "fclib_local", "fclib_global", "fclib_global_rolling"
-NODES = {LOCAL: "fc", GLOBAL: "gfc"}
+GROUPS = {"fc": LOCAL, "fcm": LOCAL, "gfc": GLOBAL, "grfc": ROLLING}
+"""The group of every node that FCLIB has."""
+_BILATERAL = frozenset({"V", "R", "s", "G", "b"})
+_DIMENSIONS = {LOCAL: (2, 3), GLOBAL: (2, 3), ROLLING: (3, 5)}
 
 
-def read(parent: Tree, group: str, name: str) -> Problem:
-    """The problem in `parent`/`group`; `name` when the file gives none. Raises FormatError."""
-    if group == ROLLING:
-        raise parent.error(
-            ROLLING, "is a rolling friction problem: no formulation of this version has rolling friction"
-        )
+def read(parent: Tree, group: str, name: str, node: str = "") -> Problem:
+    """The problem in `parent`/`group`; `name` when the file gives none, `node` where the file says which it is.
+
+    Raises FormatError.
+    """
     tree = parent.child(group)
-    vectors = tree.child("vectors")
     annotations = _annotations(parent, tree, name)
-    if group == LOCAL:
-        for part in ("V", "R"):
-            if part in tree:
-                raise tree.error(
-                    part, "couples bilateral constraints (V, R, s): no formulation of this version has them"
-                )
-        q, mu = vectors.array("q"), vectors.array("mu")
-        W = _matrix(parent, tree, "W", (q.size, q.size), annotations)
-        dimension = _dimension(tree, q.size, mu.size, "q")
-        return build(tree.path, FrictionContact, LOCAL, W=W, q=q, mu=mu, dimension=dimension, **annotations["fields"])
-    if "G" in tree:
-        raise tree.error("G", "couples bilateral constraints (G, b): no formulation of this version has them")
-    f, w, mu = vectors.array("f"), vectors.array("w"), vectors.array("mu")
-    M = _matrix(parent, tree, "M", (f.size, f.size), annotations)
-    H = _matrix(parent, tree, "H", (f.size, w.size), annotations)
-    dimension = _dimension(tree, w.size, mu.size, "w")
-    parts = {"M": M, "H": H, "f": f, "w": w, "mu": mu, "dimension": dimension}
-    return build(tree.path, GlobalFrictionContact, GLOBAL, **parts, **annotations["fields"])
+    return (_read_local if group == LOCAL else _read_global)(parent, tree, group, node, annotations)
 
 
-def write(parent: h5py.Group, problem: FrictionContact | GlobalFrictionContact, *, compress: bool) -> None:
-    """The FCLIB group of a contact problem; raises OverflowError beyond FCLIB's 32-bit counts."""
-    local = isinstance(problem, FrictionContact)
-    group = parent.create_group(LOCAL if local else GLOBAL)
-    put_integer(group, "spacedim", problem.dimension)
-    data = {name: value for name, value in problem.data().items() if name != "G" or value.shape[1]}
-    data = {name: value for name, value in data.items() if name != "b" or value.size}
-    for name, value in data.items():
+def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
+    """The FCLIB group of a problem of a node in `GROUPS`; raises OverflowError beyond FCLIB's 32-bit counts."""
+    name = GROUPS[problem.node]
+    group = parent.create_group(name)
+    put_integer(group, "spacedim", problem.dimension)  # type: ignore[attr-defined]
+    free = not problem.sizes().get("p", 0)
+    data = {part: value for part, value in problem.data().items() if not (free and part in _BILATERAL)}
+    for part, value in data.items():
         if value.ndim == 2:
-            write_sparse(group, name, value, compress=compress, triplet=not local, int32=True)
+            write_sparse(group, part, value, compress=compress, triplet=name != LOCAL, int32=True)
     vectors = group.create_group("vectors")
-    for name, value in data.items():
+    for part, value in data.items():
         if value.ndim == 1:
-            put_array(vectors, name, matrices.dense(value), compress=compress)
+            put_array(vectors, part, matrices.dense(value), compress=compress)
     info = problem.info
     if info.title or info.description or info.math_info:
         write_texts(group.create_group("info"), info)
+
+
+def _read_local(parent: Tree, tree: Tree, group: str, node: str, annotations: dict[str, Any]) -> Problem:
+    vectors = tree.child("vectors")
+    q, mu = vectors.array("q"), vectors.array("mu")
+    parts: dict[str, Any] = {"q": q, "mu": mu, "dimension": _dimension(tree, group, q, mu, "q")}
+    parts["W"] = _matrix(tree, "W", (q.size, q.size), annotations)
+    constrained = _constrained(tree, vectors, ("V", "R"), "s")
+    if not constrained and node != "fcm":
+        return build(tree.path, FrictionContact, group, **parts, **annotations["fields"])
+    if node == "fc":
+        raise tree.error("V", "couples bilateral constraints, but cpbench/@node says fc: expected fcm")
+    s = vectors.array("s") if constrained else q[:0]
+    for name, shape in (("V", (q.size, s.size)), ("R", (s.size, s.size))):
+        parts[name] = _matrix(tree, name, shape, annotations) if constrained else _empty(name, shape, annotations)
+    return build(tree.path, MixedFrictionContact, group, **parts, s=s, **annotations["fields"])
+
+
+def _read_global(parent: Tree, tree: Tree, group: str, node: str, annotations: dict[str, Any]) -> Problem:
+    vectors = tree.child("vectors")
+    f, w, mu = (vectors.array(name) for name in ("f", "w", "mu"))
+    parts: dict[str, Any] = {"f": f, "w": w, "mu": mu, "dimension": _dimension(tree, group, w, mu, "w")}
+    if group == ROLLING:
+        parts["mu_r"] = vectors.array("mu_r")
+    parts["M"] = _matrix(tree, "M", (f.size, f.size), annotations)
+    parts["H"] = _matrix(tree, "H", (f.size, w.size), annotations)
+    if _constrained(tree, vectors, ("G",), "b"):
+        parts["b"] = vectors.array("b")
+        parts["G"] = _matrix(tree, "G", (f.size, parts["b"].size), annotations)
+    else:
+        parts["G"] = _empty("G", (f.size, 0), annotations)
+    cls = GlobalRollingFrictionContact if group == ROLLING else GlobalFrictionContact
+    return build(tree.path, cls, group, **parts, **annotations["fields"])
+
+
+def _constrained(tree: Tree, vectors: Tree, names: tuple[str, ...], vector: str) -> bool:
+    """Whether bilateral constraints are there: all of their parts or none."""
+    places = {name: name in tree for name in names} | {f"vectors/{vector}": vector in vectors}
+    if any(places.values()) and not all(places.values()):
+        missing = next(place for place, there in places.items() if not there)
+        present = ", ".join(place for place, there in places.items() if there)
+        raise tree.error(missing, f"is missing beside {present}: bilateral constraints need {', '.join(places)}")
+    return all(places.values())
 
 
 def _annotations(parent: Tree, tree: Tree, name: str) -> dict[str, Any]:
@@ -94,17 +127,24 @@ def _info(parent: Tree, tree: Tree) -> Info:
     return read_info(parent, tree.child("info") if "info" in tree else None)
 
 
-def _matrix(parent: Tree, tree: Tree, name: str, shape: tuple[int, int], annotations: dict[str, Any]) -> Any:
+def _matrix(tree: Tree, name: str, shape: tuple[int, int], annotations: dict[str, Any]) -> Any:
     M = read_matrix(tree, name, shape, packed=annotations["packed"] and name == "W")
     return matrices.dense(M) if name in annotations["dense"] else M
 
 
-def _dimension(tree: Tree, rows: int, contacts: int, vector: str) -> int:
-    d = tree.integer("spacedim")
-    if d not in (2, 3):
-        raise tree.error("spacedim", f"is {d}, expected 2 or 3")
-    if rows != d * contacts:
+def _empty(name: str, shape: tuple[int, int], annotations: dict[str, Any]) -> Any:
+    """A matrix without columns, in the storage it had."""
+    M = sp.csr_array(shape)
+    return M.toarray() if name in annotations["dense"] else M
+
+
+def _dimension(tree: Tree, group: str, rows: Vector, mu: Vector, vector: str) -> int:
+    d, allowed = tree.integer("spacedim"), _DIMENSIONS[group]
+    if d not in allowed:
+        raise tree.error("spacedim", f"is {d}, expected {' or '.join(map(str, allowed))}")
+    if rows.size != d * mu.size:
         raise tree.error(
-            f"vectors/{vector}", f"has {rows} numbers, expected {d} for each of the {contacts} contacts in vectors/mu"
+            f"vectors/{vector}",
+            f"has {rows.size} numbers, expected {d} for each of the {mu.size} contacts in vectors/mu",
         )
     return d

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, ClassVar
 
 import h5py
 
@@ -12,8 +12,9 @@ from cpbench.errors import FormatError
 from cpbench.formulations.base import Point, Problem
 from cpbench.storage import fclib, native
 from cpbench.storage.base import SEPARATOR, Format, formats, stem
+from cpbench.storage.hdf5_points import put_solution
 from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
-from cpbench.storage.hdf5_writer import new_file, put_solution
+from cpbench.storage.hdf5_writer import new_file
 
 SUFFIXES = (".hdf5", ".h5")
 _PARTS = {"local": fclib.LOCAL, "global": fclib.GLOBAL, "rolling": fclib.ROLLING}
@@ -133,12 +134,18 @@ class Native(HDF5):
 
 class FCLIB(HDF5):
     name = "fclib"
-    summary = "FCLIB's HDF5: frictional contact, local and global"
-    writes = frozenset({"fc", "gfc"})
+    summary = "FCLIB's HDF5: frictional contact, local and global, with joints and global rolling"
+    writes = frozenset(fclib.GROUPS)
+    why_not: ClassVar[Mapping[str, str]] = {
+        "afc": "FCLIB has one coefficient of friction a contact",
+        "rfc": "FCLIB has rolling friction in global form alone",
+    }
 
     def _require(self, parent: Tree, group: str) -> None:
         if not group and not any(name in parent for name in _PARTS.values()):
-            raise parent.error("fclib_local", "is missing, and so is fclib_global: expected a problem of FCLIB")
+            raise parent.error(
+                "fclib_local", "is missing, and so is fclib_global[_rolling]: expected a problem of FCLIB"
+            )
 
 
 formats.add("native", Native())
@@ -160,4 +167,4 @@ def _is_problem(tree: Tree) -> bool:
 def _nothing(root: Tree) -> str:
     if "solution" in root:
         return "holds an answer, not a problem"
-    return "holds no problem: expected a group cpbench, fclib_local or fclib_global"
+    return "holds no problem: expected a group cpbench, fclib_local or fclib_global[_rolling]"

@@ -6,15 +6,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-
-from cpbench import __version__
-from cpbench.formulations.base import Point, Problem
 
 COMPRESS_ABOVE = 64 * 1024
 """Arrays above this many bytes are compressed (gzip and shuffle) where compression is asked for."""
@@ -49,21 +46,6 @@ def fixed_string(text: str) -> NDArray[Any]:
 
 def put_text(group: h5py.Group, name: str, text: str) -> None:
     group.create_dataset(name, data=fixed_string(text), dtype=fixed_string(text).dtype)
-
-
-def put_solution(parent: h5py.Group, problem: Problem, point: Point, said: Mapping[str, Any]) -> None:
-    """Write `/solution`: the point, the slacks as they follow from it (FCLIB's u), and attributes."""
-    slacks = {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}
-    put_point(parent, {**slacks, **point.arrays()}, {**said, "node": problem.node, "fingerprint": problem.fingerprint})
-
-
-def put_point(parent: h5py.Group, arrays: Mapping[str, NDArray[Any]], said: Mapping[str, Any]) -> None:
-    """Write `/solution` from its parts."""
-    group: h5py.Group = parent.create_group("solution")
-    for name, value in arrays.items():
-        put_array(group, name, value, compress=True)
-    for name, value in {**said, "cpbench_version": __version__}.items():
-        put_attribute(group, name, value if isinstance(value, int | float | bool) else str(value))
 
 
 def put_attribute(group: h5py.Group, name: str, value: Any) -> None:

@@ -4,8 +4,8 @@
     <problem>/cpbench/<M>        sparse: a group as in FCLIB; dense: a 2-D float64 data set
     <problem>/cpbench/vectors/*  float64 data sets
 
-Contact problems (fc, gfc) keep FCLIB's own group beside `cpbench`, which then holds the name, the geometry and
-which matrices were dense. A new node needs no code here: its fields are read from its class.
+Contact problems that FCLIB has (fc, fcm, gfc, grfc) keep its own group beside `cpbench`, which then holds the name,
+the geometry and which matrices were dense. A new node needs no code here: its fields are read from its class.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ import h5py
 from cpbench import matrices
 from cpbench.errors import UnknownName
 from cpbench.formulations.base import Info, Problem, formulations
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.storage import fclib
 from cpbench.storage.annotations import (
     read_info,
@@ -46,7 +44,7 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
     put_attribute(own, "node", problem.node)
     if problem.name:
         put_attribute(own, "name", problem.name)
-    contact = isinstance(problem, FrictionContact | GlobalFrictionContact)
+    contact = problem.node in fclib.GROUPS
     if contact:
         fclib.write(parent, problem, compress=compress)
         dense = [name for name, value in problem.data().items() if value.ndim == 2 and not matrices.is_sparse(value)]
@@ -64,9 +62,8 @@ def read(parent: Tree, name: str) -> Problem:
     own = parent.child("cpbench")
     said = own.attributes()
     node = _node(own, said)
-    for group, contact_node in fclib.NODES.items():
-        if node == contact_node:
-            return fclib.read(parent, group, name)
+    if node in fclib.GROUPS:
+        return fclib.read(parent, fclib.GROUPS[node], name, node)
     cls = formulations.get(node)
     vectors = own.child("vectors")
     parts: dict[str, Any] = {}

@@ -31,11 +31,18 @@ _warned: set[Path] = set()
 
 
 class Cursor:
-    """Tokens of a text file and a place among them; every refusal is a FormatError that names the field."""
+    """Tokens of a text file and a place among them; every refusal is a FormatError that names the field.
 
-    def __init__(self, path: Path, tokens: list[str] | None = None) -> None:
-        self.path, self.at = path, 0
+    `guess` says that the layout is tried, not known.
+    """
+
+    def __init__(self, path: Path, tokens: list[str] | None = None, *, guess: bool = False) -> None:
+        self.path, self.at, self.guess = path, 0, guess
         self.tokens = read_text(path).split() if tokens is None else tokens
+
+    def again(self) -> Cursor:
+        """The same file from its beginning."""
+        return Cursor(self.path, self.tokens, guess=self.guess)
 
     @property
     def left(self) -> int:

@@ -6,11 +6,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.errors import FormatError
+from cpbench.formulations.avi import AVI
+from cpbench.formulations.contact import ContactProblem, LocalContact
+from cpbench.formulations.global_contact import GlobalContact
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.relay import Relay
+from cpbench.formulations.soclcp import SOCLCP
 from cpbench.matrices import Matrix, Vector
+from cpbench.product_cones import Cone
 
 
 def write_lcp(p: LCP) -> str:
@@ -34,15 +39,54 @@ def write_mlcp(p: MLCP) -> str:
     return text
 
 
-def write_fc(p: FrictionContact) -> str:
-    """d, nc, M, q, mu."""
-    return f"{p.dimension}\n{p.nc}\n{text_matrix(p.W)}{text_rows(p.q, p.q.size or 1)}{text_rows(p.mu, p.nc or 1)}"
+def write_avi(p: AVI) -> str:
+    """n, M, q; refuses a set X, for which there is no place."""
+    if not p.only_box or np.isfinite(p.lb).any() or np.isfinite(p.ub).any():
+        raise FormatError(p.name or p.node, "", "has a set X: Siconos text has no place for it, .h5 has")
+    n = p.q.size
+    return f"{n}\n{text_matrix(p.M)}{text_rows(p.q, n or 1)}"
 
 
-def write_gfc(p: GlobalFrictionContact) -> str:
-    """d, nc, M, H, q, b, mu."""
-    vectors = "".join(text_rows(x, x.size or 1) for x in (p.f, p.w, p.mu))
+def write_relay(p: Relay) -> str:
+    """n, M, q, lb, ub."""
+    n = p.q.size
+    return f"{n}\n{text_matrix(p.M)}{''.join(text_rows(x, n or 1) for x in (p.q, p.lb, p.ub))}"
+
+
+def write_soclcp(p: SOCLCP) -> str:
+    """n, nc, M, q, cone ends, tau; refuses cones that are not of second order."""
+    other = (p.cone_kind != Cone.SECOND_ORDER) | ~np.isfinite(p.cone_mu)
+    if other.any():
+        i = int(np.flatnonzero(other)[0])
+        kind = Cone(int(p.cone_kind[i])).name.lower()
+        raise FormatError(
+            p.name or p.node,
+            f"cone_kind {i}",
+            f"is {kind} with mu = {p.cone_mu[i]:g}: Siconos text has second-order cones with finite mu, .h5 has all",
+        )
+    n, nc = p.q.size, p.cone_size.size
+    ends = " ".join(str(int(end)) for end in (0, *np.cumsum(p.cone_size)))
+    return f"{n}\n{nc}\n{text_matrix(p.M)}{text_rows(p.q, n or 1)}{ends}\n{text_rows(p.cone_mu, nc or 1)}"
+
+
+def write_fc(p: LocalContact) -> str:
+    """d, nc, M, q, mu, and mu_r with rolling."""
+    vectors = "".join(text_rows(x, x.size or 1) for x in (p.q, *_coefficients(p)))
+    return f"{p.dimension}\n{p.nc}\n{text_matrix(p.W)}{vectors}"
+
+
+def write_gfc(p: GlobalContact) -> str:
+    """d, nc, M, H, q, b, mu, and mu_r with rolling; refuses joints, for which there is no place."""
+    if p.b.size:
+        raise FormatError(
+            p.name or p.node, "G", f"has {p.b.size} bilateral constraints: Siconos text has no place for them, .h5 has"
+        )
+    vectors = "".join(text_rows(x, x.size or 1) for x in (p.f, p.w, *_coefficients(p)))
     return f"{p.dimension}\n{p.nc}\n{text_matrix(p.M)}{text_matrix(p.H)}{vectors}"
+
+
+def _coefficients(p: ContactProblem) -> list[Vector]:
+    return [getattr(p, name) for name in ("mu", "mu_r") if hasattr(p, name)]
 
 
 def text_matrix(M: Matrix) -> str:

@@ -9,8 +9,28 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations import LCP, MLCP, QP, Contacts, FrictionContact, GlobalFrictionContact, Info, Sequence, Step
+from cpbench.formulations import (
+    AVI,
+    LCP,
+    MLCP,
+    QP,
+    SOCLCP,
+    AnisotropicFrictionContact,
+    ConeQP,
+    Contacts,
+    FrictionContact,
+    GlobalFrictionContact,
+    GlobalRollingFrictionContact,
+    Info,
+    MixedFrictionContact,
+    Relay,
+    RollingFrictionContact,
+    Sequence,
+    Step,
+)
+from cpbench.formulations.conic import cone_fields
 from cpbench.matrices import Factorization
+from cpbench.product_cones import Cone, ProductCone
 
 INFO = Info(
     title="Würfel",
@@ -84,12 +104,103 @@ def cases(seed: int = 7) -> dict[str, Any]:
                     contacts=contacts(nc),
                     info=INFO,
                 )
+        found |= _linear(kind, make, symmetric, rng)
+        for nc, p in ((0, 0), (0, 2), (1, 0), (5, 2)):
+            size = f"{kind}-{nc}-{p}"
+            for d in (2, 3):
+                found[f"fcm{d}-{size}"] = MixedFrictionContact(
+                    W=make(d * nc, d * nc),
+                    V=make(d * nc, p),
+                    R=make(p, p),
+                    q=rng.random(d * nc),
+                    s=rng.random(p),
+                    mu=rng.random(nc),
+                    dimension=d,
+                    info=INFO,
+                )
+            joints = {"G": make(6, p), "b": rng.random(p)}
+            for d, cls in ((2, GlobalFrictionContact), (3, GlobalRollingFrictionContact)) * bool(p) + (
+                (5, GlobalRollingFrictionContact),
+            ):
+                rolling = {"mu_r": rng.random(nc)} if cls is GlobalRollingFrictionContact else {}
+                found[f"{cls.node}{d}-{size}"] = cls(
+                    M=make(6, 6),
+                    H=make(6, d * nc),
+                    f=rng.random(6),
+                    w=rng.random(d * nc),
+                    mu=rng.random(nc),
+                    dimension=d,
+                    sequence=place,
+                    contacts=contacts(nc),
+                    info=INFO,
+                    **joints,
+                    **rolling,
+                )
+        for nc in (0, 1, 5):
+            for d in (3, 5):
+                found[f"rfc{d}-{kind}-{nc}"] = RollingFrictionContact(
+                    W=make(d * nc, d * nc),
+                    q=rng.random(d * nc),
+                    mu=rng.random(nc),
+                    mu_r=rng.random(nc),
+                    dimension=d,
+                    sequence=place,
+                    contacts=contacts(nc),
+                )
+            found[f"afc-{kind}-{nc}"] = AnisotropicFrictionContact(
+                W=make(3 * nc, 3 * nc), q=rng.random(3 * nc), mu=0.1 + rng.random((nc, 2)), info=INFO
+            )
+    found["gfc3-joints-only-sparse"] = dataclasses.replace(
+        found["gfc3-dense-5"], G=sparse(6, 2), b=rng.random(2), info=Info(title="t")
+    )
     found["fc3-mixed-place"] = dataclasses.replace(found["fc3-sparse-5"], sequence=place, contacts=contacts(5))
     found["gfc3-mixed"] = dataclasses.replace(found["gfc3-dense-5"], M=sparse(6, 6))
     found["lcp-large"] = LCP(M=dense(120, 120), q=rng.random(120))
     found["fc3-large"] = FrictionContact(W=dense(120, 120), q=rng.random(120), mu=rng.random(40))
     found["lcp-converted"] = dataclasses.replace(found["lcp-dense-11"], provenance=steps(rng))
     found["fc3-converted"] = dataclasses.replace(found["fc3-dense-5"], provenance=steps(rng))
+    return found
+
+
+def _linear(kind: str, make: Any, symmetric: Any, rng: np.random.Generator) -> dict[str, Any]:
+    """Relays, variational inequalities and conic problems: empty, of one row, with every part and with few."""
+    found: dict[str, Any] = {}
+    K = ProductCone.of(
+        (Cone.ZERO, 1, 2),
+        (Cone.FREE, 1, 1),
+        (Cone.NONNEGATIVE, 1, 3),
+        (Cone.SECOND_ORDER, 2, 3, np.array([0.5, np.inf])),
+        (Cone.ROLLING, 1, 5, 0.5, 0.1),
+        (Cone.ROLLING_DUAL, 1, 3, 0.5, 0.1),
+    )
+    second = ProductCone.of((Cone.SECOND_ORDER, 2, 3, np.array([0.5, 1 / 3])), (Cone.SECOND_ORDER, 1, 1, 0.0))
+    disk = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.3), (Cone.CYLINDER, 1, 3, 1 / 3))
+    for n in (0, 1, 7):
+        found[f"relay-{kind}-{n}"] = Relay(M=make(n, n), q=rng.random(n), lb=-rng.random(n), ub=rng.random(n))
+        found[f"avi-{kind}-{n}"] = AVI(M=make(n, n), q=rng.random(n))
+        found[f"avi-{kind}-set-{n}"] = AVI(
+            M=make(n, n),
+            q=rng.random(n),
+            A=make(2, n),
+            b=rng.random(2),
+            C=make(1, n),
+            d=rng.random(1),
+            lb=np.full(n, -np.inf),
+            ub=rng.random(n),
+            info=INFO,
+        )
+    for name, cone in (("none", ProductCone.of()), ("second", second), ("all", K)):
+        fields, n = cone_fields(cone), cone.rows
+        found[f"soclcp-{kind}-{name}"] = SOCLCP(M=make(n, n), q=rng.random(n), **fields)  # pyright: ignore
+    for name, cone in (("none", ProductCone.of()), ("disk", disk), ("all", K)):
+        fields, m = cone_fields(cone), cone.rows
+        found[f"coneqp-{kind}-{name}"] = ConeQP(
+            Q=symmetric(make(4, 4)),
+            p=rng.random(4),
+            A=make(m, 4),
+            b=rng.random(m),
+            **fields,  # pyright: ignore
+        )
     return found
 
 

@@ -168,21 +168,6 @@ def test_info_that_is_not_utf8(tmp_path: Path) -> None:
     assert storage.load(tmp_path / "p.h5").info.title == "\ufffdW\ufffdrfel"
 
 
-def test_bilateral_constraints_and_rolling_are_refused(tmp_path: Path, shared_data: Path) -> None:
-    write_local(tmp_path / "v.h5")
-    with h5py.File(tmp_path / "v.h5", "r+") as file:
-        file["fclib_local/V/m"] = np.array([3], np.int32)
-    with pytest.raises(FormatError, match=r"fclib_local/V: couples bilateral constraints \(V, R, s\)"):
-        storage.load(tmp_path / "v.h5")
-    storage.save(CASES["gfc3-sparse-5"], tmp_path / "g.h5")
-    with h5py.File(tmp_path / "g.h5", "r+") as file:
-        file["fclib_global/G/m"] = np.array([3], np.int32)
-    with pytest.raises(FormatError, match=r"fclib_global/G: couples bilateral constraints \(G, b\)"):
-        storage.load(tmp_path / "g.h5")
-    with pytest.raises(FormatError, match="fclib_global_rolling: is a rolling friction problem"):
-        storage.load(shared_data / "rolling_global" / "Chute-ndof-768-nc-4-3.hdf5")
-
-
 def test_formats_by_name(tmp_path: Path) -> None:
     write_local(tmp_path / "f.h5")
     storage.save(CASES["fc3-sparse-5"], tmp_path / "n.h5")
@@ -192,10 +177,17 @@ def test_formats_by_name(tmp_path: Path) -> None:
     assert storage.load(tmp_path / "n.h5", format="native").node == "fc"
     with pytest.raises(FormatError, match="cpbench: is missing, expected a native problem"):
         storage.load(tmp_path / "f.h5", format="native")
-    with pytest.raises(FormatError, match="fclib_local: is missing, and so is fclib_global"):
+    with pytest.raises(FormatError, match=r"fclib_local: is missing, and so is fclib_global\[_rolling\]"):
         storage.load(tmp_path / "l.h5", format="fclib")
-    with pytest.raises(FormatError, match="the format fclib writes fc, gfc, not a problem of type lcp"):
+    with pytest.raises(FormatError, match="the format fclib writes fc, fcm, gfc, grfc, not a problem of type lcp"):
         storage.save(CASES["lcp-dense-11"], tmp_path / "x.h5", format="fclib")
+    for name, reason in (
+        ("afc-dense-5", "of type afc: FCLIB has one coefficient of friction a contact"),
+        ("rfc5-dense-5", "of type rfc: FCLIB has rolling friction in global form alone"),
+    ):
+        with pytest.raises(FormatError, match=reason):
+            storage.save(CASES[name], tmp_path / "x.h5", format="fclib")
+    assert not (tmp_path / "x.h5").exists()
 
 
 def test_candidates_of_real_files(shared_data: Path) -> None:

@@ -134,7 +134,7 @@ HDF5: dict[str, tuple[Any, Callable[[h5py.File], None], str]] = {
     "short q": (
         FC_FILE,
         lambda f: replace(f, "fclib_local/vectors/q", np.ones(5)),
-        "fclib_local/W: is 6x6, expected 5x5",
+        "fclib_local/vectors/q: has 5 numbers, expected 3 for each of the 2 contacts in vectors/mu",
     ),
     "more mu": (
         FC_FILE,
@@ -282,7 +282,10 @@ TEXT = {
     "mlcp disagrees": ("1 1 1 0 0 1 0 0 1 1 1 1 5 7 6 7", "A: differs from the one in M and q by 1"),
     "mlcp blocks": ("1 0 1 1 0 3 2 1 0 0 2 2 2 2 1 0 0 1 5 6", "blocks: end at [0, 3] with kinds"),
     "mlcp blocks fall": ("1 0 2 1 0 2 1 3 0 1 0 0 3 3 3 3 1 0 0 0 1 0 0 0 1 5 6 7", "blocks: end at [0, 2, 1, 3]"),
-    "huge empty blocks": ("99999999999 1 99999999999 99999999999 0 1 2 3", "numbers left in the file"),
+    "huge empty blocks": (
+        "99999999999 1 99999999999 99999999999 0 1 2 3",
+        "M: is 99999999999x0, expected 99999999999x99999999999",
+    ),
     "words": ("once upon a time", "is 'once', expected a whole number"),
 }
 

@@ -23,7 +23,13 @@ NODES = {
     "fc3d_global": "gfc",
     "qp": "qp",
     "box_qp": "qp",
+    "relay": "relay",
+    "rolling_local": "rfc",
+    "rolling_global": "grfc",
+    "soclcp": "soclcp",
+    "plasticity": "",
 }
+"""Node of the problems of every folder of real files."""
 COUNTS = {
     "lcp": 20,
     "mlcp": 13,
@@ -33,24 +39,18 @@ COUNTS = {
     "fc3d_global": 20,
     "qp": 104,
     "box_qp": 23,
+    "relay": 5,
+    "rolling_local": 5,
+    "rolling_global": 2,
+    "soclcp": 2,
+    "plasticity": 3,
 }
+OTHERWISE = {"soclcp/Example1_Fc3D_SBM.dat": "fc"}
+"""Files whose content is not what their folder says."""
 REFUSED = {
     "mlcp/Rectangular_mlcp.dat": "M: is 3x2, expected 2x2, rectangular problems are not known here",
-    "relay/relay_2x2.dat": "is a relay problem",
-    "relay/relay_4x4.dat": "is a relay problem",
-    "relay/step_1x1.dat": "is a relay problem",
-    "relay/step_2x2.dat": "is a relay problem",
-    "relay/step_4x4.dat": "is a relay problem",
-    "rolling_global/Chute-ndof-768-nc-4-3.hdf5": "fclib_global_rolling: is a rolling friction problem",
-    "rolling_global/GRFC3D_Chute-ndof-768-nc-4-3.dat": "is a global rolling friction problem",
-    "rolling_local/RFC3D_cube_1.dat": "is a rolling friction problem",
-    "rolling_local/RFC3D_sphere_1.dat": "is a rolling friction problem",
-    "rolling_local/RFC3D_sphere_2.dat": "is a rolling friction problem",
-    "rolling_local/rfc3d_sphere_from_grfc3d_dense.dat": "is a rolling friction problem",
-    "rolling_local/rockfall_14_25792.dat": "is a rolling friction problem",
-    "soclcp/Example1_SOCLCP_SBM.dat": "is a second-order cone LCP",
     "plasticity/plasticity_2d_footing_1.dat": "is a plasticity problem",
-    "plasticity/plasticity_2d_footing_10.dat": "in 2D, or a plasticity problem of the old layout",
+    "plasticity/plasticity_2d_footing_10.dat": "plasticity as older files have it and siconos-rfc2d",
     "plasticity/plasticity_2d_vonmises_example1.dat": "is a plasticity problem",
 }
 
@@ -60,12 +60,17 @@ def test_folder(folder: str, shared_data: Path) -> None:
     addresses = storage.problem_files([shared_data / folder])
     assert len(addresses) == COUNTS[folder]
     for address in addresses:
-        if str(Path(address).relative_to(shared_data)) in REFUSED:
+        file = str(Path(address).relative_to(shared_data))
+        if file in REFUSED:
             continue
         problem = storage.load(address)
-        assert problem.node == NODES[folder], address
-        if folder.startswith("fc"):
-            assert getattr(problem, "dimension", 0) == int(folder[2]), address
+        assert problem.node == OTHERWISE.get(file, NODES[folder]), address
+        if folder.startswith(("fc", "rolling")):
+            assert getattr(problem, "dimension", 0) == (int(folder[2]) if folder.startswith("fc") else 5), address
+
+
+def test_every_folder_is_in_the_table(shared_data: Path) -> None:
+    assert {folder.name for folder in shared_data.iterdir() if folder.is_dir()} == set(NODES)
 
 
 @pytest.mark.parametrize("file", REFUSED)
@@ -96,6 +101,26 @@ def test_a_folder_s_name_is_no_evidence(shared_data: Path) -> None:
     """This file of the SOCLCP folder has the FC3D layout, and no other fits."""
     problem = storage.load(shared_data / "soclcp" / "Example1_Fc3D_SBM.dat")
     assert problem.fingerprint == storage.load(shared_data / "fc3d_local" / "FC3D_Example1_SBM.dat").fingerprint
+
+
+def test_the_same_rolling_problem_as_text_and_as_fclib(shared_data: Path) -> None:
+    """Chute, 768 degrees of freedom, 4 contacts: the text has 6 digits of M and H, and all of the vectors."""
+    text: Any = storage.load(shared_data / "rolling_global" / "GRFC3D_Chute-ndof-768-nc-4-3.dat")
+    fclib: Any = storage.load(shared_data / "rolling_global" / "Chute-ndof-768-nc-4-3.hdf5")
+    assert (fclib.nc, fclib.f.size, fclib.dimension) == (4, 768, 5)
+    for name in ("M", "H"):
+        theirs, ours = getattr(text, name), getattr(fclib, name)
+        assert abs(theirs - ours).max() <= 5e-6 * abs(ours).max(), name
+    for name in ("f", "w", "mu", "mu_r"):
+        assert np.array_equal(getattr(text, name), getattr(fclib, name)), name
+
+
+def test_relays_are_read_to_their_bounds(shared_data: Path) -> None:
+    problem: Any = storage.load(shared_data / "relay" / "step_2x2.dat")
+    assert (problem.lb < problem.ub).all()
+    z = problem.lb + 0.0
+    w = problem.M @ z + problem.q
+    assert problem.slacks(problem.point_type(z=z))["w"].tolist() == w.tolist()
 
 
 def test_no_contact(shared_data: Path) -> None:

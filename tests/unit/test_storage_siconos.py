@@ -167,17 +167,20 @@ def test_what_may_follow_the_last_number(end: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("end", "reason"),
     [
-        ("0.5", "is a rolling friction problem in 2D, or a plasticity problem of the old layout"),
-        ("1.0", "is a rolling friction problem in 2D"),
-        ("2", "rolling friction problem in 2D"),
-        ("0.1 0.2 0.3", "has 3 more numbers after the last one"),
+        ("0.5", "fits the layouts of plasticity as older files have it and siconos-rfc2d: say which with --format"),
+        ("1.0", "fits the layouts of plasticity as older files have it and siconos-rfc2d"),
+        ("2", "fits the layouts of plasticity as older files have it and siconos-rfc2d"),
+        ("0.1 0.2 0.3", "has 2 more numbers after the last one .*, nearest siconos-rfc2d"),
     ],
 )
 def test_other_numbers_after_the_last_are_refused(end: str, reason: str, tmp_path: Path) -> None:
-    """A file of 2D rolling friction is one of FC3D with mu_r behind it."""
+    """A file of 2D rolling friction is one of FC3D with mu_r behind it, and like one of plasticity of old."""
     (tmp_path / "a.dat").write_text(f"{FC}0.3\n{end}\n")
     with pytest.raises(FormatError, match=reason):
         storage.load(tmp_path / "a.dat")
+    if " " not in end:
+        rolling: Any = storage.load(tmp_path / "a.dat", format="siconos-rfc2d")
+        assert (rolling.node, rolling.dimension, rolling.mu_r.tolist()) == ("rfc", 3, [float(end)])
     with pytest.raises(FormatError, match=r"end: has [13] more numbers after the last one of this layout"):
         storage.load(tmp_path / "a.dat", format="siconos-fc3d")
 

@@ -1,0 +1,78 @@
+"""Points in HDF5: `/solution` and `/guesses`, under FCLIB's names: v, r and l of a contact problem (our λ is its l).
+
+solution                                       parts of the point, slacks as they follow from it (u), attributes
+guesses/{number_of_guesses, 1, 2, ...}         each like a solution, without slacks
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench import __version__
+from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.fcm import FCMPoint
+from cpbench.formulations.global_contact import GFCPoint
+from cpbench.storage.hdf5_tree import Tree
+from cpbench.storage.hdf5_writer import put_array, put_attribute, put_integer
+
+_FCLIB = {"lam": "l"}
+"""Parts of contact points that FCLIB calls otherwise; it has none of these where they are empty."""
+
+
+def put_solution(parent: h5py.Group, problem: Problem, point: Point, said: Mapping[str, Any]) -> None:
+    """Write `/solution`: the point, the slacks as they follow from it (FCLIB's u), and attributes."""
+    slacks = {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}
+    put_point(parent, point, {**said, "node": problem.node, "fingerprint": problem.fingerprint}, slacks)
+
+
+def put_point(
+    parent: h5py.Group, point: Point, said: Mapping[str, Any], slacks: Mapping[str, NDArray[Any]] | None = None
+) -> None:
+    """Write `/solution` from its parts."""
+    group: h5py.Group = parent.create_group("solution")
+    for name, value in {**(slacks or {}), **_stored(point)}.items():
+        put_array(group, name, value, compress=True)
+    for name, value in {**said, "cpbench_version": __version__}.items():
+        put_attribute(group, name, value if isinstance(value, int | float | bool) else str(value))
+
+
+def put_guesses(parent: h5py.Group, points: Sequence[Point]) -> None:
+    """Write `/guesses`; nothing when there are none."""
+    if not points:
+        return
+    group = parent.create_group("guesses")
+    put_integer(group, "number_of_guesses", len(points))
+    for k, point in enumerate(points, 1):
+        guess = group.create_group(str(k))
+        for name, value in _stored(point).items():
+            put_array(guess, name, value, compress=True)
+
+
+def read_point(tree: Tree, kind: type[Point]) -> Any:
+    """The point of a group; parts that are empty by default may be missing. Raises FormatError."""
+    parts: dict[str, Any] = {}
+    for name, f in kind.__dataclass_fields__.items():
+        fclib = _names(kind).get(name, "")
+        if fclib and name not in tree:
+            if fclib in tree:
+                parts[name] = tree.array(fclib)
+            else:
+                parts[name] = np.zeros(0)
+        elif f.default_factory is MISSING or name in tree:
+            parts[name] = tree.array(name)
+    return kind(**parts)
+
+
+def _stored(point: Point) -> dict[str, NDArray[Any]]:
+    names = _names(type(point))
+    return {names.get(name, name): value for name, value in point.arrays().items() if value.size or name not in names}
+
+
+def _names(kind: type[Point]) -> Mapping[str, str]:
+    return _FCLIB if issubclass(kind, FCMPoint | GFCPoint) else {}
