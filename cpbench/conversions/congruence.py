@@ -118,8 +118,10 @@ class Congruence:
         x.resize(entries, refcheck=False)  # gives back what zeros did not take, in place
         ix.resize(entries, refcheck=False)
         M = sp.csr_array((x, ix, ptr), shape=(nc * height, nc * width))
-        top = max(float(W.data.max(initial=0.0)), -float(W.data.min(initial=0.0)))
-        largest = top * np.abs(self.left).sum(axis=0).max() * np.abs(self.right).sum(axis=0).max()
+        # the 2-norm bounds the largest entry and, unlike that, costs one pass
+        largest = (
+            float(np.linalg.norm(W.data)) * np.abs(self.left).sum(axis=0).max() * np.abs(self.right).sum(axis=0).max()
+        )
         added = np.abs(coefficients).max(initial=0.0) * np.abs(self.blocks).sum(axis=0).max(initial=0.0)
         if np.isfinite(largest + added):  # then no entry can be infinite, and none need be looked at
             return matrices.adopt(M)
