@@ -382,6 +382,22 @@ class Factorization:
         return self._inverted.inverses
 
     @cached_property
+    def sparse_inverse(self) -> Sparse:
+        """A⁻¹ over `blocks`, zero elsewhere: as sparse as they are."""
+        data: list[NDArray[Any]] = [np.zeros(0)]
+        row: list[NDArray[Any]] = [np.zeros(0, np.int64)]
+        col: list[NDArray[Any]] = [np.zeros(0, np.int64)]
+        for block in self.block_inverses:
+            shape = block.values.shape
+            data.append(block.values.ravel())
+            row.append(np.broadcast_to(block.unknowns[:, :, None], shape).ravel())
+            col.append(np.broadcast_to(block.unknowns[:, None, :], shape).ravel())
+        triplets = np.concatenate(data), (np.concatenate(row), np.concatenate(col))
+        inverse = sp.csr_array(triplets, shape=self.A.shape)
+        inverse.eliminate_zeros()
+        return inverse
+
+    @cached_property
     def _inverted(self) -> _BlockInverses:
         return _BlockInverses(sparse(self.A), self.blocks, self.scales)
 

@@ -29,7 +29,7 @@ PADDING = 1.25
 def product(left: Sparse, factor: Factorization, right: Sparse) -> Sparse:
     """left A⁻¹ right over the components in `factor.blocks`."""
     if left.nnz + right.nnz <= FEW:
-        return _by_scipy(left, factor, right)
+        return sp.csr_array(left @ (factor.sparse_inverse @ right))
     kernel = load(KERNELS)
     bodies = _Bodies.of(factor.blocks)
     columns = _touching(kernel, right, bodies)
@@ -127,21 +127,6 @@ def _multiplied(kernel: Any, rows: _Touching, columns: _Touching) -> Sparse:
     if zeros:  # where columns of a contact touch different bodies, and where terms cancel
         result.eliminate_zeros()
     return result
-
-
-def _by_scipy(left: Sparse, factor: Factorization, right: Sparse) -> Sparse:
-    data: list[NDArray[Any]] = []
-    row: list[NDArray[Any]] = []
-    col: list[NDArray[Any]] = []
-    for block in factor.block_inverses:
-        shape = block.values.shape
-        data.append(block.values.ravel())
-        row.append(np.broadcast_to(block.unknowns[:, :, None], shape).ravel())
-        col.append(np.broadcast_to(block.unknowns[:, None, :], shape).ravel())
-    triplets = np.concatenate(data), (np.concatenate(row), np.concatenate(col))
-    inverse = sp.csr_array(triplets, shape=factor.A.shape)
-    inverse.eliminate_zeros()
-    return sp.csr_array(left @ (inverse @ right))
 
 
 def _cumulative(sizes: NDArray[np.int64]) -> NDArray[np.int64]:

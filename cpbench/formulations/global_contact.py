@@ -15,6 +15,9 @@ from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.sizes import least_squares
 from cpbench.matrices import Dense, Factorization, Matrix, Vector, norm
 
+BUNDLE = 512
+"""Columns of H that are solved for at once."""
+
 
 @dataclass(frozen=True, eq=False)
 class GFCPoint(Point):
@@ -67,12 +70,18 @@ class GlobalContact(_HasDynamics, ContactProblem):
     @cached_property
     def mobility(self) -> Dense:
         """Diagonal of HᵀM⁻¹H, shape (nc, d); 0 where M is singular."""
-        diagonal = np.zeros(self.w.size)
-        if not self.factorization.singular:
-            columns: Any = matrices.sparse(self.H).tocsc() if matrices.is_sparse(self.H) else self.H
-            for start in range(0, self.w.size, 512):  # bounded memory: M⁻¹H is dense
-                chunk = matrices.dense(columns[:, start : start + 512])
-                diagonal[start : start + 512] = np.einsum("ij,ij->j", chunk, self.factorization.solve(chunk))
+        H, M = self.H, self.factorization
+        if M.singular:
+            return matrices.freeze(np.zeros((self.nc, self.dimension)))
+        if matrices.is_sparse(H) and self.w.size > BUNDLE and M.block_diagonal:
+            product: Any = M.sparse_inverse @ H
+            diagonal = np.asarray(product.multiply(H).sum(axis=0), dtype=np.float64)
+        else:
+            diagonal = np.empty(self.w.size)
+            columns: Any = matrices.sparse(H).tocsc() if matrices.is_sparse(H) else H
+            for start in range(0, self.w.size, BUNDLE):  # bounded memory: M⁻¹H is dense
+                chunk = matrices.dense(columns[:, start : start + BUNDLE])
+                diagonal[start : start + BUNDLE] = np.einsum("ij,ij->j", chunk, M.solve(chunk))
         return matrices.freeze(diagonal.reshape(self.nc, self.dimension))
 
     @cached_property
