@@ -49,7 +49,8 @@ def read_avi(c: Cursor) -> Made:
     n = c.integer("n")
     M, q = read_matrix(c, "M", (n, n)), c.numbers("q", n)
     c.finish()
-    logger.warning("%s: this layout has no place for the set X of an AVI: X is the whole space", c.path)
+    if not c.signature:
+        logger.warning("%s: this layout has no place for the set X of an AVI: X is the whole space", c.path)
     return made(c, AVI, M=M, q=q)
 
 

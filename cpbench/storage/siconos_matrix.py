@@ -26,6 +26,8 @@ from cpbench.matrices import Matrix, Sparse, Vector
 from cpbench.storage.base import read_text
 
 logger = logging.getLogger("cpbench.storage")
+SIGNED = "cpbench"
+"""The last line of our files: this and the name of the format."""
 _SIZE = re.compile(r"(\d+)-by-(\d+),?")
 _warned: set[Path] = set()
 
@@ -43,6 +45,11 @@ class Cursor:
     def again(self) -> Cursor:
         """The same file from its beginning."""
         return Cursor(self.path, self.tokens, guess=self.guess)
+
+    @property
+    def signature(self) -> str:
+        """The format that a file of ours names in its last line, "" in one of others."""
+        return self.tokens[-1] if self.tokens[-2:-1] == [SIGNED] else ""
 
     @property
     def left(self) -> int:

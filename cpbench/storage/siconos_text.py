@@ -32,7 +32,7 @@ from cpbench.storage.siconos_linear import (
     read_relay,
     read_soclcp,
 )
-from cpbench.storage.siconos_matrix import Cursor
+from cpbench.storage.siconos_matrix import SIGNED, Cursor
 from cpbench.storage.siconos_write import (
     write_avi,
     write_fc,
@@ -42,9 +42,6 @@ from cpbench.storage.siconos_write import (
     write_relay,
     write_soclcp,
 )
-
-_SIGNED = "cpbench"
-"""The last line of our files: this and the name of the format."""
 
 
 class SiconosText(Format):
@@ -87,7 +84,7 @@ class SiconosText(Format):
         no_member(path, member)
         kinds = [f for f in (self, *others) if isinstance(f, SiconosText)]
         c = Cursor(path, guess=True)
-        signed = next((f for f in kinds if c.tokens[-2:] == [_SIGNED, f.name]), None)
+        signed = next((f for f in kinds if c.signature == f.name), None)
         if signed is not None:
             return signed.load(path, member)
         found, refusals = _attempt(c, [f for f in kinds if f.guessed])
@@ -106,7 +103,7 @@ class SiconosText(Format):
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
         if getattr(problem, "dimension", None) != self.dimension:
             raise FormatError(problem.name or problem.node, "dimension", f"does not fit {self.name}")
-        return f"{self._write(problem)}{_SIGNED} {self.name}\n".encode("ascii")
+        return f"{self._write(problem)}{SIGNED} {self.name}\n".encode("ascii")
 
 
 def _attempt(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import logging
 import subprocess
@@ -14,7 +15,19 @@ import scipy.sparse as sp
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
+from cpbench.formulations import (
+    AVI,
+    LCP,
+    MLCP,
+    SOCLCP,
+    FrictionContact,
+    GlobalFrictionContact,
+    GlobalRollingFrictionContact,
+    Relay,
+    RollingFrictionContact,
+)
+from cpbench.formulations.conic import cone_fields
+from cpbench.product_cones import Cone, ProductCone
 from cpbench.storage import siconos_matrix
 
 SYSTEM_PYTHON = "/usr/bin/python3"
@@ -39,24 +52,32 @@ def dense(A: Any) -> np.ndarray:
 
 
 def ours(problem: Any) -> dict[str, Any]:
-    if isinstance(problem, LCP):
+    if isinstance(problem, LCP | AVI):
         return {"q": problem.q, "entries": dense(problem.M)}
+    if isinstance(problem, Relay):
+        return {"q": problem.q, "lb": problem.lb, "ub": problem.ub, "entries": dense(problem.M)}
+    if isinstance(problem, SOCLCP):
+        ends = np.concatenate([[0], np.cumsum(problem.cone_size)])
+        return {"q": problem.q, "mu": problem.cone_mu, "entries": dense(problem.M), "ends": ends}
     if isinstance(problem, MLCP):
         M = np.block([[dense(problem.A), dense(problem.C)], [dense(problem.D), dense(problem.B)]])
         return {"q": np.concatenate([problem.a, problem.b]), "entries": M}
-    if isinstance(problem, FrictionContact):
-        return {"q": problem.q, "mu": problem.mu, "entries": dense(problem.W)}
-    assert isinstance(problem, GlobalFrictionContact)
+    rolling = {"mu_r": problem.mu_r} if hasattr(problem, "mu_r") else {}
+    if isinstance(problem, FrictionContact | RollingFrictionContact):
+        return {"q": problem.q, "mu": problem.mu, "entries": dense(problem.W), **rolling}
+    assert isinstance(problem, GlobalFrictionContact | GlobalRollingFrictionContact)
     rows = [*dense(problem.M).tolist(), *dense(problem.H).tolist()]
-    return {"q": np.concatenate([problem.f, problem.w]), "mu": problem.mu, "entries": rows}
+    return {"q": np.concatenate([problem.f, problem.w]), "mu": problem.mu, "entries": rows, **rolling}
 
 
 def agree(problem: Any, theirs: dict[str, Any]) -> None:
     mine = ours(problem)
-    assert mine.keys() == theirs.keys()
+    assert mine.keys() == theirs.keys() - {"answer"}
     for key, value in theirs.items():
         if key == "entries":
             assert [list(map(float, row)) for row in mine[key]] == value
+        elif key == "answer":
+            assert problem.residuals(problem.point_from_vector(value)).judged["natural"] < 1e-9
         else:
             assert mine[key].tolist() == value
 
@@ -76,6 +97,12 @@ REAL = [
     ("fc", "fc3d_local/OneObject-i1028-138.hdf5.dat"),
     ("gfc", "fc3d_global/GFC3D_Example0_SBM.dat"),
     ("gfc", "fc3d_global/GFC3D_TwoRods1.dat"),
+    ("rfc", "rolling_local/RFC3D_sphere_1.dat"),
+    ("rfc", "rolling_local/RFC3D_cube_1.dat"),
+    ("rfc", "rolling_local/rfc3d_sphere_from_grfc3d_dense.dat"),
+    ("relay", "relay/step_1x1.dat"),
+    ("relay", "relay/relay_4x4.dat"),
+    ("soclcp", "soclcp/Example1_SOCLCP_SBM.dat"),
 ]
 
 
@@ -110,13 +137,75 @@ def test_siconos_reads_what_we_write(tmp_path: Path, rng: np.random.Generator) -
                 M=rng.random((5, 5)), H=rng.random((5, 3)), f=rng.random(5), w=rng.random(3), mu=np.array([0.7])
             ),
         ),
+        ("avi", AVI(M=rng.random((n, n)), q=rng.random(n))),
+        ("relay", Relay(M=rng.random((n, n)), q=rng.random(n), lb=-rng.random(n), ub=rng.random(n))),
+        ("relay", Relay(M=sparse, q=rng.random(6), lb=-rng.random(6), ub=rng.random(6))),
     ]
+    for d, nc in ((3, 2), (5, 3)):
+        size = d * nc
+        friction: dict[str, Any] = {"mu": rng.random(nc), "mu_r": rng.random(nc), "dimension": d}
+        W = rng.random((size, size))
+        problems.append(("rfc", RollingFrictionContact(W=W, q=rng.random(size), **friction)))
+        dynamics = {"M": rng.random((6, 6)), "H": rng.random((6, size)), "f": rng.random(6), "w": rng.random(size)}
+        problems.append(("grfc", GlobalRollingFrictionContact(**dynamics, **friction)))
+    B = rng.standard_normal((9, 9))
+    K = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.3, 0.7, 2.0])))
+    q = 3 * rng.standard_normal(9)
+    problems.append(("soclcp", SOCLCP(M=B @ B.T + np.eye(9), q=q, **cone_fields(K))))  # pyright: ignore
     pairs: list[Any] = []
     for k, (kind, problem) in enumerate(problems):
         storage.save(problem, tmp_path / f"{k}.dat")
         pairs += [kind, tmp_path / f"{k}.dat"]
     for (_, problem), read in zip(problems, siconos(*pairs), strict=True):
         agree(problem, read)
+
+
+def test_tau_is_the_slope_of_the_cone(tmp_path: Path, rng: np.random.Generator) -> None:
+    """‖x_T‖ ≤ tau x_N, not ‖x_T‖ ≤ x_N/tau: what Siconos' own solver says of our file."""
+    B = rng.standard_normal((6, 6))
+    K = ProductCone.of((Cone.SECOND_ORDER, 2, 3, np.array([0.3, 2.0])))
+    q = np.array([-1.0, 2, 1, -1, 3, 1])
+    problem = SOCLCP(M=B @ B.T + np.eye(6), q=q, **cone_fields(K))  # pyright: ignore
+    storage.save(problem, tmp_path / "a.dat")
+    (read,) = siconos("soclcp", tmp_path / "a.dat")
+    point = problem.point_from_vector(read["answer"])
+    assert problem.residuals(point).error < 1e-9
+    assert dataclasses.replace(problem, cone_mu=1 / problem.cone_mu).residuals(point).error > 0.01
+
+
+def test_our_files_say_what_they_are(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Kinds that no layout tells apart come back as what they are, and as anything else that fits when asked."""
+    rolling = RollingFrictionContact(W=np.eye(3), q=np.ones(3), mu=np.ones(1), mu_r=np.ones(1), dimension=3)
+    none = dataclasses.replace(rolling, W=np.zeros((0, 0)), q=[], mu=[], mu_r=[])
+    free = AVI(M=np.eye(2), q=np.ones(2))
+    for k, problem in enumerate((rolling, none, free)):
+        path = tmp_path / f"{k}.dat"
+        storage.save(problem, path)
+        assert storage.load(path).fingerprint == problem.fingerprint
+    assert not caplog.records
+    assert storage.load(tmp_path / "2.dat", format="siconos-lcp").node == "lcp"
+    unsigned = (tmp_path / "2.dat").read_text().rpartition("cpbench")[0]
+    (tmp_path / "3.dat").write_text(unsigned)
+    assert storage.load(tmp_path / "3.dat").node == "lcp"
+    assert storage.load(tmp_path / "3.dat", format="siconos-avi").node == "avi"
+    assert "no place for the set X of an AVI" in caplog.text
+    (tmp_path / "4.dat").write_text(f"{unsigned}cpbench siconos-relay\n")
+    with pytest.raises(FormatError, match="lb: holds something that is no number"):
+        storage.load(tmp_path / "4.dat")
+
+
+def test_a_guess_of_few_numbers_is_on_the_side_of_plain_friction(tmp_path: Path) -> None:
+    (tmp_path / "none.dat").write_text("3 0 0 0 0 0 0\n")
+    assert storage.load(tmp_path / "none.dat").node == "fc"
+    assert storage.load(tmp_path / "none.dat", format="siconos-rfc2d").node == "rfc"
+    (tmp_path / "global.dat").write_text("3 0 0 1 1 1 1 2.0 0 1 0 1 0 5.0\n")
+    assert storage.load(tmp_path / "global.dat").node == "gfc"
+    (tmp_path / "flag.dat").write_text(f"{FC}0.3 1\n")
+    assert storage.load(tmp_path / "flag.dat").node == "fc"
+    assert storage.load(tmp_path / "flag.dat", format="siconos-rfc2d").node == "rfc"
+    (tmp_path / "rolling.dat").write_text("3 1 0 1 1 1 1 2.0 0 1 3 1 3 1. 2. 3. 5. 0. 0. 0. 0.3 0.1\n")
+    problem: Any = storage.load(tmp_path / "rolling.dat")
+    assert (problem.node, problem.dimension, problem.mu_r.tolist()) == ("grfc", 3, [0.1])
 
 
 def test_dense_matrices_are_column_major(shared_data: Path) -> None:
