@@ -20,8 +20,8 @@ from cpbench.conversions.base import Size
 from cpbench.conversions.operators import ContactOperator
 from cpbench.matrices import Dense, Matrix, Sparse, Vector
 
-COMPILED_ABOVE = 200_000
-"""Entries of W above which the compiled loop is used: SciPy then takes longer than the import of numba."""
+COMPILED_ABOVE = 500_000
+"""Entries of W above which the compiled loop is used: SciPy then takes longer than it takes to import numba."""
 _INT32 = 2**31 - 1
 
 

@@ -161,10 +161,8 @@ def test_products_that_cancel_are_not_stored(compiled) -> None:
 
 
 def test_a_large_problem_takes_the_compiled_loop_and_no_copy(rng) -> None:
-    nc = 2600
-    W = sp.block_diag([rng.standard_normal((9, 9)) for _ in range(nc // 3)], format="csr")
-    assert W.nnz < congruence.COMPILED_ABOVE
-    W = sp.block_diag([rng.standard_normal((30, 30)) for _ in range(nc // 10)], format="csr")
+    nc = 2580
+    W = sp.block_diag([rng.standard_normal((90, 90)) for _ in range(nc // 30)], format="csr")
     assert W.nnz > congruence.COMPILED_ABOVE
     problem = FrictionContact(W=W, q=rng.standard_normal(3 * nc), mu=np.full(nc, 0.3))
     form = facets.congruence(facets.directions(8, 0.0))
@@ -173,7 +171,7 @@ def test_a_large_problem_takes_the_compiled_loop_and_no_copy(rng) -> None:
     assert np.shares_memory(held.data, M.data)
     with pytest.raises(ValueError, match="read-only"):
         held.data[0] = 1.0
-    assert M.nnz <= form.size(problem.W).entries == (nc * 10) * 81 + nc * 17
+    assert M.nnz <= form.size(problem.W).entries == nc * 30 * 81 + nc * 17
 
 
 def test_entries_that_overflow_are_found(compiled) -> None:
