@@ -18,7 +18,7 @@ from cpbench.kernel_cache import load
 from cpbench.matrices import Blocks, Factorization, Sparse
 
 KERNELS = "cpbench.conversions.kernels.delassus"
-FEW = 5000
+FEW = 15_000
 """Entries of D and C up to which SciPy does it."""
 SAMPLE = 20
 """Bodies looked at to find how many columns of C belong to one contact."""

@@ -19,10 +19,8 @@ from cpbench import matrices
 from cpbench.conversions import delassus, sparse_schur
 from cpbench.matrices import Dense, Factorization, Matrix, Sparse
 
-BUNDLE = 256
-"""Right-hand sides of one sparse solve."""
-FULL = 0.5
-"""Share of nonzero entries above which an eliminated matrix is kept dense: CSR would then need as much memory."""
+BUNDLE = 64
+"""Right-hand sides of one sparse solve: more of them leave the cache."""
 FEW = 300
 """Rows and columns of a product that is computed by dense matrices where A is factored as one."""
 RANK_LIMIT = 500
@@ -63,7 +61,8 @@ def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
     if not any(matrices.is_sparse(part) for part in (B, D, factor.A, C)):
         left, right = _sides(D, factor, C)
         # by rows for us is by columns for BLAS: Bᵀ − rightᵀ leftᵀ, B copied once and nothing transposed in memory
-        return blas.dgemm(-1.0, right.T, left.T, beta=1.0, c=B.T).T
+        (a, trans_a), (b, trans_b) = _transposed(right), _transposed(left)
+        return blas.dgemm(-1.0, a, b, beta=1.0, c=B.T, trans_a=trans_a, trans_b=trans_b).T
     less = product(D, factor, C)
     if matrices.is_sparse(less):
         return compact(B - less)
@@ -77,10 +76,10 @@ def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
 
 
 def compact(M: Matrix) -> Matrix:
-    """CSR, or the dense array when more than the share FULL of the entries is nonzero."""
+    """CSR, or the dense array when more than half of the entries is nonzero."""
     if not matrices.is_sparse(M):
         return M
-    return matrices.dense(M) if matrices.nnz(M) > FULL * M.shape[0] * M.shape[1] else matrices.sparse(M)
+    return matrices.dense(M) if matrices.nnz(M) > sparse_schur.FULL * M.shape[0] * M.shape[1] else matrices.sparse(M)
 
 
 def singularity(factor: Factorization, what: str, instead: str) -> str | None:
@@ -98,6 +97,11 @@ def _sides(left: Dense, factor: Factorization, right: Dense) -> tuple[Dense, Den
     if left.shape[0] < right.shape[1]:
         return factor.solve(left.T, transpose=True).T, right
     return left, factor.solve(right)
+
+
+def _transposed(M: Dense) -> tuple[Dense, bool]:
+    """Mᵀ as BLAS takes it without a copy: an array by columns, and whether it is to be transposed."""
+    return (M, True) if M.flags.f_contiguous else (M.T, False)
 
 
 def _dense_product(left: Dense, factor: Factorization, right: Dense) -> Dense:
@@ -127,10 +131,9 @@ def _sparse_product(left: Sparse, factor: Factorization, right: Sparse) -> Matri
         return sp.csr_array(_dense_product(left.toarray(), factor, right.toarray()))
     if factor.block_diagonal:
         return delassus.product(left, factor, right)
-    small = _small(factor)
-    if not small.any():
+    large = np.flatnonzero(~_small(factor))
+    if 2 * large.size > factor.n:  # the small ones are not worth another factorization
         return _over_large(left, factor, right)
-    large = np.flatnonzero(~small)
     part = Factorization(matrices.sparse(matrices.sparse(factor.A)[large][:, large]))
     result = _over_large(matrices.sparse(left[:, large]), part, matrices.sparse(right[large]))
     return result + delassus.product(left, factor, right)
@@ -162,18 +165,24 @@ def _over_large(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
     result = sparse_schur.product(left, factor, right)
     if result is None:
         result = _by_bundles(left, factor, right)
-    if (rows.size, columns.size) == shape and matrices.nnz(result) > FULL * shape[0] * shape[1]:
+    if (rows.size, columns.size) == shape:
         return result
     entries = sp.coo_array(result)
     return sp.csr_array((entries.data, (rows[entries.row], columns[entries.col])), shape=shape)
 
 
-def _by_bundles(left: Sparse, factor: Factorization, right: Sparse) -> Sparse:
+def _by_bundles(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
     """Some hundred columns of `right` at a time, as dense vectors."""
     into = right.tocsc()
     bundles = (into[:, start : start + BUNDLE].toarray() for start in range(0, right.shape[1], BUNDLE))
-    pieces = [sp.csr_array(left @ factor.solve(bundle)) for bundle in bundles]
-    return sp.csr_array(sp.hstack(pieces, format="csr"))
+    pieces: list[Any] = [_sparse_unless_full(left @ factor.solve(bundle)) for bundle in bundles]
+    if any(matrices.is_sparse(piece) for piece in pieces):
+        return sp.csr_array(sp.hstack(pieces, format="csr"))
+    return np.hstack(pieces)
+
+
+def _sparse_unless_full(M: Dense) -> Matrix:
+    return M if matrices.nnz(M) > sparse_schur.FULL * M.size else sp.csr_array(M)
 
 
 def _mean_with_transpose(W: Any) -> Any:

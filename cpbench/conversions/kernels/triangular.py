@@ -284,9 +284,10 @@ def factor(a_ptr, a_index, a, threshold, room):
             if j >= 0:
                 for e in range(l_ptr[j], l_ptr[j + 1]):
                     x[l_index[e]] -= l_value[e] * z
-                u_index[upper], u[upper] = j, z
-                upper += 1
                 x[node] = 0.0
+                if z != 0.0:  # it may have cancelled, or faded along a chain
+                    u_index[upper], u[upper] = j, z
+                    upper += 1
             else:
                 l_index[lower] = node
                 lower += 1
@@ -304,7 +305,7 @@ def factor(a_ptr, a_index, a, threshold, room):
         kept = l_ptr[c]
         for e in range(l_ptr[c], lower):
             node = l_index[e]
-            if node != pivot:
+            if node != pivot and x[node] != 0.0:
                 l_index[kept], l_value[kept] = node, x[node] / value
                 kept += 1
             x[node] = 0.0
@@ -334,10 +335,11 @@ def solve(t_ptr, t_index, t, diagonal, b_ptr, b_index, b):
         for node in work[top:n]:
             z = x[node] / diagonal[node]
             x[node] = 0.0
-            for e in range(t_ptr[node], t_ptr[node + 1]):
-                x[t_index[e]] -= t[e] * z
-            index[place], value[place] = node, z
-            place += 1
+            if z != 0.0:
+                for e in range(t_ptr[node], t_ptr[node + 1]):
+                    x[t_index[e]] -= t[e] * z
+                index[place], value[place] = node, z
+                place += 1
         ptr[c + 1] = place
     return ptr, index[: ptr[columns]].copy(), value[: ptr[columns]].copy()
 
@@ -357,6 +359,17 @@ def add_product(y_ptr, y_index, y, x_ptr, x_index, x, M):
         for c in range(line.size):
             row[c] += line[c]
             line[c] = 0.0
+
+
+@njit(types.void(types.Array(float64, 2, "C", readonly=True), _LONG, int32[::1], float64[::1]), cache=True)
+def compress(M, indptr, indices, data):
+    """The nonzero entries of M by rows, indptr given."""
+    for i in range(M.shape[0]):
+        row, k = M[i], indptr[i]
+        for j in range(row.size):
+            if row[j] != 0.0:
+                indices[k], data[k] = j, row[j]
+                k += 1
 
 
 READY = True
