@@ -82,7 +82,7 @@ def save_answer(
         if with_problem:
             write_problem(root, problem, compress=True)
         put_solution(root, problem, point, {"name": problem.name, **attrs})
-        put_guesses(root, guesses)
+        put_guesses(root, problem, guesses)
     write_atomic(Path(path), image[0], force=force)
 
 

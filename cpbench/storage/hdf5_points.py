@@ -27,8 +27,9 @@ _FCLIB = {"lam": "l"}
 
 def put_solution(parent: h5py.Group, problem: Problem, point: Point, said: Mapping[str, Any]) -> None:
     """Write `/solution`: the point, the slacks as they follow from it (FCLIB's u), and attributes."""
-    slacks = {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}
-    put_point(parent, point, {**said, "node": problem.node, "fingerprint": problem.fingerprint}, slacks)
+    put_point(
+        parent, point, {**said, "node": problem.node, "fingerprint": problem.fingerprint}, _slacks(problem, point)
+    )
 
 
 def put_point(
@@ -36,42 +37,43 @@ def put_point(
 ) -> None:
     """Write `/solution` from its parts."""
     group: h5py.Group = parent.create_group("solution")
-    for name, value in {**(slacks or {}), **_stored(point)}.items():
-        put_array(group, name, value, compress=True)
+    _put_parts(group, point, slacks or {})
     for name, value in {**said, "cpbench_version": __version__}.items():
         put_attribute(group, name, value if isinstance(value, int | float | bool) else str(value))
 
 
-def put_guesses(parent: h5py.Group, points: Sequence[Point]) -> None:
-    """Write `/guesses`; nothing when there are none."""
+def put_guesses(parent: h5py.Group, problem: Problem, points: Sequence[Point]) -> None:
+    """Write `/guesses`, with slacks, for FCLIB's reader insists on u; nothing when there are none."""
     if not points:
         return
     group = parent.create_group("guesses")
     put_integer(group, "number_of_guesses", len(points))
     for k, point in enumerate(points, 1):
-        guess = group.create_group(str(k))
-        for name, value in _stored(point).items():
-            put_array(guess, name, value, compress=True)
+        _put_parts(group.create_group(str(k)), point, _slacks(problem, point))
 
 
 def read_point(tree: Tree, kind: type[Point]) -> Any:
     """The point of a group; parts that are empty by default may be missing. Raises FormatError."""
     parts: dict[str, Any] = {}
     for name, f in kind.__dataclass_fields__.items():
-        fclib = _names(kind).get(name, "")
-        if fclib and name not in tree:
-            if fclib in tree:
-                parts[name] = tree.array(fclib)
-            else:
-                parts[name] = np.zeros(0)
-        elif f.default_factory is MISSING or name in tree:
-            parts[name] = tree.array(name)
+        fclib = _names(kind).get(name, name)
+        stored = fclib if fclib in tree else name
+        if stored in tree or (fclib == name and f.default_factory is MISSING):
+            parts[name] = tree.array(stored)
+        else:
+            parts[name] = np.zeros(0)
     return kind(**parts)
 
 
-def _stored(point: Point) -> dict[str, NDArray[Any]]:
+def _slacks(problem: Problem, point: Point) -> dict[str, NDArray[Any]]:
+    return {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}
+
+
+def _put_parts(group: h5py.Group, point: Point, slacks: Mapping[str, NDArray[Any]]) -> None:
     names = _names(type(point))
-    return {names.get(name, name): value for name, value in point.arrays().items() if value.size or name not in names}
+    stored = {names.get(name, name): value for name, value in point.arrays().items() if value.size or name not in names}
+    for name, value in {**slacks, **stored}.items():
+        put_array(group, name, value, compress=True)
 
 
 def _names(kind: type[Point]) -> Mapping[str, str]:

@@ -95,6 +95,41 @@ def test_a_solution_in_the_problem_s_own_file(tmp_path: Path) -> None:
         storage.guesses(address)
 
 
+def test_joint_reactions_are_l_in_files(tmp_path: Path, rng: np.random.Generator) -> None:
+    """FCLIB's name for λ; the files of a first version have lam, and without joints there is neither."""
+    for name in ("gfc2-dense-5-2", "fcm3-sparse-5-2", "grfc5-dense-5-2"):
+        problem, path = CASES[name], tmp_path / f"{name}.h5"
+        point = problem.point_from_vector(rng.standard_normal(sum(problem.point_sizes.values())))
+        storage.save_answer(path, problem, point, ATTRS)
+        with h5py.File(path, "r+") as file:
+            file.move("solution/l", "solution/lam")
+        assert same(storage.load_answer(path, problem), point)
+        with h5py.File(path, "r+") as file:
+            del file["solution/lam"]
+        with pytest.raises(FormatError, match=f"{problem.node}: the answer's lam has 0 numbers, expected 2"):
+            storage.load_answer(path, problem)
+    free = CASES["gfc3-sparse-5"]
+    storage.save_answer(tmp_path / "f.h5", free, free.zero_point(), ATTRS)
+    with h5py.File(tmp_path / "f.h5") as file:
+        assert set(file["solution"]) == {"v", "r", "u"}
+    assert same(storage.load_answer(tmp_path / "f.h5", free), free.zero_point())
+    np.savez(tmp_path / "f.npz", v=np.ones(6), r=np.ones(15))
+    assert storage.load_answer(tmp_path / "f.npz", free).v.tolist() == [1.0] * 6
+
+
+def test_guesses_beside_an_answer(tmp_path: Path) -> None:
+    problem = CASES["soclcp-sparse-all"]
+    ones = problem.point_from_vector(np.ones(problem.q.size))
+    storage.save_answer(tmp_path / "a.h5", problem, problem.zero_point(), ATTRS, with_problem=True, guesses=[ones])
+    (guess,) = storage.guesses(tmp_path / "a.h5")
+    assert same(guess, ones)
+    with pytest.raises(PointError, match="the answer is a SOCLCPPoint, expected LCPPoint"):
+        storage.save_answer(
+            tmp_path / "b.h5", CASES["lcp-dense-11"], CASES["lcp-dense-11"].zero_point(), {}, guesses=[ones]
+        )
+    assert not (tmp_path / "b.h5").exists()
+
+
 @pytest.mark.parametrize("suffix", [".npy", ".npz", ".csv", ".txt"])
 def test_plain_vectors(suffix: str, tmp_path: Path) -> None:
     problem, path = CASES["mlcp-dense-7-4"], tmp_path / f"z{suffix}"

@@ -17,10 +17,31 @@ import scipy.io
 
 from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError
-from cpbench.formulations import LCP, FrictionContact, Step
+from cpbench.formulations import (
+    LCP,
+    SOCLCP,
+    AnisotropicFrictionContact,
+    FrictionContact,
+    GlobalFrictionContact,
+    GlobalRollingFrictionContact,
+    MixedFrictionContact,
+    Relay,
+    RollingFrictionContact,
+    Step,
+)
 
 LCP_FILE = LCP(M=np.arange(16.0).reshape(4, 4) + np.eye(4), q=-np.ones(4), name="good")
 FC_FILE = FrictionContact(W=np.eye(6) + 0.1, q=-np.ones(6), mu=np.array([0.3, 0.5]))
+
+MU = np.array([0.3, 0.5])
+MIXED_FILE = MixedFrictionContact(W=np.eye(6), V=np.ones((6, 2)), R=np.eye(2), q=-np.ones(6), s=np.ones(2), mu=MU)
+JOINTS: dict[str, Any] = {"M": np.eye(4), "G": np.ones((4, 1)), "f": np.ones(4), "b": np.ones(1), "mu": MU}
+GLOBAL_FILE = GlobalFrictionContact(H=np.ones((4, 6)), w=-np.ones(6), **JOINTS)
+ROLLING_FILE = GlobalRollingFrictionContact(H=np.ones((4, 10)), w=-np.ones(10), mu_r=MU / 10, **JOINTS)
+LOCAL_ROLLING_FILE = RollingFrictionContact(W=np.eye(10), q=-np.ones(10), mu=MU, mu_r=MU / 10)
+ELLIPTIC_FILE = AnisotropicFrictionContact(W=np.eye(6), q=-np.ones(6), mu=np.ones((2, 2)))
+RELAY_FILE = Relay(M=np.eye(2), q=np.ones(2), lb=-np.ones(2), ub=np.ones(2))
+CONE_FILE = SOCLCP(M=np.eye(4), q=np.ones(4), cone_kind=[3, 2], cone_size=[3, 1], cone_mu=[0.5, 0])
 
 
 def replace(file: h5py.File, name: str, value: Any) -> None:
@@ -176,6 +197,89 @@ HDF5: dict[str, tuple[Any, Callable[[h5py.File], None], str]] = {
 }
 
 
+def vector(group: str, name: str, size: int) -> Callable[[h5py.File], None]:
+    """A vector of another length."""
+    return lambda f: replace(f, f"{group}/vectors/{name}", np.ones(size))
+
+
+def entry(name: str, index: Any, value: float) -> Callable[[h5py.File], None]:
+    return lambda f: f[name].__setitem__(index, value)
+
+
+def without(name: str) -> Callable[[h5py.File], None]:
+    return lambda f: f.__delitem__(name)
+
+
+LOCAL, GLOBAL, ROLLING, OWN = "fclib_local", "fclib_global", "fclib_global_rolling", "cpbench"
+NEW_GROUPS: dict[str, tuple[Any, Callable[[h5py.File], None], str]] = {
+    "V of other contacts": (MIXED_FILE, entry(f"{LOCAL}/V/m", 0, 5), "fclib_local/V: is 5x2, expected 6x2"),
+    "V of other joints": (MIXED_FILE, entry(f"{LOCAL}/V/n", 0, 3), "fclib_local/V: is 6x3, expected 6x2"),
+    "R not square": (MIXED_FILE, entry(f"{LOCAL}/R/n", 0, 3), "fclib_local/R: is 2x3, expected 2x2"),
+    "long s": (MIXED_FILE, vector(LOCAL, "s", 3), "fclib_local/V: is 6x2, expected 6x3"),
+    "s is NaN": (MIXED_FILE, entry(f"{LOCAL}/vectors/s", 0, np.nan), "fclib_local/vectors/s: has 1 non-finite"),
+    "R is infinite": (MIXED_FILE, entry(f"{LOCAL}/R/x", 0, np.inf), "fclib_local/R: has 1 non-finite entries"),
+    "no V": (MIXED_FILE, without(f"{LOCAL}/V"), "fclib_local/V: is missing beside R, vectors/s"),
+    "no R": (MIXED_FILE, without(f"{LOCAL}/R"), "fclib_local/R: is missing beside V, vectors/s"),
+    "no s": (MIXED_FILE, without(f"{LOCAL}/vectors/s"), "fclib_local/vectors/s: is missing beside V, R"),
+    "fcm said fc": (MIXED_FILE, lambda f: f[OWN].attrs.modify("node", "fc"), "V: couples bilateral constraints, but"),
+    "fcm said gfc": (MIXED_FILE, lambda f: f[OWN].attrs.modify("node", "gfc"), "fclib_global: is missing"),
+    "mixed in 4D": (MIXED_FILE, entry(f"{LOCAL}/spacedim", 0, 4), "fclib_local/spacedim: is 4, expected 2 or 3"),
+    "mixed, 5 rows": (MIXED_FILE, entry(f"{LOCAL}/spacedim", 0, 5), "fclib_local/spacedim: is 5, expected 2 or 3"),
+    "G of other bodies": (GLOBAL_FILE, entry(f"{GLOBAL}/G/m", 0, 5), "fclib_global/G: is 5x1, expected 4x1"),
+    "G of other joints": (GLOBAL_FILE, entry(f"{GLOBAL}/G/n", 0, 2), "fclib_global/G: is 4x2, expected 4x1"),
+    "G of many joints": (
+        GLOBAL_FILE,
+        entry(f"{GLOBAL}/G/n", 0, 2**31 - 1),
+        "fclib_global/G: is 4x2147483647, expected 4x1",
+    ),
+    "long b": (GLOBAL_FILE, vector(GLOBAL, "b", 2), "fclib_global/G: is 4x1, expected 4x2"),
+    "no b": (GLOBAL_FILE, without(f"{GLOBAL}/vectors/b"), "fclib_global/vectors/b: is missing beside G"),
+    "no G": (GLOBAL_FILE, without(f"{GLOBAL}/G"), "fclib_global/G: is missing beside vectors/b"),
+    "b is NaN": (GLOBAL_FILE, entry(f"{GLOBAL}/vectors/b", 0, np.nan), "fclib_global/vectors/b: has 1 non-finite"),
+    "G index": (GLOBAL_FILE, entry(f"{GLOBAL}/G/i", 2, 4), "fclib_global/G/i: holds the index 4, expected 0 to 3"),
+    "long mu_r": (ROLLING_FILE, vector(ROLLING, "mu_r", 3), "vectors/mu_r: has shape (3,), but nc = 2"),
+    "no mu_r": (ROLLING_FILE, without(f"{ROLLING}/vectors/mu_r"), "fclib_global_rolling/vectors/mu_r: is missing"),
+    "negative mu_r": (
+        ROLLING_FILE,
+        entry(f"{ROLLING}/vectors/mu_r", 1, -0.1),
+        "vectors/mu_r: is negative at contact 1",
+    ),
+    "mu_r is NaN": (ROLLING_FILE, entry(f"{ROLLING}/vectors/mu_r", 1, np.nan), "vectors/mu_r: has 1 non-finite"),
+    "rolling in 4D": (ROLLING_FILE, entry(f"{ROLLING}/spacedim", 0, 4), "rolling/spacedim: is 4, expected 3 or 5"),
+    "rolling, 2 rows": (ROLLING_FILE, entry(f"{ROLLING}/spacedim", 0, 2), "rolling/spacedim: is 2, expected 3 or 5"),
+    "rolling, 3 rows": (ROLLING_FILE, entry(f"{ROLLING}/spacedim", 0, 3), "vectors/w: has 10 numbers, expected 3"),
+    "rolling G": (ROLLING_FILE, entry(f"{ROLLING}/G/m", 0, 5), "fclib_global_rolling/G: is 5x1, expected 4x1"),
+    "local negative mu_r": (LOCAL_ROLLING_FILE, entry(f"{OWN}/vectors/mu_r", 0, -1), "mu_r: is negative at contact 0"),
+    "local long mu_r": (LOCAL_ROLLING_FILE, vector(OWN, "mu_r", 3), "cpbench/vectors/mu_r: has shape (3,), but nc"),
+    "local rolling in 4D": (
+        LOCAL_ROLLING_FILE,
+        lambda f: f[OWN].attrs.modify("fields", '{"dimension": 4}'),
+        "dimension: is 4, must be 3 or 5",
+    ),
+    "dimension is text": (
+        LOCAL_ROLLING_FILE,
+        lambda f: f[OWN].attrs.__setitem__("fields", '{"dimension": "five"}'),
+        "dimension: is five, must be 3 or 5",
+    ),
+    "one coefficient": (
+        ELLIPTIC_FILE,
+        lambda f: replace(f, f"{OWN}/mu", np.ones((2, 1))),
+        "cpbench/mu: has shape (2, 1), expected nc x 2",
+    ),
+    "elliptic mu is 0": (ELLIPTIC_FILE, entry(f"{OWN}/mu", (1, 0), 0.0), "mu: is 0 at contact 1"),
+    "elliptic mu is NaN": (ELLIPTIC_FILE, entry(f"{OWN}/mu", (1, 0), np.nan), "cpbench/mu: has 1 non-finite"),
+    "crossed bounds": (RELAY_FILE, entry(f"{OWN}/vectors/lb", 1, 2.0), "cpbench/vectors/lb: exceeds ub at 1"),
+    "infinite relay": (RELAY_FILE, entry(f"{OWN}/vectors/ub", 1, np.inf), "cpbench/vectors/ub: has 1 non-finite"),
+    "cones of 5 rows": (CONE_FILE, entry(f"{OWN}/vectors/cone_size", 1, 2), "cone_size: adds up to 5, q has 4"),
+    "half a row": (CONE_FILE, entry(f"{OWN}/vectors/cone_size", 0, 2.5), "cone_size: is 2.5 at factor 0"),
+    "many rows": (CONE_FILE, entry(f"{OWN}/vectors/cone_size", 0, 1e18), "cone_size: adds up to 1e+18, q has 4"),
+    "unknown cone": (CONE_FILE, entry(f"{OWN}/vectors/cone_kind", 0, 9), "cone_kind: is 9 at factor 0, expected one"),
+    "cone mu is NaN": (CONE_FILE, entry(f"{OWN}/vectors/cone_mu", 0, np.nan), "cone_mu: is NaN at 0"),
+    "negative cone mu": (CONE_FILE, entry(f"{OWN}/vectors/cone_mu", 0, -1), "cone_mu: is -1 at factor 0"),
+    "one cone less": (CONE_FILE, vector(OWN, "cone_mu", 1), "cpbench/vectors/cone_mu: has shape (1,), but k = 2"),
+}
+
+
 def refused(path: Path | str, expected: str, **options: Any) -> str:
     """The message of the refusal: one line, with the file, from no more than 8 MB of memory."""
     tracemalloc.start()
@@ -192,9 +296,9 @@ def refused(path: Path | str, expected: str, **options: Any) -> str:
     return message
 
 
-@pytest.mark.parametrize("name", HDF5)
+@pytest.mark.parametrize("name", HDF5 | NEW_GROUPS)
 def test_hdf5(name: str, tmp_path: Path) -> None:
-    problem, damage, expected = HDF5[name]
+    problem, damage, expected = (HDF5 | NEW_GROUPS)[name]
     path = tmp_path / "a.h5"
     storage.save(problem, path)
     with h5py.File(path, "r+") as file:
@@ -286,6 +390,16 @@ TEXT = {
         "99999999999 1 99999999999 99999999999 0 1 2 3",
         "M: is 99999999999x0, expected 99999999999x99999999999",
     ),
+    "relay cut": ("1 0 1 1 1 1 2 -1 0", "no Siconos layout fits"),
+    "relay crossed": ("1 0 1 1 1 1 2 -1 1 0", "lb: exceeds ub at 0"),
+    "cone ends": ("3 1 0 3 3 3 3 1 0 0 0 1 0 0 0 1 1 1 1 0 2 0.5", "no Siconos layout fits"),
+    "cone ends fall": ("2 2 0 2 2 2 2 1 0 0 1 1 1 0 3 2 0.5 0.5", "cone ends: do not rise from 0 to 2"),
+    "empty cone": ("2 2 0 2 2 2 2 1 0 0 1 1 1 0 0 2 0.5 0.5", "cone ends: do not rise from 0 to 2"),
+    "huge cones": ("2 999999999 0 2 2 2 2 1 0 0 1 1 1 0 2 0.5", "no Siconos layout fits"),
+    "negative tau": ("1 1 0 1 1 1 1 5 -1 0 1 -0.5", "cone_mu: is -0.5 at factor 0"),
+    "negative mu_r": (f"5 1 0 5 5 5 5 {'1 ' * 25} 1 1 1 1 1 0.5 -0.1", "mu_r: is negative at contact 0"),
+    "rolling cut": (f"5 1 0 5 5 5 5 {'1 ' * 25} 1 1 1 1 1 0.5", "mu_r: has 0 numbers left in the file, expected 1"),
+    "4 rows": (f"4 1 0 4 4 4 4 {'1 ' * 16} 1 1 1 1 0.5 0.1", "d: is 4, expected|no Siconos layout fits"),
     "words": ("once upon a time", "is 'once', expected a whole number"),
 }
 
