@@ -1,7 +1,7 @@
 """AVI over a box → LCP; bounds may be missing on one side.
 
 Source  −(Mz + q) ∈ N_[lb,ub](z), every variable bounded on one side at least, no rows beside.
-Target  z = c + Sx with c = lb, S = 1 where lb is finite and c = ub, S = −1 elsewhere; y ≥ 0 where both are finite:
+Target  z = c + Sx, c the bound nearer to 0, S = 1 for lb and −1 for ub; y ≥ 0 where both bounds are finite:
         0 ≤ x ⟂ SMSx + Jᵀy + S(q + Mc) ≥ 0,  0 ≤ y ⟂ ub − lb − Jx ≥ 0.
 Lift    z = c + Sx.        Push  x = S(z − c),  y = max(−S(Mz + q), 0).
 Kind    equivalent.
@@ -39,7 +39,7 @@ class AVItoLCPBounds(Conversion):
         free = np.flatnonzero(np.isinf(problem.lb) & np.isinf(problem.ub))
         if free.size:
             return f"{free.size} variables have no bound, the first is {free[0]}; use avi-mlcp"
-        return None
+        return bounds.obstacle(problem.M, problem.q, problem.lb, problem.ub)
 
     def apply(self, problem: AVI) -> tuple[LCP, Trace]:
         self.require(problem)

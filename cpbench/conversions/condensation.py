@@ -11,6 +11,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import elimination
+from cpbench.conversions.base import Size
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
@@ -38,10 +39,19 @@ def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
     H, joints = problem.H, problem.b.size
     if joints:
         H = matrices.block([[H], [matrices.zeros(joints, H.shape[1], H)]])
-    W = elimination.product(matrices.transpose(H), problem.saddle, H)
-    if matrices.is_symmetric(problem.M):
-        W = symmetrised(W)
+        W = elimination.product(matrices.transpose(H), problem.saddle, H)
+        if matrices.is_symmetric(problem.M):  # then W is too, though K is not
+            W = symmetrised(W)
+    else:
+        W = elimination.congruence(H, problem.factorization)
     return W, problem.free_velocity, {"factor": problem.saddle, "H": problem.H, "f": problem.f, "b": problem.b}
+
+
+def size(problem: GlobalContact) -> Size:
+    """What `condense` will make of W, at most; joints couple all contacts."""
+    if problem.b.size:
+        return Size.dense(problem.w.size, problem.w.size)
+    return elimination.size(matrices.transpose(problem.H), problem.factorization, problem.H)
 
 
 def lift(point: FCPoint, trace: Trace) -> GFCPoint:

@@ -17,6 +17,7 @@ from scipy.linalg import blas
 
 from cpbench import matrices
 from cpbench.conversions import delassus, sparse_schur
+from cpbench.conversions.base import Size
 from cpbench.matrices import Dense, Factorization, Matrix, Sparse
 
 BUNDLE = 64
@@ -73,6 +74,31 @@ def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
     else:
         less += B
     return less
+
+
+def size(left: Matrix, factor: Factorization, right: Matrix, added: int = 0) -> Size:
+    """What `product` will make, at most, with `added` entries of a matrix that it is taken from.
+
+    Every row of left meets every column of right that touches the same component of A.
+    """
+    rows, cols = left.shape[0], right.shape[1]
+    entries = rows * cols
+    if all(matrices.is_sparse(part) for part in (left, factor.A, right)) and factor.n:
+        labels, sizes = matrices.components(matrices.sparse(factor.A))
+        met = _touched(matrices.sparse(left), labels, sizes.size) * _touched(
+            matrices.sparse(matrices.transpose(right)), labels, sizes.size
+        )
+        entries = min(entries, int(met.sum()) + added)
+    if entries > sparse_schur.FULL * rows * cols:
+        return Size.dense(rows, cols)
+    return Size.sparse(rows, cols, entries)
+
+
+def _touched(M: Sparse, labels: NDArray[Any], count: int) -> NDArray[np.float64]:
+    """How many rows of M have an entry in each component."""
+    row = np.repeat(np.arange(M.shape[0], dtype=np.int64), np.diff(M.indptr))
+    pairs = np.unique(row * count + labels[M.indices])
+    return np.bincount(pairs % count, minlength=count).astype(np.float64)
 
 
 def compact(M: Matrix) -> Matrix:

@@ -15,7 +15,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import condensation, elimination
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -59,6 +59,11 @@ class FCMtoFC(Conversion):
                 )
         return None
 
+    def predict(self, problem: MixedFrictionContact) -> Size:
+        return elimination.size(
+            problem.V, problem.factorization, matrices.transpose(problem.V), matrices.nnz(problem.W)
+        )
+
     def apply(self, problem: MixedFrictionContact) -> tuple[FrictionContact, Trace]:
         self.require(problem)
         V, factor = problem.V, problem.factorization
@@ -69,7 +74,7 @@ class FCMtoFC(Conversion):
             shift = V @ (inverse @ problem.s)
             trace["pseudo"] = inverse
         else:
-            less = elimination.product(V, factor, matrices.transpose(V))
+            less = elimination.congruence(matrices.transpose(V), factor)
             shift = V @ factor.solve(problem.s)
             trace["factor"] = factor
         W = elimination.compact(problem.W - less)

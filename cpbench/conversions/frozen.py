@@ -1,8 +1,8 @@
 """Friction laws with one of their terms frozen, which makes them convex: what the relaxing edges share.
 
 De Saxcé's shift μ‖u_T‖ (or μ‖u_T‖ + μ_r‖ω‖) of every contact is held at a given number s_c, 0 by default: a contact
-is then the cone complementarity K* ∋ u + s e_N ⟂ r ∈ K. s = 0 is the convex relaxation of Anitescu and Tasora (2010), in
-which sliding contacts dilate; the fixed point s_c = μ_c‖u_Tc‖ is the law itself (Acary and Cadoux 2013).
+is then the cone complementarity K* ∋ u + s e_N ⟂ r ∈ K. s = 0 is the convex relaxation of Anitescu and Tasora (2010),
+in which sliding contacts dilate; the fixed point s_c = μ_c‖u_Tc‖ is the law itself (Acary and Cadoux 2013).
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions import condensation
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -34,6 +34,9 @@ class GFCtoFC(Conversion):
 
     def obstacle(self, problem: GlobalFrictionContact) -> str | None:
         return condensation.obstacle(problem)
+
+    def predict(self, problem: GlobalFrictionContact) -> Size:
+        return condensation.size(problem)
 
     def apply(self, problem: GlobalFrictionContact) -> tuple[FrictionContact, Trace]:
         self.require(problem)

@@ -41,12 +41,11 @@ class GFCtoFCM(Conversion):
     def apply(self, problem: GlobalFrictionContact) -> tuple[MixedFrictionContact, Trace]:
         self.require(problem)
         factor, H, G = problem.factorization, problem.H, problem.G
-        Ht, Gt = matrices.transpose(H), matrices.transpose(G)
         free = factor.solve(problem.f)
         target = MixedFrictionContact(
-            W=condensation.symmetrised(elimination.product(Ht, factor, H)),
-            V=elimination.product(Ht, factor, G),
-            R=condensation.symmetrised(elimination.product(Gt, factor, G)),
+            W=elimination.congruence(H, factor),
+            V=elimination.product(matrices.transpose(H), factor, G),
+            R=elimination.congruence(G, factor),
             q=H.T @ free + problem.w,
             s=G.T @ free + problem.b,
             mu=problem.mu,

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions import condensation
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint
@@ -33,6 +33,9 @@ class GRFCtoRFC(Conversion):
 
     def obstacle(self, problem: GlobalRollingFrictionContact) -> str | None:
         return condensation.obstacle(problem)
+
+    def predict(self, problem: GlobalRollingFrictionContact) -> Size:
+        return condensation.size(problem)
 
     def apply(self, problem: GlobalRollingFrictionContact) -> tuple[RollingFrictionContact, Trace]:
         self.require(problem)

@@ -1,8 +1,8 @@
 """Finite bounds as rows, and first-order conditions as an MLCP: what the edges that leave `qp` and `avi` share.
 
 With lb ≤ z ≤ ub, rows Az ≥ b, Cz = d and a map z ↦ Mz + q, the bounds become rows E = [A; I_lb; −I_ub],
-e = [b; lb; −ub]; a variable with lb = ub is one more equality, F = [C; I_fixed], g = [d; lb], instead of two inequalities with
-unbounded multipliers.
+e = [b; lb; −ub]; a variable with lb = ub is one more equality, F = [C; I_fixed], g = [d; lb], instead of two
+inequalities with unbounded multipliers.
 """
 
 from __future__ import annotations

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cpbench import matrices
 from cpbench.conversions import elimination
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
@@ -32,6 +33,9 @@ class MLCPtoLCPSchur(Conversion):
     def obstacle(self, problem: MLCP) -> str | None:
         instead = "use mlcp-lcp-split, which needs no inverse"
         return elimination.singularity(problem.factorization, "the equality block A", instead)
+
+    def predict(self, problem: MLCP) -> Size:
+        return elimination.size(problem.D, problem.factorization, problem.C, matrices.nnz(problem.B))
 
     def apply(self, problem: MLCP) -> tuple[LCP, Trace]:
         self.require(problem)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench import matrices
-from cpbench.conversions import condensation, elimination, kkt
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions import elimination, kkt
+from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import Factorization
@@ -42,14 +42,18 @@ class QPtoDual(Conversion):
             return f"Q is not positive definite, least eigenvalue {least:.1e} or less; use qp-mlcp"
         return singular
 
+    def predict(self, problem: QP) -> Size:
+        rows = kkt.rows(problem, problem.Q)
+        G = matrices.block([[rows.E], [rows.F]])
+        return elimination.size(G, Factorization(problem.Q), matrices.transpose(G))
+
     def apply(self, problem: QP) -> tuple[QP, Trace]:
         self.require(problem)
         rows = kkt.rows(problem, problem.Q)
         G, c = matrices.block([[rows.E], [rows.F]]), np.concatenate([rows.e, rows.g])
         factor = Factorization(problem.Q)
-        W = elimination.product(G, factor, matrices.transpose(G))
         target = QP.build(
-            condensation.symmetrised(W),
+            elimination.congruence(matrices.transpose(G), factor),
             -(G @ factor.solve(problem.p) + c),
             lb=np.concatenate([np.zeros(rows.e.size), np.full(rows.g.size, -np.inf)]),
         )

@@ -2,6 +2,7 @@
 
 Source  −(Mz + q) ∈ N_[lb,ub](z), bounds finite.
 Target  z = lb + x:  0 ≤ x ⟂ Mx + y + q + M lb ≥ 0,  0 ≤ y ⟂ ub − lb − x ≥ 0;  matrix [[M, I], [−I, 0]].
+        A variable whose ub is nearer to 0 is turned round, z = ub − x, which loses no digits to a far lb.
 Lift    z = lb + x.        Push  x = z − lb,  y = max(−(Mz + q), 0).
 Kind    equivalent. M + Mᵀ positive semidefinite stays so.
 """
@@ -29,7 +30,11 @@ class RelayToLCP(Conversion):
     kind = Kind.EQUIVALENT
     cost = 1.0
 
+    def obstacle(self, problem: Relay) -> str | None:
+        return bounds.obstacle(problem.M, problem.q, problem.lb, problem.ub)
+
     def apply(self, problem: Relay) -> tuple[LCP, Trace]:
+        self.require(problem)
         return bounds.to_lcp(problem.M, problem.q, problem.lb, problem.ub)
 
     def lift(self, point: LCPPoint, trace: Trace) -> LCPPoint:

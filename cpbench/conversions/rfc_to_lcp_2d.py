@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.conversions import rolling_facets
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
+from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.lcp import LCP, LCPPoint
@@ -44,6 +45,14 @@ class RFCtoLCP2D(Conversion):
     def apply(self, problem: RollingFrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)
         return rolling_facets.to_lcp(problem, _DIRECTIONS)
+
+    def operator(self, problem: RollingFrictionContact) -> ContactOperator:
+        """M of the LCP, never assembled."""
+        self.require(problem)
+        return rolling_facets.operator(problem, _DIRECTIONS)
+
+    def predict(self, problem: RollingFrictionContact) -> Size:
+        return rolling_facets.congruence(_DIRECTIONS).size(problem.W)
 
     def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
         return rolling_facets.from_lcp(point, _DIRECTIONS)

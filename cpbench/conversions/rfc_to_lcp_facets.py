@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 from cpbench.conversions import facets as polygon
 from cpbench.conversions import rolling_facets
-from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.base import Conversion, Size, conversions
+from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.lcp import LCP, LCPPoint
@@ -51,6 +52,14 @@ class RFCtoLCPFacets(Conversion):
     def apply(self, problem: RollingFrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)
         return rolling_facets.to_lcp(problem, self.vertices)
+
+    def operator(self, problem: RollingFrictionContact) -> ContactOperator:
+        """M of the LCP, never assembled."""
+        self.require(problem)
+        return rolling_facets.operator(problem, self.vertices)
+
+    def predict(self, problem: RollingFrictionContact) -> Size:
+        return rolling_facets.congruence(self.vertices).size(problem.W)
 
     def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
         return rolling_facets.from_lcp(point, self.vertices)

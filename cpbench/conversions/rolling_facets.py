@@ -14,6 +14,7 @@ import numpy as np
 
 from cpbench.conversions import facets
 from cpbench.conversions.congruence import Congruence
+from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.lcp import LCP, LCPPoint
@@ -27,6 +28,11 @@ def to_lcp(problem: RollingFrictionContact, D: Dense) -> tuple[LCP, Trace]:
     M = form.assemble(problem.W, facets.coefficients(problem.mu, problem.mu_r))
     q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
     return LCP(M=M, q=q), {"W": problem.W, "q": problem.q, "mu": problem.mu, "mu_r": problem.mu_r}
+
+
+def operator(problem: RollingFrictionContact, D: Dense) -> ContactOperator:
+    """M of `to_lcp`, never assembled."""
+    return congruence(D).operator(problem.W, facets.coefficients(problem.mu, problem.mu_r))
 
 
 def congruence(D: Dense) -> Congruence:

@@ -10,7 +10,7 @@ import pytest
 from cpbench import graph
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
-from cpbench.formulations import AVI, QP, Kind, MixedFrictionContact, RollingFrictionContact
+from cpbench.formulations import AVI, QP, Kind, MixedFrictionContact, Relay, RollingFrictionContact
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, solvers
 from cpbench.testing import planted, planted_conic, planted_contact
@@ -32,6 +32,11 @@ REFUSALS = {
         r"4 rows beside its bounds; use avi-mlcp",
     ),
     "infinite bound": ("avi-relay", without_bound, r"4 bounds are infinite.*use avi-lcp-bounds"),
+    "far bounds": (
+        "relay-lcp",
+        lambda: Relay(M=np.eye(2), q=np.array([1.0, -2.0]), lb=np.full(2, -1e20), ub=np.full(2, 1e20)),
+        r"max\|q\| = 2.0e\+00, max\|Mc\| = 1.0e\+20; use avi-mlcp",
+    ),
     "linear objective": (
         "qp-qp-dual",
         lambda: QP.build(np.zeros((2, 2)), np.ones(2), lb=np.zeros(2)),
