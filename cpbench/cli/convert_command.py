@@ -24,6 +24,7 @@ from cpbench.formulations import Kind, Problem, formulations
 @click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")
 @click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
 @click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
+@click.option("--as", "written", metavar="NAME", help="Format of OUT, where its suffix does not tell.")
 @click.option("--check", is_flag=True, help="Send an answer there and back: errors, amplification, times; exit 1.")
 @click.option(
     "--memory",
@@ -41,6 +42,7 @@ def command(
     via: tuple[str, ...],
     facets: tuple[int, ...],
     angle: float,
+    written: str | None,
     check: bool,
     memory: int | None,
     kinds: frozenset[Kind],
@@ -59,7 +61,7 @@ def command(
     room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
     arrival = graph.arrive(problem, node, kinds, pinned, lambda edge, p: converting(edge, p, done, room))
-    storage.save(arrival.problem, target_file, force=force)
+    storage.save(arrival.problem, target_file, format=written, force=force)
     click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
     click.echo(f"{target_file} ({node}: {sizes_line(arrival.problem)})")

@@ -53,9 +53,9 @@ def save(
         )
     if not force and file.exists():
         raise FormatError(file, "", "exists already: --force replaces it")
+    write_atomic(file, lambda out: chosen.write(problem, out, compress=compress), force=force)
     if problem.provenance and not chosen.keeps_provenance:
         logger.warning("%s: %s keeps no provenance: answers to it cannot be lifted (.h5 can)", file, chosen.name)
-    write_atomic(file, lambda out: chosen.write(problem, out, compress=compress), force=force)
 
 
 def save_pack(

@@ -120,6 +120,11 @@ def _read_fields(own: Tree, said: dict[str, Any], cls: type[Problem]) -> dict[st
         return {}
     try:
         stored = cast("dict[str, Any]", json.loads(said.get("fields", "{}")))
-        return {name: stored[name] for name in names if name in stored}
+        found = {name: stored[name] for name in names if name in stored}
     except (TypeError, ValueError) as cause:
         raise own.error("@fields", f"is not a JSON object ({cause})") from None
+    for name, value in found.items():
+        default = cls.__dataclass_fields__[name].default
+        if default is not dataclasses.MISSING and type(value) is not type(default):
+            raise own.error("@fields", f"has {name} = {value!r}, expected {type(default).__name__}")
+    return found

@@ -119,9 +119,8 @@ def cases(seed: int = 7) -> dict[str, Any]:
                     info=INFO,
                 )
             joints = {"G": make(6, p), "b": rng.random(p)}
-            for d, cls in ((2, GlobalFrictionContact), (3, GlobalRollingFrictionContact)) * bool(p) + (
-                (5, GlobalRollingFrictionContact),
-            ):
+            globals_ = ((3, GlobalRollingFrictionContact), (5, GlobalRollingFrictionContact))
+            for d, cls in (*globals_, (2, GlobalFrictionContact)) if p else globals_:  # gfc without joints: above
                 rolling = {"mu_r": rng.random(nc)} if cls is GlobalRollingFrictionContact else {}
                 found[f"{cls.node}{d}-{size}"] = cls(
                     M=make(6, 6),

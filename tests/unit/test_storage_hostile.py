@@ -259,7 +259,17 @@ NEW_GROUPS: dict[str, tuple[Any, Callable[[h5py.File], None], str]] = {
     "dimension is text": (
         LOCAL_ROLLING_FILE,
         lambda f: f[OWN].attrs.__setitem__("fields", '{"dimension": "five"}'),
-        "dimension: is five, must be 3 or 5",
+        "cpbench/@fields: has dimension = 'five', expected int",
+    ),
+    "dimension is no whole number": (
+        LOCAL_ROLLING_FILE,
+        lambda f: f[OWN].attrs.__setitem__("fields", '{"dimension": 5.0}'),
+        "cpbench/@fields: has dimension = 5.0, expected int",
+    ),
+    "fields are a list": (
+        LOCAL_ROLLING_FILE,
+        lambda f: f[OWN].attrs.__setitem__("fields", '["dimension"]'),
+        "cpbench/@fields: is not a JSON object",
     ),
     "one coefficient": (
         ELLIPTIC_FILE,
