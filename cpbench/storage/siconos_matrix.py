@@ -41,10 +41,13 @@ class Cursor:
     def __init__(self, path: Path, tokens: list[str] | None = None, *, guess: bool = False) -> None:
         self.path, self.at, self.guess = path, 0, guess
         self.tokens = read_text(path).split() if tokens is None else tokens
+        self.known: dict[int, tuple[Matrix, int]] = {}
 
     def again(self) -> Cursor:
-        """The same file from its beginning."""
-        return Cursor(self.path, self.tokens, guess=self.guess)
+        """The same file from its beginning; matrices that were read are remembered by their place."""
+        other = Cursor(self.path, self.tokens, guess=self.guess)
+        other.known = self.known
+        return other
 
     @property
     def signature(self) -> str:
@@ -131,6 +134,14 @@ def read_matrix(c: Cursor, name: str, shape: tuple[int, int] | None) -> Matrix:
         raise c.error(name, f"is {rows}x{cols}, expected a square matrix")
     if max(rows, cols) > c.left:  # vectors of these sizes follow in every layout
         raise c.error(name, f"is {rows}x{cols}, with {c.left} numbers left in the file")
+    start = c.at
+    if start not in c.known:
+        c.known[start] = _numbers(c, name, storage, rows, cols), c.at
+    M, c.at = c.known[start]
+    return M
+
+
+def _numbers(c: Cursor, name: str, storage: int, rows: int, cols: int) -> Matrix:
     if storage == 0:
         if (c.integer(f"{name}/rows"), c.integer(f"{name}/columns")) != (rows, cols):
             raise c.error(name, f"repeats its size {rows}x{cols} as another one")
