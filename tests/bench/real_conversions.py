@@ -1,6 +1,6 @@
 """Every problem file of a folder along every exact route: where it goes, what refuses it, and what comes back.
 
-    python tests/bench/real_conversions.py FOLDER [--seconds 10] [--routes 4] [--explain]
+    python tests/bench/real_conversions.py FOLDER [--seconds 10] [--routes 4] [--megabytes 200] [--explain]
 
 A solver's answer to the file itself is carried to the end of every route and lifted back; both errors are printed. A
 file that no solver answers within its time is converted all the same, and its zero point goes there and back.
@@ -16,7 +16,8 @@ from pathlib import Path
 import click
 
 from cpbench import checking, graph, storage
-from cpbench.errors import CpbenchError, NoRoute
+from cpbench.conversions import Conversion
+from cpbench.errors import CpbenchError, NoRoute, NotApplicable
 from cpbench.formulations import Problem
 
 TOLERANCE = 1e-6
@@ -42,7 +43,21 @@ class Outcome:
     failure: str = ""
 
 
-def examine(address: str, seconds: float = 10.0, routes: int = 4) -> Outcome:
+class Within(graph.Memory):
+    """Conversions done once each; what would take more than `limit` bytes is refused with its size."""
+
+    def __init__(self, limit: float) -> None:
+        super().__init__()
+        self.limit = limit
+
+    def __call__(self, edge: Conversion, problem: Problem) -> Problem:
+        size = edge.predict(problem)
+        if size is not None and size.bytes > self.limit:
+            raise NotApplicable(edge.label, f"would make {size}")
+        return super().__call__(edge, problem)
+
+
+def examine(address: str, seconds: float = 10.0, routes: int = 4, megabytes: float = 200.0) -> Outcome:
     """Convert one file along at most `routes` exact routes to every formulation."""
     begun = time.perf_counter()
     try:
@@ -53,7 +68,7 @@ def examine(address: str, seconds: float = 10.0, routes: int = 4) -> Outcome:
     found = next(checking.answers(problem, TOLERANCE, [], seconds=seconds), None)
     point = problem.zero_point() if found is None else found.point
     outcome.answer = None if found is None else found.error
-    memory = graph.Memory()
+    memory = Within(1e6 * megabytes)
     for target in graph.reachable(problem.node):
         if target == problem.node:
             continue
@@ -81,12 +96,13 @@ def there_and_back(problem: Problem, converted: Problem, point: object) -> tuple
 @click.argument("folders", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--seconds", default=10.0, show_default=True, help="Time for each solver to answer a file.")
 @click.option("--routes", default=4, show_default=True, help="Most routes to one formulation.")
+@click.option("--megabytes", default=200.0, show_default=True, help="Largest result of one conversion.")
 @click.option("--explain", is_flag=True, help="Print the obstacles too.")
-def main(folders: tuple[Path, ...], seconds: float, routes: int, explain: bool) -> None:
+def main(folders: tuple[Path, ...], seconds: float, routes: int, megabytes: float, explain: bool) -> None:
     click.echo("file | node | routes | refusals | error | after routes | back | seconds")
     for folder in folders:
         for address in storage.problem_files([folder]):
-            o = examine(address, seconds, routes)
+            o = examine(address, seconds, routes, megabytes)
             name = Path(address).name
             if o.failure:
                 click.echo(f"{name} | refused: {o.failure}")
