@@ -45,7 +45,7 @@ def read(parent: Tree, group: str, name: str, node: str = "") -> Problem:
     """
     tree = parent.child(group)
     annotations = _annotations(parent, tree, name)
-    return (_read_local if group == LOCAL else _read_global)(parent, tree, group, node, annotations)
+    return _read_local(tree, group, node, annotations) if group == LOCAL else _read_global(tree, group, annotations)
 
 
 def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
@@ -67,7 +67,7 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
         write_texts(group.create_group("info"), info)
 
 
-def _read_local(parent: Tree, tree: Tree, group: str, node: str, annotations: dict[str, Any]) -> Problem:
+def _read_local(tree: Tree, group: str, node: str, annotations: dict[str, Any]) -> Problem:
     vectors = tree.child("vectors")
     q, mu = vectors.array("q"), vectors.array("mu")
     parts: dict[str, Any] = {"q": q, "mu": mu, "dimension": _dimension(tree, group, q, mu, "q")}
@@ -83,7 +83,7 @@ def _read_local(parent: Tree, tree: Tree, group: str, node: str, annotations: di
     return build(tree.path, MixedFrictionContact, group, **parts, s=s, **annotations["fields"])
 
 
-def _read_global(parent: Tree, tree: Tree, group: str, node: str, annotations: dict[str, Any]) -> Problem:
+def _read_global(tree: Tree, group: str, annotations: dict[str, Any]) -> Problem:
     vectors = tree.child("vectors")
     f, w, mu = (vectors.array(name) for name in ("f", "w", "mu"))
     parts: dict[str, Any] = {"f": f, "w": w, "mu": mu, "dimension": _dimension(tree, group, w, mu, "w")}
