@@ -15,6 +15,7 @@ from cpbench.cli.options import Counts, Memory, force_option, format_option, num
 from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
 from cpbench.formulations import Kind, Problem, formulations
+from cpbench.report.show import slip_angle
 
 
 @click.command()
@@ -64,6 +65,8 @@ def command(
     storage.save(arrival.problem, target_file, format=written, force=force)
     click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
+    for remark in filter(None, map(slip_angle, arrival.problem.provenance[len(problem.provenance) :])):
+        click.echo(f"  {remark}")
     click.echo(f"{target_file} ({node}: {sizes_line(arrival.problem)})")
     if check:
         found = storage.solution(source)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,14 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cpbench import storage
+from cpbench import graph, storage
 from cpbench.bench import plan, runner, wire
-from cpbench.bench.referee import Referee
+from cpbench.bench.referee import Referee, _Charged
 from cpbench.bench.runner import Limits, Session, execute
 from cpbench.bench.store import Store
+from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
 from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
 from cpbench.matrices import Factorization
+from cpbench.testing import planted
 
 
 @pytest.fixture(scope="module")
@@ -319,3 +322,26 @@ def test_a_worker_never_meets_a_dead_referees_file(session: Session, tmp_path: P
     second = session.prepare(pairs[1])
     assert second["path"] != first["path"]
     assert session.run(pairs[1], second)[0]["status"] == "solved"
+
+
+def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):
+    """The first conversion in a process that loads a kernel is done twice, and the second time counts."""
+    edge, problem = make("lcp-avi"), planted.lcp(np.random.default_rng(0), 3)[0]
+    real, done = type(edge).apply, []
+
+    def first_slow(self, p):
+        if not done:
+            sys.modules["cpbench.conversions.kernels.first_use"] = sys
+            time.sleep(0.2)
+        done.append(p)
+        return real(self, p)
+
+    monkeypatch.setattr(type(edge), "apply", first_slow)
+    charged = _Charged()
+    try:
+        converted = charged(edge, problem)
+    finally:
+        sys.modules.pop("cpbench.conversions.kernels.first_use", None)
+    assert len(done) == 2
+    assert charged.seconds(problem, graph.Route((edge,))) < 0.1
+    assert converted.node == "avi"
