@@ -7,8 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.matrices import Vector, max_abs
+from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.cone_jacobians import projection_jacobian
 from cpbench.solvers.native.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
@@ -59,6 +61,10 @@ class NewtonCone(Solver):
             error=error,
         )
         return ScaledSOCLCP(vi, unit)
+
+    def warmup(self) -> None:
+        K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
+        self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]
 
     def solve(
         self,

@@ -67,6 +67,9 @@ class NewtonRelay(Solver):
         )
         return ScaledRelay(problem, vi, unit)
 
+    def warmup(self) -> None:
+        self.run(Relay(M=np.eye(2), q=np.array([-2.0, 0.5]), lb=-np.ones(2), ub=np.ones(2)))
+
     def solve(
         self,
         prepared: ScaledRelay,

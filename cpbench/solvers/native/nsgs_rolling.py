@@ -1,0 +1,156 @@
+"""Nonsmooth Gauss–Seidel on contacts with rolling friction: one after the other is solved exactly, until all agree."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.matrices import Dense, Vector, freeze
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.progress import Progress
+
+SINGULAR = 1e-12
+"""Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
+SHIFT = 1e-7
+"""Added to a singular S, over the same."""
+HARD_A_CALL = 500
+"""Contacts that Newton does not solve cost about 1 ms each: as many are risked between two looks at the clock."""
+SHARE = 8
+"""The error is measured after every sweep at first, and never later than after an eighth more of them."""
+
+
+@dataclass(frozen=True)
+class NSGSRollingOptions:
+    """`omega` : relaxation of every contact's change. `shuffle` : a new random order after each measurement.
+    `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+
+    omega: float = 1.0
+    shuffle: bool = False
+    max_iterations: int = 100_000
+    stall_window: int = 10_000
+
+
+@dataclass(frozen=True)
+class RollingBlocks:
+    """The problem with moments in units of `lengths`, W by rows of blocks; `kernel` are the data of `sweeps`."""
+
+    problem: RollingFrictionContact
+    lengths: Vector
+    kernel: tuple[Any, ...]
+
+
+@register
+class NSGSRolling(Solver):
+    """Block Gauss–Seidel with exact one-contact solves; W may be nonsymmetric, its diagonal blocks singular.
+
+    Converges in practice for most W ⪰ 0, linearly and slowly where contacts are hyperstatic.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="nsgs-rolling",
+        node="rfc",
+        summary="nonsmooth Gauss-Seidel, exact one-contact solves with rolling friction",
+        method="splitting",
+        citation="Jean and Moreau 1987; Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=NSGSRollingOptions,
+    )
+
+    def setup(self, problem: RollingFrictionContact, budget: Budget, options: NSGSRollingOptions) -> RollingBlocks:
+        d, nc = problem.dimension, problem.nc
+        lengths = problem.lengths.ravel()
+        if nc == 0:
+            return RollingBlocks(problem, lengths, ())
+        L = sp.diags_array(lengths)
+        W = sp.bsr_array(sp.csr_array(L @ problem.W @ L), blocksize=(d, d))
+        W.sort_indices()
+        row = np.repeat(np.arange(nc), np.diff(W.indptr))
+        off = W.indices != row
+        start = np.concatenate([[0], np.cumsum(np.bincount(row[off], minlength=nc))])
+        D = problem.diagonal_blocks * problem.lengths[:, :, None] * problem.lengths[:, None, :]
+        matrix = (
+            start.astype(np.int64),
+            W.indices[off].astype(np.int64),
+            np.ascontiguousarray(W.data[off]).ravel(),
+            np.ascontiguousarray(D.reshape(nc, d * d)),
+        )
+        law = (lengths * problem.q, problem.mu, problem.mu_r / problem.lengths[:, -1], problem.rho)
+        return RollingBlocks(problem, lengths, (*matrix, *_local(D), *law))
+
+    def warmup(self) -> None:
+        for d in (3, 5):
+            q = -np.eye(d)[0]
+            self.run(RollingFrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), mu_r=np.array([0.1]), dimension=d))
+
+    def solve(
+        self,
+        prepared: RollingBlocks,
+        budget: Budget,
+        options: NSGSRollingOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, lengths = prepared.problem, prepared.lengths
+        r = np.zeros(problem.q.size) if start is None else start.r / lengths
+        if problem.nc == 0:
+            return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
+        from cpbench.kernel_cache import load
+
+        kernel = load("cpbench.solvers.kernels.rolling_gauss_seidel")
+        limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
+        warm, order = np.zeros((problem.nc, 2)), np.arange(problem.nc)
+        rng = np.random.default_rng(budget.seed)
+        progress, done, hard = Progress(options.stall_window), 0, 0
+        error = _error(problem, lengths * r, budget.tolerance)
+        best, best_error = r.copy(), error
+        claim, message = Claim.MAX_ITER, f"{limit} sweeps"
+        while best_error > budget.tolerance and done < limit:
+            many = min(1 + done // SHARE, limit - done, max(1, HARD_A_CALL // hard) if hard else limit)
+            if options.shuffle:
+                rng.shuffle(order)
+            hard = kernel.sweeps(*prepared.kernel, r, warm, order, options.omega, many)
+            done += many
+            error = _error(problem, lengths * r, budget.tolerance)
+            if record is not None:
+                record(done, error)
+            if error < best_error:
+                best, best_error = r.copy(), error
+            why = progress.trouble(done, error)
+            if why is None and time.monotonic() > deadline:
+                why = f"out of time after {done} sweeps"
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+        counters = {"iterations": done, "projections": done * problem.nc, "hard_contacts": hard}
+        point = FCPoint(lengths * best)
+        if best_error <= budget.tolerance:
+            return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
+        return SolverOutput(claim=claim, point=point, counters=counters, message=f"{message}, error {best_error:.1e}")
+
+
+def _error(problem: RollingFrictionContact, r: Vector, tolerance: float) -> float:
+    """The judged error, NaN for reactions that are not finite."""
+    return problem.residuals(FCPoint(r), tolerance).error if np.isfinite(r).all() else float("nan")
+
+
+def _local(D: Dense) -> tuple[Dense, Dense, Dense, Dense]:
+    """`schur`, `to_tangent`, `to_normal` and `scalars` of the kernel from the diagonal blocks, shape (nc, d, d)."""
+    nc, d, _ = D.shape
+    top = np.abs(D).max(axis=(1, 2))
+    normal = D[:, 0, 0]
+    carries = normal > SINGULAR * top
+    inverse = np.where(carries, 1.0 / np.where(carries, normal, 1.0), 0.0)
+    to_tangent, to_normal = D[:, 1:, 0] * inverse[:, None], D[:, 0, 1:] * inverse[:, None]
+    S = D[:, 1:, 1:] - D[:, 1:, :1] * to_normal[:, None, :]
+    least = np.linalg.svd(S, compute_uv=False)[:, -1]
+    shift = np.where(least <= SINGULAR * top, SHIFT * top, 0.0)
+    monotone = np.linalg.eigvalsh(D + D.transpose(0, 2, 1))[:, 0] >= -SINGULAR * top
+    scalars = np.column_stack([shift, inverse, monotone])
+    schur = np.ascontiguousarray(S.reshape(nc, (d - 1) ** 2))
+    return freeze(schur), freeze(to_tangent.copy()), freeze(to_normal.copy()), freeze(scalars)
