@@ -14,8 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from cpbench.factorization import Blocks, Factorization
 from cpbench.kernel_cache import load
-from cpbench.matrices import Blocks, Factorization, Sparse
+from cpbench.matrices import Sparse
 
 KERNELS = "cpbench.conversions.kernels.delassus"
 FEW = 15_000

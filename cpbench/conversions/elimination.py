@@ -15,10 +15,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import blas
 
-from cpbench import matrices
+from cpbench import factorization, matrices
 from cpbench.conversions import delassus, sparse_schur
 from cpbench.conversions.base import Size
-from cpbench.matrices import Dense, Factorization, Matrix, Sparse
+from cpbench.factorization import Factorization
+from cpbench.matrices import Dense, Matrix, Sparse
 
 BUNDLE = 64
 """Right-hand sides of one sparse solve: more of them leave the cache."""
@@ -47,7 +48,7 @@ def congruence(H: Matrix, factor: Factorization) -> Matrix:
         return product(matrices.transpose(H), factor, H)
     if not (matrices.is_sparse(H) and matrices.is_sparse(factor.A)):
         return _dense_congruence(matrices.dense(H), factor)
-    if factor.n > matrices.DENSE_LIMIT and factor.block_diagonal:
+    if factor.n > factorization.DENSE_LIMIT and factor.block_diagonal:
         W = delassus.congruence(_canonical(H), factor)
         if W is not None:
             return compact(W)
@@ -84,7 +85,7 @@ def size(left: Matrix, factor: Factorization, right: Matrix, added: int = 0) -> 
     rows, cols = left.shape[0], right.shape[1]
     entries = rows * cols
     if all(matrices.is_sparse(part) for part in (left, factor.A, right)) and factor.n:
-        labels, sizes = matrices.components(matrices.sparse(factor.A))
+        labels, sizes = factorization.components(matrices.sparse(factor.A))
         met = _touched(matrices.sparse(left), labels, sizes.size) * _touched(
             matrices.sparse(matrices.transpose(right)), labels, sizes.size
         )
@@ -153,7 +154,7 @@ def _sparse_product(left: Sparse, factor: Factorization, right: Sparse) -> Matri
     shape = (left.shape[0], right.shape[1])
     if not (factor.n and left.nnz and right.nnz):
         return sp.csr_array(shape, dtype=np.float64)
-    if factor.n <= matrices.DENSE_LIMIT and max(shape) <= FEW:
+    if factor.n <= factorization.DENSE_LIMIT and max(shape) <= FEW:
         return sp.csr_array(_dense_product(left.toarray(), factor, right.toarray()))
     if factor.block_diagonal:
         return delassus.product(left, factor, right)

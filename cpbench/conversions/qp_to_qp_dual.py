@@ -16,9 +16,9 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import elimination, kkt
 from cpbench.conversions.base import Conversion, Size, conversions
+from cpbench.factorization import Factorization
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.matrices import Factorization
 
 
 @conversions.register("qp-qp-dual")

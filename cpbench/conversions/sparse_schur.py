@@ -19,8 +19,9 @@ import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
 from cpbench import matrices
+from cpbench.factorization import Factorization
 from cpbench.kernel_cache import load
-from cpbench.matrices import Dense, Factorization, Matrix, Sparse
+from cpbench.matrices import Dense, Matrix, Sparse
 
 KERNELS = "cpbench.conversions.kernels.triangular"
 PIVOT = 0.1

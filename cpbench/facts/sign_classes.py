@@ -17,7 +17,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cpbench import matrices
+from cpbench import factorization, matrices
 from cpbench.facts.fact import Fact, How, undecided
 from cpbench.facts.spectrum import affordable
 from cpbench.matrices import Dense, Matrix, Vector
@@ -151,7 +151,7 @@ def _semipositive(Z: Matrix, label: str, name: str) -> Fact:
 
 def _solve(Z: Matrix, b: Vector) -> Vector | None:
     if matrices.is_sparse(Z):
-        lu = matrices.sparse_lu(Z)
+        lu = factorization.sparse_lu(Z)
         x = None if lu is None else np.asarray(lu.solve(b))
     else:
         lu, pivots, info = sla.lapack.dgetrf(matrices.dense(Z))

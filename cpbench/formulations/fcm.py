@@ -9,10 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench import matrices
+from cpbench.factorization import Factorization
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.contact import DelassusContact
 from cpbench.formulations.sizes import least_squares
-from cpbench.matrices import Factorization, Matrix, Vector, norm
+from cpbench.matrices import Matrix, Vector, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,11 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from cpbench import matrices
+from cpbench.factorization import Factorization
 from cpbench.formulations.base import Point, Residuals, scaled
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.sizes import least_squares
-from cpbench.matrices import Dense, Factorization, Matrix, Vector, norm
+from cpbench.matrices import Dense, Matrix, Vector, norm
 
 BUNDLE = 512
 """Columns of H that are solved for at once."""

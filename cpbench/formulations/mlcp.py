@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cpbench.factorization import Factorization
 from cpbench.formulations.base import (
     Point,
     Problem,
@@ -18,7 +19,7 @@ from cpbench.formulations.base import (
     vector_field,
 )
 from cpbench.formulations.lcp import unit_free_complementarity
-from cpbench.matrices import Factorization, Matrix, Vector, max_abs, norm
+from cpbench.matrices import Matrix, Vector, max_abs, norm
 
 
 @dataclass(frozen=True, eq=False)

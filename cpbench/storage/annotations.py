@@ -21,8 +21,8 @@ import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.errors import FormatError, ProblemError
+from cpbench.factorization import Factorization
 from cpbench.formulations.base import Contacts, Info, Problem, Sequence, Step
-from cpbench.matrices import Factorization
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse
 from cpbench.storage.hdf5_tree import Tree
 from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.factorization import Factorization
 from cpbench.formulations import (
     AVI,
     LCP,
@@ -29,7 +30,6 @@ from cpbench.formulations import (
     Step,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.matrices import Factorization
 from cpbench.product_cones import Cone, ProductCone
 
 INFO = Info(

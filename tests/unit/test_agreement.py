@@ -139,7 +139,7 @@ def test_friction_without_condensation_by_the_fixed_point_on_de_saxce(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_tresca_with_the_right_threshold_is_coulomb(seed):
-    """With g = μ r_N of a solution, that solution solves the cylinder problem too; with half of it, only if little rubs."""
+    """With g = μ r_N of a solution, it solves the cylinder problem too; with half of it, only if little rubs."""
     problem, point = planted.fc(np.random.default_rng(seed), 5, 3, "positive definite")
     normal = point.r.reshape(-1, 3)[:, 0]
     target = make("fc-coneqp-tresca", {"threshold": tuple(problem.mu * normal)}).step(problem)

@@ -19,8 +19,8 @@ from cpbench.bench.runner import Limits, Session, execute
 from cpbench.bench.store import Store
 from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
+from cpbench.factorization import Factorization
 from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
-from cpbench.matrices import Factorization
 from cpbench.testing import planted
 
 

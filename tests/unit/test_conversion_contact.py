@@ -17,8 +17,8 @@ from cpbench import graph, matrices, storage
 from cpbench.conversions import elimination, facets
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
+from cpbench.factorization import Factorization
 from cpbench.formulations import FCPoint, FrictionContact, GlobalFrictionContact, Kind
-from cpbench.matrices import Factorization
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import planted
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
-from cpbench import graph, matrices, storage
+from cpbench import factorization, graph, matrices, storage
 from cpbench.conversions.base import make
 from cpbench.conversions.mlcp_to_lcp_split import semidefinite_transform
 from cpbench.errors import NotApplicable
@@ -122,7 +122,7 @@ def test_mlcp_lcp_schur(seed, n, m, kind, sparse):
     problem, point = planted.mlcp(np.random.default_rng(seed), n, m, kind, sparse=sparse)
     edge = make("mlcp-lcp-schur")
     if edge.obstacle(problem) is not None:
-        assert problem.factorization.rcond <= matrices.SINGULAR_RCOND
+        assert problem.factorization.rcond <= factorization.SINGULAR_RCOND
         return
     # the planted error grows with the condition of A
     if problem.factorization.rcond > 1e-6:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import matrices
+from cpbench import factorization, matrices
 from cpbench.conversions import delassus, elimination, sparse_schur
-from cpbench.matrices import Factorization
+from cpbench.factorization import Factorization
 
 TOLERANCE = 1e-12
 
@@ -47,7 +47,7 @@ def contacts(rng, sizes, place, count, d, *, most: int = 2):
 @pytest.mark.parametrize("most", [2, 5])
 def test_delassus_operator_is_the_dense_one_and_symmetric(rng, monkeypatch, d, sizes, most):
     monkeypatch.setattr(delassus, "FEW", 0)
-    monkeypatch.setattr(matrices, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(factorization, "DENSE_LIMIT", 0)
     A, place = bodies(rng, sizes)
     H = contacts(rng, sizes, place, 60, d, most=most)
     reference = H.toarray().T @ np.linalg.solve(A.toarray(), H.toarray())
@@ -75,7 +75,7 @@ def test_a_large_delassus_operator_is_canonical_and_scipys_product(rng):
 def test_rows_and_columns_of_different_kinds(rng, monkeypatch, few):
     """Nonsymmetric blocks, badly scaled; D in groups of 3, C in none; empty rows, columns and bodies."""
     monkeypatch.setattr(delassus, "FEW", few)
-    monkeypatch.setattr(matrices, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(factorization, "DENSE_LIMIT", 0)
     sizes = [1, 3, 6, 4] * 12
     A, place = bodies(rng, sizes, symmetric=False)
     scale = 2.0 ** rng.integers(-40, 40, A.shape[0])
@@ -91,7 +91,7 @@ def test_rows_and_columns_of_different_kinds(rng, monkeypatch, few):
 
 def test_an_indefinite_block_leaves_the_operator_symmetric(rng, monkeypatch):
     monkeypatch.setattr(delassus, "FEW", 0)
-    monkeypatch.setattr(matrices, "DENSE_LIMIT", 0)
+    monkeypatch.setattr(factorization, "DENSE_LIMIT", 0)
     A, place = bodies(rng, [6] * 30)
     A = sp.csr_array(A - 40 * sp.eye_array(A.shape[0]))
     H = contacts(rng, [6] * 30, place, 40, 3)

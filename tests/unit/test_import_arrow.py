@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
-BASE = {"errors", "matrices", "cones", "product_cones", "registry", "kernel_cache"}
+BASE = {"errors", "matrices", "transversal", "factorization", "cones", "product_cones", "registry", "kernel_cache"}
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "matrices": {"errors"},
+    "transversal": {"matrices"},
+    "factorization": {"errors", "matrices", "transversal"},
     "cones": {"matrices"},
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},

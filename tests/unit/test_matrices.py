@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench import cones, matrices
 from cpbench.errors import ProblemError
-from cpbench.matrices import Factorization
+from cpbench.factorization import Factorization
 
 
 @pytest.mark.parametrize("n", [2, 5, 40, 350])

@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.factorization import sparse_lu
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.matrices import max_abs, sparse_lu
+from cpbench.matrices import max_abs
 from cpbench.solvers.native.cone_jacobians import projection_jacobian
 
 SHIFTS = (1e-13, 1e-10, 1e-7)

@@ -11,9 +11,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
+from cpbench.factorization import sparse_lu
 from cpbench.formulations.base import scaled
 from cpbench.formulations.lcp import LCP, LCPPoint, unit_free_complementarity
-from cpbench.matrices import Matrix, Vector, dense, max_abs, norm, sparse_lu
+from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 
 CLOSE = 100.0

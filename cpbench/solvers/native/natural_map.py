@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm, sparse_lu
+from cpbench.factorization import sparse_lu
+from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
 from cpbench.solvers.native.lcp_claims import solve_linear
 from cpbench.solvers.native.progress import Progress
