@@ -49,6 +49,13 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     for cell in above:
         said = cell.reason or f"error {cell.error:.1e}"
         click.echo(f"{cell.source} -> {cell.target}: above {number(tolerance)}: '{cell.case}' by {cell.route}: {said}")
+    for cell in found:
+        if cell.amplified:
+            name, error = max(cell.amplified, key=lambda item: item[1])
+            click.echo(
+                f"{cell.source} -> {cell.target}: answers that pass there do not pass here in {len(cell.amplified)} of "
+                f"{cell.cases} cases, the worst has error {error:.1e} on '{name}'"
+            )
     rounded = [cell for cell in found if cell.error is not None and tolerance < cell.error <= cell.rounding]
     for cell in rounded:
         click.echo(
