@@ -171,28 +171,25 @@ def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
 
 @njit(error_model="numpy")
 def _slide(S, h, shift, free, b, mu, mu_r, kap, x, dx, A, pivots):
-    """(found, λ) for a given κ, by bisection: for λ → ∞ the contact sticks to nothing and r_N = `free` > 0."""
+    """(found, λ) for a given κ, by bisection; there is none where r_N < 0 for λ → ∞, which is where κ is too small."""
     regular, rn, t, _ = _at(S, h, shift, free, b, mu, mu_r, 0.0, kap, x, dx, A, pivots)
     if not regular:
         return False, 0.0
     if mu == 0.0 or t <= mu * rn:
         return True, 0.0
-    low, high = 0.0, abs(S[0])
-    for _ in range(BISECTIONS):
-        regular, rn, t, _ = _at(S, h, shift, free, b, mu, mu_r, high, kap, x, dx, A, pivots)
-        if regular and t <= mu * rn:
+    low, high, bracketed = 0.0, abs(S[0]), False
+    for _ in range(2 * BISECTIONS):
+        lam = 0.5 * (low + high) if bracketed else high
+        if bracketed and (lam <= low or lam >= high):
             break
-        low, high = high, GROWTH * high
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        if middle <= low or middle >= high:
-            break
-        regular, rn, t, _ = _at(S, h, shift, free, b, mu, mu_r, middle, kap, x, dx, A, pivots)
+        regular, rn, t, _ = _at(S, h, shift, free, b, mu, mu_r, lam, kap, x, dx, A, pivots)
         if regular and t <= mu * rn:
-            high = middle
+            high, bracketed = lam, True
+        elif bracketed:
+            low = lam
         else:
-            low = middle
-    return high < np.inf, high
+            low, high = high, GROWTH * high
+    return bracketed, high
 
 
 @njit(error_model="numpy")
@@ -201,7 +198,7 @@ def _nested(S, h, shift, free, b, mu, mu_r, x, dx, A, pivots):
     found, lam = _slide(S, h, shift, free, b, mu, mu_r, 0.0, x, dx, A, pivots)
     regular, rn, t, m = _at(S, h, shift, free, b, mu, mu_r, lam, 0.0, x, dx, A, pivots)
     kap = 0.0
-    if found and mu_r > 0.0 and m > mu_r * rn:
+    if mu_r > 0.0 and not (found and regular and m <= mu_r * rn):
         low, high, bracketed = 0.0, abs(S[S.size - 1]), False
         for _ in range(2 * BISECTIONS):
             kap = 0.5 * (low + high) if bracketed else high

@@ -1,0 +1,191 @@
+"""Solvers over cones and bounds: planted and published solutions, derivatives by differences, each against another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from cpbench.formulations import SOCLCP, ConeQP, Relay
+from cpbench.formulations.conic import cone_fields
+from cpbench.matrices import dense
+from cpbench.product_cones import Cone, ProductCone
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.cone_jacobians import box_jacobian, projection_jacobian
+from cpbench.solvers.native.natural_map import equilibrate
+from cpbench.testing import planted_conic
+from cpbench.verification import judge
+
+TIGHT = Budget(tolerance=1e-10)
+SHAPES = ProductCone.of(
+    (Cone.SECOND_ORDER, 4, 3, np.array([0.0, np.inf, 1e-3, 1e3])),
+    (Cone.SECOND_ORDER, 2, 1, 1.0),
+    (Cone.SECOND_ORDER, 1, 9, 0.7),
+    (Cone.ROLLING, 3, 5, np.array([0.0, 0.5, 0.0]), np.array([0.5, 0.0, 0.0])),
+    (Cone.ROLLING_DUAL, 2, 3, np.array([0.0, 0.5]), 0.3),
+    (Cone.CYLINDER, 2, 3, np.array([0.0, 0.75])),
+)
+
+
+@pytest.mark.parametrize("K", [planted_conic.cone(np.random.default_rng(3), cylinders=True), SHAPES])
+def test_jacobians_are_those_of_differences(rng: np.random.Generator, K: ProductCone) -> None:
+    """Central differences at random points, which are almost surely no kinks; symmetric between 0 and I."""
+    h = 1e-6
+    for _ in range(40):
+        x = 2.0 * rng.standard_normal(K.rows)
+        J = dense(projection_jacobian(K, x))
+        columns = [(K.project(x + h * e) - K.project(x - h * e)) / (2 * h) for e in np.eye(K.rows)]
+        np.testing.assert_allclose(J, np.array(columns).T, atol=1e-7)
+        np.testing.assert_allclose(J, J.T, atol=1e-15)
+        values = np.linalg.eigvalsh(J)
+        assert values[0] > -1e-12
+        assert values[-1] < 1 + 1e-12
+
+
+def test_the_jacobian_of_a_box_is_one_inside() -> None:
+    J = box_jacobian(np.array([-2.0, 0.5, 3.0, 0.0]), np.array([-1.0, -1, -1, 0]), np.array([1.0, 1, np.inf, 0]))
+    np.testing.assert_array_equal(J.diagonal(), [0.0, 1.0, 1.0, 0.0])
+
+
+def test_equilibration_takes_the_units_out(rng: np.random.Generator) -> None:
+    """Rows of one group keep one factor, and a group's largest entry ends near 1."""
+    groups = np.repeat(np.arange(6), 3)
+    unit = 10.0 ** np.repeat(rng.uniform(-6, 6, 6), 3)
+    M = (rng.standard_normal((18, 18)) + 4 * np.eye(18)) * unit[:, None] * unit
+    d = equilibrate(M, groups)
+    assert all(len(set(d[groups == g])) == 1 for g in range(6))
+    top = np.abs(M * d[:, None] * d).max(axis=1).reshape(6, 3).max(axis=1)
+    assert top.min() > 0.5
+    assert top.max() < 2.0
+
+
+@pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite", "monotone"])
+@pytest.mark.parametrize("sparse", [False, True])
+def test_newton_reaches_ten_digits_on_monotone_cone_problems(kind: str, sparse: bool) -> None:
+    """27 unknowns in every kind of factor, M nonsymmetric for `monotone`; from x = 0."""
+    for seed in range(15):
+        problem, _ = planted_conic.soclcp(np.random.default_rng(seed), None, kind, sparse=sparse)
+        assert problem.symmetric == (kind != "monotone")
+        output = solvers.get("newton-cone").run(problem, TIGHT)
+        assert output.claim is Claim.SOLVED, f"{seed}: {output.message}"
+        assert judge(problem, output.point, TIGHT.tolerance).solved
+
+
+def test_projection_and_contraction_alone_converge(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    """Without Newton, on a rotation, where plain projection circles for ever: ‖F‖ falls in the norm of the paper."""
+    from cpbench.solvers.native import natural_map
+
+    monkeypatch.setattr(natural_map, "_newton", lambda *_: None)
+    K = ProductCone.of((Cone.SECOND_ORDER, 4, 3, 0.5))
+    G = rng.standard_normal((12, 12))
+    x, w = planted_conic.pair(rng, K)
+    M = G - G.T
+    problem = SOCLCP(M=M, q=w - M @ x, **cone_fields(K))
+    output = solvers.get("newton-cone").run(problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED, output.message
+    assert output.counters["factorizations"] == 1
+    assert judge(problem, output.point, 1e-6).solved
+
+
+def test_newton_says_what_it_did_not_reach() -> None:
+    """Indefinite M: solved only where it is, else the error in words."""
+    solver = solvers.get("newton-cone")
+    for seed in range(10):
+        problem, _ = planted_conic.soclcp(np.random.default_rng(seed), None, "any")
+        output = solver.run(problem, Budget(tolerance=1e-8, iterations=300))
+        verdict = judge(problem, output.point, 1e-8)
+        assert (output.claim is Claim.SOLVED) == verdict.solved
+        assert verdict.solved or f"error {verdict.error:.1e}" in output.message
+
+
+@pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
+def test_clarabel_reaches_ten_digits(kind: str) -> None:
+    """Every kind of factor, cylinders too; by polishing, without which it stops at 1e-9 or so."""
+    solver = solvers.get("clarabel-cone")
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        problem, _ = planted_conic.coneqp(rng, 12, None, kind)
+        output = solver.run(problem, TIGHT)
+        assert output.claim is Claim.SOLVED, f"{seed}: {output.message}"
+        assert judge(problem, output.point, TIGHT.tolerance).solved
+        loose = solver.run(problem, Budget(tolerance=1e-6), solver.spec.options(polish=0))
+        assert loose.claim is Claim.SOLVED
+        assert loose.counters["polishing_steps"] == 0
+
+
+def test_clarabel_agrees_with_a_formula() -> None:
+    """The nearest point of K to c is P_K(c) (min ½‖x‖² − cᵀx), unique, its multiplier P_K(c) − c; every factor."""
+    rng = np.random.default_rng(5)
+    for K in (SHAPES, planted_conic.cone(rng, cylinders=True)):
+        c = 2.0 * rng.standard_normal(K.rows)
+        output = solvers.get("clarabel-cone").run(ConeQP.over(np.eye(K.rows), -c, K), TIGHT)
+        np.testing.assert_allclose(output.point.x, K.project(c), atol=1e-8)
+        np.testing.assert_allclose(output.point.y, K.project(c) - c, atol=1e-8)
+
+
+def test_clarabel_tells_infeasible_and_unbounded() -> None:
+    solver = solvers.get("clarabel-cone")
+    orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 2))
+    crossed = ConeQP.over(np.eye(1), np.zeros(1), orthant, np.array([[1.0], [-1.0]]), -np.ones(2))
+    assert solver.run(crossed).claim is Claim.INFEASIBLE
+    unbounded = ConeQP.over(np.zeros((2, 2)), -np.ones(2), orthant)
+    assert solver.run(unbounded).claim is Claim.UNBOUNDED
+    indefinite = ConeQP.over(np.diag([1.0, -1.0]), np.ones(2), orthant)
+    assert "eigenvalue -1.0e+00" in str(solver.obstacle(indefinite))
+
+
+def test_apgd_finds_the_minimum_of_clarabel() -> None:
+    """Unique where Q is definite; where it is singular the objectives agree."""
+    for seed in range(6):
+        kind = ("positive definite", "singular semidefinite")[seed % 2]
+        problem, _ = planted_conic.plain_coneqp(np.random.default_rng(seed), None, kind)
+        one = solvers.get("apgd").run(problem, Budget(tolerance=1e-8))
+        other = solvers.get("clarabel-cone").run(problem, Budget(tolerance=1e-8))
+        assert one.claim is Claim.SOLVED, f"{seed}: {one.message}"
+        scale = abs(problem.objective(other.point.x))
+        assert abs(problem.objective(one.point.x) - problem.objective(other.point.x)) <= 1e-7 * (1 + scale)
+
+
+def test_apgd_scales_disks_with_their_unknowns() -> None:
+    """ℝ₊ × disk is no cone: its radius has the units of x. min ½dᵀx² − … has its solution by components."""
+    K = ProductCone.of((Cone.CYLINDER, 2, 3, np.array([0.5, 2.0])))
+    weight = np.repeat([1e6, 1e-4], 3)
+    c = np.array([1.0, 3.0, 4.0, -1.0, 0.3, 0.4])
+    problem = ConeQP.over(np.diag(weight), -weight * c, K)
+    output = solvers.get("apgd").run(problem, TIGHT)
+    np.testing.assert_allclose(output.point.x, [1.0, 0.3, 0.4, 0.0, 0.3, 0.4], atol=1e-9)
+
+
+def test_apgd_refuses_rows() -> None:
+    problem, _ = planted_conic.coneqp(np.random.default_rng(0), 6)
+    assert "A = I" in str(solvers.get("apgd").obstacle(problem))
+
+
+@pytest.mark.parametrize("name", ["newton-relay", "pgs-relay"])
+def test_relays_with_symmetric_matrix_are_bounded_least_squares(name: str, rng: np.random.Generator) -> None:
+    """M = BᵀB, q = −Bᵀc: SciPy's lsq_linear minimises ‖Bz − c‖ over the box, which has one solution."""
+    for _ in range(8):
+        B, c = rng.standard_normal((20, 12)), 3.0 * rng.standard_normal(20)
+        lb = -rng.uniform(0.1, 0.5, 12)
+        problem = Relay(M=B.T @ B, q=-B.T @ c, lb=lb, ub=-2 * lb)
+        output = solvers.get(name).run(problem, TIGHT)
+        assert output.claim is Claim.SOLVED, output.message
+        np.testing.assert_allclose(output.point.z, lsq_linear(B, c, (lb, -2 * lb), tol=1e-14).x, atol=1e-7)
+
+
+def test_newton_solves_monotone_relays() -> None:
+    for seed in range(30):
+        kind = ("monotone", "positive definite", "singular semidefinite")[seed % 3]
+        problem, _ = planted_conic.relay(np.random.default_rng(seed), 30, kind, sparse=bool(seed % 2))
+        output = solvers.get("newton-relay").run(problem, TIGHT)
+        assert output.claim is Claim.SOLVED, f"{seed}: {output.message}"
+        assert judge(problem, output.point, TIGHT.tolerance).solved
+
+
+def test_gauss_seidel_names_the_diagonal_it_cannot_use() -> None:
+    solver = solvers.get("pgs-relay")
+    problem = Relay(M=np.diag([1.0, 0.0]), q=np.ones(2), lb=-np.ones(2), ub=np.ones(2))
+    assert "M[1,1] = 0" in str(solver.obstacle(problem))
+    fixed = Relay(M=np.diag([1.0, 0.0]), q=np.ones(2), lb=[-1.0, 1.0], ub=[1.0, 1.0])
+    assert solver.obstacle(fixed) is None
+    assert solver.run(fixed).claim is Claim.SOLVED
