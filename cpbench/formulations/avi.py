@@ -42,8 +42,8 @@ class AVI(Problem):
     With multipliers: F = Mz + q − Aᵀλ − Cᵀμ satisfies z = P_[lb,ub](z − F), 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d; for a box
     alone that is the natural map. The multipliers are part of an answer: without them, every measurement
     would have to project on a polyhedron, which is a program of its own. Judged: `natural`, the norm of all that over
-    ‖(q, b, d)‖; and without units, every row of A and C divided by its largest entry: `unit_free`, the box part with z
-    over max(‖z‖∞, z_unit) and F over forces = max(‖q‖∞, ‖Mz‖∞, max|M| z_unit); `complementarity`, min(λ, Az − b) with
+    ‖(q, b, d, lb where it is ub)‖; and without units, every row of A and C divided by its largest entry: `unit_free`,
+    the box part with z over max(‖z‖∞, z_unit) and F over forces = max(‖q‖∞, ‖Mz‖∞, max|M| z_unit); `complementarity`, min(λ, Az − b) with
     λ over forces and a row over max(|b_i|, the scale of z); `equality`, Cz − d in the same way. The scales leave out
     multipliers (they may be large and cancel), rows of others (they may be idle) and unknowns with lb = ub.
     """
@@ -117,7 +117,7 @@ class AVI(Problem):
             natural = norm(np.concatenate([box, np.minimum(lam, rows), equality]))
             if not point.finite:  # which the bounds would clip
                 natural = np.inf
-            data = norm(np.concatenate([self.q, self.b, self.d]))
+            data = norm(np.concatenate([self.q, self.b, self.d, self.lb[~self.moving]]))
             judged = {"natural": scaled(natural, data)}
             if self.z_unit > 0:
                 judged |= self._without_units(z, F, Mz, lam, rows, equality)

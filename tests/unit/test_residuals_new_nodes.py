@@ -149,7 +149,8 @@ def test_boxes_against_a_loop(rng: np.random.Generator) -> None:
         expected = math.hypot(*step) / (1 + np.linalg.norm(relay.q))
         assert relay.residuals(LCPPoint(z=z)).judged["natural"] == pytest.approx(expected, rel=1e-12)
         avi = AVI(M=relay.M, q=relay.q, lb=relay.lb, ub=relay.ub)
-        expected = math.hypot(*step) / np.linalg.norm(relay.q)
+        data = np.concatenate([relay.q, relay.lb[relay.lb == relay.ub]])
+        expected = math.hypot(*step) / np.linalg.norm(data)
         assert avi.residuals(AVIPoint(z=z)).judged["natural"] == pytest.approx(expected, rel=1e-12)
 
 
@@ -385,3 +386,19 @@ def test_a_cone_with_all_factors_fixed_has_no_scale() -> None:
     problem = SOCLCP(M=E(2), q=[3.0, -4.0], **cone_fields(ProductCone.of((Cone.ZERO, 1, 2))))
     assert problem.residuals(SOCLCPPoint(x=[0.0, 0.0])).error == 0.0
     assert problem.residuals(SOCLCPPoint(x=[1.0, 0.0])).error == pytest.approx(0.2)
+
+
+def test_fixed_unknowns_are_data_like_equalities():
+    """DTOC3 of Maros and Mészáros has q = 0 and d = 0 but for rounding; its data stand in unknowns with lb = ub."""
+    z = np.array([15.0, 15.0 * (1 + 1e-15)])
+    problem = AVI(
+        M=np.diag([0.0, 1e-3]),
+        q=np.zeros(2),
+        C=np.array([[1.0, -1.0]]),
+        d=[1e-15],
+        lb=[15.0, -np.inf],
+        ub=[15.0, np.inf],
+    )
+    multiplier = -1e-3 * z[1]
+    assert problem.residuals(AVIPoint(z=z, mu=[multiplier])).error <= 1e-12
+    assert problem.residuals(AVIPoint(z=z + np.array([0.0, 1.0]), mu=[multiplier])).error > 1e-3
