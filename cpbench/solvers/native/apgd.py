@@ -81,7 +81,7 @@ class APGD(Solver):
     def obstacle(self, problem: ConeQP) -> str | None:
         if not problem.plain:
             m, n = problem.A.shape
-            return f"needs x itself in K (A = I, b = 0), A is {m}x{n}: use clarabel-cone, or coneqp-soclcp first"
+            return f"needs x itself in K (A = I, b = 0), A is {m}x{n}: use clarabel-cone"
         if not problem.convex:
             least = matrices.least_eigenvalue(problem.Q)
             return f"not convex: Q has the eigenvalue {least:.1e} (max|Q| = {matrices.max_abs(problem.Q):.1e})"
