@@ -43,9 +43,10 @@ class AVI(Problem):
     alone that is the natural map. The multipliers are part of an answer: without them, every measurement
     would have to project on a polyhedron, which is a program of its own. Judged: `natural`, the norm of all that over
     ‖(q, b, d, lb where it is ub)‖; and without units, every row of A and C divided by its largest entry: `unit_free`,
-    the box part with z over max(‖z‖∞, z_unit) and F over forces = max(‖q‖∞, ‖Mz‖∞, max|M| z_unit); `complementarity`, min(λ, Az − b) with
-    λ over forces and a row over max(|b_i|, the scale of z); `equality`, Cz − d in the same way. The scales leave out
-    multipliers (they may be large and cancel), rows of others (they may be idle) and unknowns with lb = ub.
+    the box part with z over max(‖z‖∞, z_unit) and F over forces = max(‖q‖∞, ‖Mz‖∞, max|M| z_unit); `complementarity`,
+    min(λ, Az − b) with λ over forces and a row over max(|b_i|, the scale of z); `equality`, Cz − d in the same way.
+    The scales leave out multipliers (they may be large and cancel), rows of others (they may be idle) and unknowns
+    with lb = ub.
     """
 
     node: ClassVar[str] = "avi"
