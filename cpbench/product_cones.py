@@ -83,7 +83,7 @@ class ProductCone:
     def extended(self) -> NDArray[np.bool_]:
         """Whether K is more than {0} in a component, shape (rows,); where it is not, the dual part may be anything."""
         result = np.ones(self.rows, dtype=bool)
-        for kind, rows, mu, mu_r in self._groups:
+        for kind, rows, mu, mu_r in self.groups:
             k = (rows.shape[1] - 1) // 2
             match kind:
                 case Cone.ZERO:
@@ -98,7 +98,7 @@ class ProductCone:
         return result
 
     @cached_property
-    def _groups(self) -> list[tuple[Cone, NDArray[np.int64], Vector, Vector]]:
+    def groups(self) -> list[tuple[Cone, NDArray[np.int64], Vector, Vector]]:
         """Factors of one kind and size together: their kind, rows (count, size), mu and mu_r."""
         start = np.concatenate([[0], np.cumsum(self.size)])[:-1].astype(np.int64)
         groups: list[tuple[Cone, NDArray[np.int64], Vector, Vector]] = []
@@ -111,7 +111,7 @@ class ProductCone:
     def project(self, x: Vector) -> Vector:
         """Euclidean projection of x, shape (rows,)."""
         result = np.empty_like(x)
-        for kind, rows, mu, mu_r in self._groups:
+        for kind, rows, mu, mu_r in self.groups:
             result[rows] = _project_factor(kind, x[rows], mu, mu_r)
         return result
 

@@ -25,7 +25,7 @@ from cpbench.product_cones import Cone, ProductCone
 def projection_jacobian(K: ProductCone, x: Vector) -> Sparse:
     """An element of ∂P_K(x), block diagonal, shape (rows, rows), without its zeros."""
     row, column, value = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
-    for kind, rows, mu, mu_r in K._groups:
+    for kind, rows, mu, mu_r in K.groups:
         blocks = _factor(kind, x[rows], mu, mu_r)
         row.append(np.repeat(rows, rows.shape[1], axis=1).ravel())
         column.append(np.tile(rows, (1, rows.shape[1])).ravel())
