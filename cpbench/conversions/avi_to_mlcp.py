@@ -47,6 +47,6 @@ class AVItoMLCP(Conversion):
 
     def push(self, point: AVIPoint, trace: Trace) -> MLCPPoint:
         z, lam, mu = point.z, point.lam, point.mu
-        nu = trace["M"] @ z + trace["q"] - trace["A"].T @ lam - trace["C"].T @ mu
+        nu = kkt.bound_multipliers(trace, z, lam, mu)
         inequality, equality = kkt.join(lam, mu, nu, trace)
         return MLCPPoint(u=np.concatenate([z, equality]), v=inequality)

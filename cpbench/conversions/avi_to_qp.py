@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench import matrices
+from cpbench.conversions import kkt
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.avi import AVI, AVIPoint
@@ -51,16 +52,7 @@ class AVItoQP(Conversion):
 
     def apply(self, problem: AVI) -> tuple[QP, Trace]:
         self.require(problem)
-        target = QP(
-            Q=problem.M,
-            p=problem.q,
-            A=problem.A,
-            b=problem.b,
-            C=problem.C,
-            d=problem.d,
-            lb=problem.lb,
-            ub=problem.ub,
-        )
+        target = QP(Q=problem.M, p=problem.q, **kkt.polyhedron(problem))
         return target, {"M": problem.M, "q": problem.q, "A": problem.A, "C": problem.C}
 
     def lift(self, point: QPPoint, trace: Trace) -> AVIPoint:
@@ -68,5 +60,5 @@ class AVItoQP(Conversion):
 
     def push(self, point: AVIPoint, trace: Trace) -> QPPoint:
         z, lam, mu = point.z, point.lam, point.mu
-        nu = trace["M"] @ z + trace["q"] - trace["A"].T @ lam - trace["C"].T @ mu
+        nu = kkt.bound_multipliers(trace, z, lam, mu)
         return QPPoint(z=z, lam=lam, mu=mu, nu=nu)

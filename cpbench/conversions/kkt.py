@@ -8,6 +8,7 @@ inequalities with unbounded multipliers.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -61,6 +62,16 @@ def join(lam: Vector, mu: Vector, nu: Vector, sizes: Trace) -> tuple[Vector, Vec
     """The multipliers of E and F, from λ, μ and ν."""
     below, above = np.maximum(nu[sizes["lower"]], 0.0), np.maximum(-nu[sizes["upper"]], 0.0)
     return np.concatenate([lam, below, above]), np.concatenate([mu, nu[sizes["fixed"]]])
+
+
+def polyhedron(problem: QP | AVI) -> dict[str, Any]:
+    """The fields that say what the set is: rows and bounds."""
+    return {name: getattr(problem, name) for name in ("A", "b", "C", "d", "lb", "ub")}
+
+
+def bound_multipliers(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
+    """ν = Mz + q − Aᵀλ − Cᵀμ, what the bounds have to carry; trace: `M`, `q`, `A`, `C`."""
+    return trace["M"] @ z + trace["q"] - trace["A"].T @ lam - trace["C"].T @ mu
 
 
 def conditions(M: Matrix, q: Vector, constraints: Rows) -> MLCP:

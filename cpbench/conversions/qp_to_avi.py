@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cpbench.conversions import kkt
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.avi import AVI, AVIPoint
@@ -20,7 +21,7 @@ from cpbench.formulations.qp import QP, QPPoint
 @conversions.register("qp-avi")
 @dataclass(frozen=True)
 class QPtoAVI(Conversion):
-    """Stationary points over the feasible set. Trace: `Q`, `p`, `A`, `C`, for the multipliers of the bounds."""
+    """Stationary points over the feasible set. Trace: `M` (Q), `q` (p), `A`, `C`, for the multipliers of the bounds."""
 
     name = "qp-avi"
     source = "qp"
@@ -38,21 +39,12 @@ class QPtoAVI(Conversion):
         return indefinite(problem.Q, "Q")
 
     def apply(self, problem: QP) -> tuple[AVI, Trace]:
-        target = AVI(
-            M=problem.Q,
-            q=problem.p,
-            A=problem.A,
-            b=problem.b,
-            C=problem.C,
-            d=problem.d,
-            lb=problem.lb,
-            ub=problem.ub,
-        )
-        return target, {"Q": problem.Q, "p": problem.p, "A": problem.A, "C": problem.C}
+        target = AVI(M=problem.Q, q=problem.p, **kkt.polyhedron(problem))
+        return target, {"M": problem.Q, "q": problem.p, "A": problem.A, "C": problem.C}
 
     def lift(self, point: AVIPoint, trace: Trace) -> QPPoint:
         z, lam, mu = point.z, point.lam, point.mu
-        nu = trace["Q"] @ z + trace["p"] - trace["A"].T @ lam - trace["C"].T @ mu
+        nu = kkt.bound_multipliers(trace, z, lam, mu)
         return QPPoint(z=z, lam=lam, mu=mu, nu=nu)
 
     def push(self, point: QPPoint, trace: Trace) -> AVIPoint:
