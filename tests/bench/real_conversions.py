@@ -65,7 +65,7 @@ def examine(address: str, seconds: float = 10.0, routes: int = 4, megabytes: flo
     except CpbenchError as refusal:
         return Outcome(failure=str(refusal))
     outcome = Outcome(node=problem.node)
-    found = next(checking.answers(problem, TOLERANCE, [], seconds=seconds), None)
+    found = next(checking.answers(problem, TOLERANCE, [], seconds=seconds), None) if seconds > 0 else None
     point = problem.zero_point() if found is None else found.point
     outcome.answer = None if found is None else found.error
     memory = Within(1e6 * megabytes)
@@ -94,7 +94,7 @@ def there_and_back(problem: Problem, converted: Problem, point: object) -> tuple
 
 @click.command()
 @click.argument("folders", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
-@click.option("--seconds", default=10.0, show_default=True, help="Time for each solver to answer a file.")
+@click.option("--seconds", default=10.0, show_default=True, help="Time for each solver to answer a file; 0: none.")
 @click.option("--routes", default=4, show_default=True, help="Most routes to one formulation.")
 @click.option("--megabytes", default=200.0, show_default=True, help="Largest result of one conversion.")
 @click.option("--explain", is_flag=True, help="Print the obstacles too.")
