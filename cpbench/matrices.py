@@ -161,6 +161,19 @@ def identity(n: int, like: Matrix) -> Matrix:
     return sp.csr_array(sp.eye_array(n, format="csr")) if sp.issparse(like) else np.eye(n)
 
 
+def index_dtype(*sizes: int) -> type[np.signedinteger[Any]]:
+    """int32 unless one of the numbers that an index or a count may reach does not fit."""
+    return np.int64 if max(sizes, default=0) > np.iinfo(np.int32).max else np.int32
+
+
+def scaled_both(M: Matrix, s: Vector) -> Matrix:
+    """diag(s) M diag(s), stored as M is; symmetric to the last bit where M is."""
+    if not is_sparse(M):
+        return dense(M) * np.outer(s, s)
+    D = sp.dia_array((s[None, :], [0]), shape=(s.size, s.size))
+    return sp.csr_array(D @ M @ D)
+
+
 def nnz(M: Matrix) -> int:
     """Stored entries of a sparse matrix, nonzero ones of a dense one."""
     return int(M.nnz) if sp.issparse(M) else int(np.count_nonzero(M))

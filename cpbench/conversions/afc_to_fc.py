@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
@@ -19,7 +18,6 @@ from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Matrix
 
 
 @conversions.register("afc-fc")
@@ -35,14 +33,9 @@ class AFCtoFC(Conversion):
     cost = 1.0
 
     def apply(self, problem: AnisotropicFrictionContact) -> tuple[FrictionContact, Trace]:
-        S, W = problem.scaling, problem.W
-        scaled: Matrix
-        if matrices.is_sparse(W):
-            D = sp.dia_array((S[None, :], [0]), shape=(S.size, S.size))
-            scaled = sp.csr_array(D @ W @ D)
-        else:
-            scaled = matrices.dense(W) * np.outer(S, S)  # one rounding for (i, j) and (j, i): symmetric stays so
-        return FrictionContact(W=scaled, q=S * problem.q, mu=np.ones(problem.nc), dimension=3), {"S": S}
+        S = problem.scaling
+        W = matrices.scaled_both(problem.W, S)
+        return FrictionContact(W=W, q=S * problem.q, mu=np.ones(problem.nc), dimension=3), {"S": S}
 
     def lift(self, point: FCPoint, trace: Trace) -> FCPoint:
         return FCPoint(r=trace["S"] * point.r)

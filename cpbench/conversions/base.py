@@ -6,8 +6,11 @@ import dataclasses
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
+import numpy as np
+
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Problem, Step, Trace
+from cpbench.matrices import index_dtype
 from cpbench.registry import Registry
 
 
@@ -31,7 +34,7 @@ class Size:
     @classmethod
     def sparse(cls, rows: int, columns: int, entries: int) -> Size:
         """CSR, whose indices have 4 bytes as long as they fit."""
-        index = 4 if max(rows, columns, entries) < 2**31 else 8
+        index = np.dtype(index_dtype(rows, columns, entries)).itemsize
         return cls(rows, entries, entries * (8 + index) + (rows + 1) * index)
 
     def __str__(self) -> str:

@@ -24,7 +24,7 @@ def to_lcp(M: Matrix, q: Vector, lb: Vector, ub: Vector) -> tuple[LCP, Trace]:
     """The LCP in (x, y) of variables with a bound each; trace: `c`, `S` (as vectors), `both` (indices), `M`, `q`."""
     c, S = origin(lb, ub)
     both = np.flatnonzero(np.isfinite(lb) & np.isfinite(ub))
-    scaled = _scale_both(M, S)
+    scaled = matrices.scaled_both(M, S)
     ones = (np.ones(both.size), (np.arange(both.size), both))
     J: Matrix = sp.csr_array(ones, shape=(both.size, q.size))
     if not matrices.is_sparse(M):
@@ -63,10 +63,3 @@ def push(z: Vector, trace: Trace) -> LCPPoint:
     S, both = trace["S"], trace["both"]
     force = S * (trace["M"] @ z + trace["q"])
     return LCPPoint(z=np.concatenate([S * (z - trace["c"]), np.maximum(-force[both], 0.0)]))
-
-
-def _scale_both(M: Matrix, S: Vector) -> Matrix:
-    if not matrices.is_sparse(M):
-        return matrices.dense(M) * np.outer(S, S)
-    D = sp.dia_array((S[None, :], [0]), shape=(S.size, S.size))
-    return sp.csr_array(D @ M @ D)

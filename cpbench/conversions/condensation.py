@@ -41,7 +41,7 @@ def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
         H = matrices.block([[H], [matrices.zeros(joints, H.shape[1], H)]])
         W = elimination.product(matrices.transpose(H), problem.saddle, H)
         if matrices.is_symmetric(problem.M):  # then W is too, though K is not
-            W = symmetrised(W)
+            W = elimination.symmetrised(W)
     else:
         W = elimination.congruence(H, problem.factorization)
     return W, problem.free_velocity, {"factor": problem.saddle, "H": problem.H, "f": problem.f, "b": problem.b}
@@ -59,11 +59,3 @@ def lift(point: FCPoint, trace: Trace) -> GFCPoint:
     force = trace["H"] @ point.r + trace["f"]
     v, lam = np.split(trace["factor"].solve(np.concatenate([force, -trace["b"]])), [force.size])
     return GFCPoint(v=v, r=point.r, lam=lam)
-
-
-def symmetrised(W: Matrix) -> Matrix:
-    """(W + Wᵀ)/2 of a matrix that is symmetric but for rounding, which solvers that ask for symmetry would refuse.
-
-    (x + y)/2 = (y + x)/2 in floating point too, so the mean is symmetric to the last bit.
-    """
-    return elimination.compact((W + matrices.transpose(W)) * 0.5)

@@ -18,16 +18,10 @@ from numpy.typing import NDArray
 from cpbench import kernel_cache, matrices
 from cpbench.conversions.base import Size
 from cpbench.conversions.operators import ContactOperator
-from cpbench.matrices import Dense, Matrix, Sparse, Vector
+from cpbench.matrices import Dense, Matrix, Sparse, Vector, index_dtype
 
 COMPILED_ABOVE = 500_000
 """Entries of W above which the compiled loop is used: SciPy then takes longer than it takes to import numba."""
-_INT32 = 2**31 - 1
-
-
-def index_dtype(*sizes: int) -> type[np.signedinteger[Any]]:
-    """int32 unless one of the numbers that an index or a count may reach does not fit."""
-    return np.int64 if max(sizes, default=0) > _INT32 else np.int32
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +79,10 @@ class Congruence:
 
     def _products(self, W: Sparse, coefficients: Dense) -> Sparse:
         nc = coefficients.shape[0]
-        E, F = _repeat(self.left, np.ones(nc)), _repeat(self.right, np.ones(nc))
+        E, F = repeat(self.left, np.ones(nc)), repeat(self.right, np.ones(nc))
         M = sp.csr_array(E.T @ W @ F)
         for block, weights in zip(self.blocks, coefficients.T, strict=True):
-            M = sp.csr_array(M + _repeat(block, weights))
+            M = sp.csr_array(M + repeat(block, weights))
         M.eliminate_zeros()
         index = index_dtype(M.nnz, *M.shape)
         M.indices, M.indptr = M.indices.astype(index, copy=False), M.indptr.astype(index, copy=False)
@@ -163,7 +157,7 @@ def _nonzeros(A: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return count, np.where(np.arange(A.shape[1]) < count[:, None], order, 0)
 
 
-def _repeat(block: Dense, weights: Vector) -> Sparse:
+def repeat(block: Dense, weights: Vector) -> Sparse:
     """blockdiag(weights_c · block), CSR."""
     row, col = np.nonzero(block)
     height, width = block.shape

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cpbench.factorization import Blocks, Factorization
 from cpbench.kernel_cache import load
-from cpbench.matrices import Sparse
+from cpbench.matrices import Sparse, index_dtype
 
 KERNELS = "cpbench.conversions.kernels.delassus"
 FEW = 15_000
@@ -115,7 +115,7 @@ def _multiplied(kernel: Any, rows: _Touching, columns: _Touching) -> Sparse:
     begin = np.zeros(rows.groups + 1, dtype=np.int64)
     count, most = kernel.count_blocks(by_group, body, columns.touch, columns.group, columns.groups, begin)
     entries = count * rows.d * columns.d
-    index = np.int32 if max(entries, *shape) <= np.iinfo(np.int32).max else np.int64
+    index = index_dtype(entries, *shape)
     indptr, indices, data = np.empty(shape[0] + 1, index), np.empty(entries, index), np.empty(entries)
     zeros = kernel.multiply_blocks(
         *(by_group, body, slot),

@@ -53,7 +53,7 @@ def congruence(H: Matrix, factor: Factorization) -> Matrix:
         if W is not None:
             return compact(W)
     W = _sparse_product(_canonical(matrices.transpose(H)), factor, _canonical(H))
-    return compact(_mean_with_transpose(W))
+    return symmetrised(W)
 
 
 def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
@@ -109,6 +109,14 @@ def compact(M: Matrix) -> Matrix:
     return matrices.dense(M) if matrices.nnz(M) > sparse_schur.FULL * M.shape[0] * M.shape[1] else matrices.sparse(M)
 
 
+def symmetrised(W: Matrix) -> Matrix:
+    """(W + Wᵀ)/2 of a matrix that is symmetric but for rounding, which solvers that ask for symmetry would refuse.
+
+    (x + y)/2 = (y + x)/2 in floating point too, so the mean is symmetric to the last bit.
+    """
+    return compact((W + matrices.transpose(W)) * 0.5)
+
+
 def singularity(factor: Factorization, what: str, instead: str) -> str | None:
     """The obstacle of an edge that needs `factor`'s matrix, called `what`, to be nonsingular; None when it is."""
     if not factor.singular:
@@ -145,7 +153,7 @@ def _dense_congruence(H: Dense, factor: Factorization) -> Dense:
     try:
         lower = np.linalg.cholesky(matrices.dense(factor.A))
     except np.linalg.LinAlgError:
-        return _mean_with_transpose(_dense_product(H.T, factor, H))
+        return matrices.dense(symmetrised(_dense_product(H.T, factor, H)))
     G = blas.dtrsm(1.0, lower.T, H, trans_a=1)  # L lies by rows, so that BLAS sees the upper Lᵀ
     return G.T @ G
 
@@ -210,8 +218,3 @@ def _by_bundles(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
 
 def _sparse_unless_full(M: Dense) -> Matrix:
     return M if matrices.nnz(M) > sparse_schur.FULL * M.size else sp.csr_array(M)
-
-
-def _mean_with_transpose(W: Any) -> Any:
-    # (x + y)/2 = (y + x)/2 in floating point too: symmetric to the last bit
-    return (W + W.T) * 0.5

@@ -16,11 +16,12 @@ import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.congruence import repeat
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Dense, Matrix, Sparse, Vector
+from cpbench.matrices import Matrix
 
 _SELECT = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _SHEAR = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
@@ -48,9 +49,9 @@ class FCtoLCP2DSiconos(Conversion):
     def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)
         W, q, mu = problem.W, problem.q, problem.mu
-        rows = _blockdiag(_SELECT, np.ones(mu.size))
-        columns = sp.csr_array(rows + _blockdiag(_SHEAR, -mu))  # r = columns @ z
-        own = sp.csr_array(_blockdiag(_OWN, np.ones(mu.size)) + _blockdiag(_FRICTION, 2.0 * mu))
+        rows = repeat(_SELECT, np.ones(mu.size))
+        columns = sp.csr_array(rows + repeat(_SHEAR, -mu))  # r = columns @ z
+        own = sp.csr_array(repeat(_OWN, np.ones(mu.size)) + repeat(_FRICTION, 2.0 * mu))
         if matrices.is_sparse(W):
             M: Matrix = sp.csr_array(rows.T @ W @ columns + own)
         else:
@@ -66,8 +67,3 @@ class FCtoLCP2DSiconos(Conversion):
         r = point.r.reshape(-1, 2)
         z = np.column_stack([r[:, 0], r[:, 1] + trace["mu"] * r[:, 0], np.maximum(-u[:, 1], 0.0)])
         return LCPPoint(z=z.ravel())
-
-
-def _blockdiag(block: Dense, weights: Vector) -> Sparse:
-    """blockdiag(weights_c · block)."""
-    return sp.csr_array(sp.kron(sp.diags_array(weights), block))

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench import matrices
-from cpbench.conversions import condensation, elimination
+from cpbench.conversions import elimination
 from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
-from cpbench.matrices import Dense
 
 PSEUDO_INVERSE_LIMIT = 2000
 """Most constraints whose singular R is pseudo-inverted (a dense singular value decomposition)."""
@@ -47,7 +46,7 @@ class FCMtoFC(Conversion):
         if p > PSEUDO_INVERSE_LIMIT:
             why = elimination.singularity(problem.factorization, "R", "take constraints out that repeat others")
             return f"{why} (more than {PSEUDO_INVERSE_LIMIT} constraints, no pseudo-inverse is tried)"
-        inverse, R = _pseudo_inverse(problem), matrices.dense(problem.R)
+        inverse, R = problem.pseudo_inverse, matrices.dense(problem.R)
         outside = np.eye(p) - R @ inverse
         for name, rows in (("s", problem.s[:, None]), ("Vᵀ", matrices.dense(problem.V).T)):
             off, top = matrices.max_abs(outside @ rows), matrices.max_abs(rows)
@@ -69,7 +68,7 @@ class FCMtoFC(Conversion):
         V, factor = problem.V, problem.factorization
         trace = {"V": V, "s": problem.s}
         if factor.singular:
-            inverse = _pseudo_inverse(problem)
+            inverse = problem.pseudo_inverse
             less = matrices.dense(V) @ inverse @ matrices.dense(V).T
             shift = V @ (inverse @ problem.s)
             trace["pseudo"] = inverse
@@ -79,7 +78,7 @@ class FCMtoFC(Conversion):
             trace["factor"] = factor
         W = elimination.compact(problem.W - less)
         if matrices.is_symmetric(problem.W) and matrices.is_symmetric(problem.R):
-            W = condensation.symmetrised(W)
+            W = elimination.symmetrised(W)
         return FrictionContact(W=W, q=problem.q - shift, mu=problem.mu, dimension=problem.dimension), trace
 
     def lift(self, point: FCPoint, trace: Trace) -> FCMPoint:
@@ -89,8 +88,3 @@ class FCMtoFC(Conversion):
 
     def push(self, point: FCMPoint, trace: Trace) -> FCPoint:
         return FCPoint(r=point.r)
-
-
-def _pseudo_inverse(problem: MixedFrictionContact) -> Dense:
-    """R⁺ with the rank of an R known to about 12 digits."""
-    return np.asarray(np.linalg.pinv(matrices.dense(problem.R), rcond=1e-12), dtype=np.float64)

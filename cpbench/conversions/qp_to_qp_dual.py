@@ -16,7 +16,6 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import elimination, kkt
 from cpbench.conversions.base import Conversion, Size, conversions
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.qp import QP, QPPoint
 
@@ -35,7 +34,7 @@ class QPtoDual(Conversion):
 
     def obstacle(self, problem: QP) -> str | None:
         singular = elimination.singularity(
-            Factorization(problem.Q), "Q", "use qp-mlcp or qp-coneqp, which need no inverse"
+            problem.factorization, "Q", "use qp-mlcp or qp-coneqp, which need no inverse"
         )
         if singular is None and not problem.convex:
             least = matrices.least_eigenvalue(problem.Q)
@@ -45,13 +44,13 @@ class QPtoDual(Conversion):
     def predict(self, problem: QP) -> Size:
         rows = kkt.rows(problem, problem.Q)
         G = matrices.block([[rows.E], [rows.F]])
-        return elimination.size(G, Factorization(problem.Q), matrices.transpose(G))
+        return elimination.size(G, problem.factorization, matrices.transpose(G))
 
     def apply(self, problem: QP) -> tuple[QP, Trace]:
         self.require(problem)
         rows = kkt.rows(problem, problem.Q)
         G, c = matrices.block([[rows.E], [rows.F]]), np.concatenate([rows.e, rows.g])
-        factor = Factorization(problem.Q)
+        factor = problem.factorization
         target = QP.build(
             elimination.congruence(matrices.transpose(G), factor),
             -(G @ factor.solve(problem.p) + c),

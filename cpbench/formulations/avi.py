@@ -9,11 +9,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.cones import project_box
+from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import (
     Point,
-    Problem,
     Residuals,
     formulations,
     matrix_field,
@@ -36,7 +35,7 @@ class AVIPoint(Point):
 
 @formulations.register("avi")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AVI(Problem):
+class AVI(AffineProblem):
     """X = {z : Az ≥ b, Cz = d, lb ≤ z ≤ ub}, each part of which may be left out; −(Mz + q) ∈ N_X(z).
 
     With multipliers: F = Mz + q − Aᵀλ − Cᵀμ satisfies z = P_[lb,ub](z − F), 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d; for a box
@@ -79,15 +78,6 @@ class AVI(Problem):
     def only_box(self) -> bool:
         """No rows beside the bounds."""
         return not (self.b.size or self.d.size)
-
-    @cached_property
-    def symmetric(self) -> bool:
-        return matrices.is_symmetric(self.M)
-
-    @cached_property
-    def monotone(self) -> bool:
-        """M + Mᵀ positive semidefinite."""
-        return matrices.is_psd(self.M)
 
     @cached_property
     def moving(self) -> NDArray[np.bool_]:

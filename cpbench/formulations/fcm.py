@@ -13,7 +13,7 @@ from cpbench.factorization import Factorization
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.contact import DelassusContact
 from cpbench.formulations.sizes import least_squares
-from cpbench.matrices import Matrix, Vector, norm
+from cpbench.matrices import Dense, Matrix, Vector, norm
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +61,11 @@ class MixedFrictionContact(DelassusContact):
     def factorization(self) -> Factorization:
         """LU of R."""
         return Factorization(self.R)
+
+    @cached_property
+    def pseudo_inverse(self) -> Dense:
+        """R⁺, dense, with the rank of an R known to about 12 digits."""
+        return matrices.freeze(np.linalg.pinv(matrices.dense(self.R), rcond=1e-12))
 
     @cached_property
     def free_velocity(self) -> Vector:

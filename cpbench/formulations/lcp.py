@@ -8,10 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench import matrices
+from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import (
     Point,
-    Problem,
     Residuals,
     formulations,
     matrix_field,
@@ -30,7 +29,7 @@ class LCPPoint(Point):
 
 @formulations.register("lcp")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LCP(Problem):
+class LCP(AffineProblem):
     """0 ≤ z ⟂ Mz + q ≥ 0.
 
     Residuals (both judged): `natural` = ‖min(z, w)‖₂/‖q‖₂, Siconos' lcp_compute_error, and `unit_free` =
@@ -55,16 +54,6 @@ class LCP(Problem):
     def z_unit(self) -> float:
         """‖q‖∞/max|M|, the least size of a z that can balance q (‖q‖∞ for M = 0)."""
         return max_abs(self.q) / (max_abs(self.M) or 1.0)
-
-    @cached_property
-    def symmetric(self) -> bool:
-        """M = Mᵀ (matrices.is_symmetric)."""
-        return matrices.is_symmetric(self.M)
-
-    @cached_property
-    def monotone(self) -> bool:
-        """M + Mᵀ positive semidefinite (matrices.is_psd): the solution set is convex, and not empty if feasible."""
-        return matrices.is_psd(self.M)
 
     def slacks(self, point: LCPPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.z + self.q}

@@ -10,6 +10,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.errors import ProblemError
+from cpbench.factorization import Factorization
 from cpbench.formulations.base import (
     Point,
     Problem,
@@ -103,6 +104,11 @@ class QP(Problem):
     def convex(self) -> bool:
         """Q positive semidefinite (matrices.is_psd)."""
         return matrices.is_psd(self.Q)
+
+    @cached_property
+    def factorization(self) -> Factorization:
+        """LU of Q, shared by the test for singularity, the dual and its lift."""
+        return Factorization(self.Q)
 
     def objective(self, z: Vector) -> float:
         return float(0.5 * z @ (self.Q @ z) + self.p @ z)

@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.cones import project_box
-from cpbench.formulations.base import Point, Problem, Residuals, formulations, matrix_field, vector_field
+from cpbench.formulations.affine import AffineProblem
+from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, vector_field
 from cpbench.formulations.box import box_residuals, check_bounds, largest_in_box, own_scale, top
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.sizes import least, ratio
@@ -20,7 +20,7 @@ from cpbench.matrices import Matrix, Vector, max_abs, norm
 
 @formulations.register("relay")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Relay(Problem):
+class Relay(AffineProblem):
     """w = Mz + q, lb ≤ z ≤ ub finite: w ≥ 0 where z = lb, w ≤ 0 where z = ub, w = 0 between, any w where lb = ub.
 
     Judged: `natural` = ‖z − P_[lb,ub](z − w)‖/(1 + ‖q‖), and `unit_free`, the same with z and w over their own sizes:
@@ -44,15 +44,6 @@ class Relay(Problem):
     @property
     def point_sizes(self) -> dict[str, int]:
         return {"z": self.q.size}
-
-    @cached_property
-    def symmetric(self) -> bool:
-        return matrices.is_symmetric(self.M)
-
-    @cached_property
-    def monotone(self) -> bool:
-        """M + Mᵀ positive semidefinite."""
-        return matrices.is_psd(self.M)
 
     @cached_property
     def moving(self) -> NDArray[np.bool_]:

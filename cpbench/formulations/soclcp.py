@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import ProblemError
+from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_residuals
 from cpbench.matrices import Matrix, Vector, max_abs, norm
@@ -24,7 +23,7 @@ class SOCLCPPoint(Point):
 
 @formulations.register("soclcp")
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SOCLCP(ConicProblem):
+class SOCLCP(AffineProblem, ConicProblem):
     """K ∋ x ⟂ w = Mx + q ∈ K*, K a product of cones: {0}, ℝ, ℝ₊, second-order, rolling and their duals.
 
     Judged: `natural` = ‖x − P_K(x − w)‖/‖q‖, and `unit_free`, the same with x over max(‖x‖∞, ‖q‖∞/max|M|) and
@@ -53,15 +52,6 @@ class SOCLCP(ConicProblem):
     @property
     def point_sizes(self) -> dict[str, int]:
         return {"x": self.q.size}
-
-    @cached_property
-    def symmetric(self) -> bool:
-        return matrices.is_symmetric(self.M)
-
-    @cached_property
-    def monotone(self) -> bool:
-        """M + Mᵀ positive semidefinite."""
-        return matrices.is_psd(self.M)
 
     def slacks(self, point: SOCLCPPoint) -> dict[str, Vector]:
         return {"w": self.M @ point.x + self.q}
