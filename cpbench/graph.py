@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 
 from cpbench.conversions.base import Conversion, lift_step, make
 from cpbench.errors import NoRoute, NotApplicable
-from cpbench.formulations.base import Kind, Problem, formulations
+from cpbench.formulations.base import Kind, Problem, Step, formulations
 from cpbench.routes import Prefix, Route, best_first, best_kind, edges, weakest
 
 EXACT = frozenset({Kind.EQUIVALENT, Kind.ONE_WAY})
@@ -233,22 +233,26 @@ def reachable(node: str, kinds: frozenset[Kind] = EXACT) -> list[str]:
 
 def lift(problem: Problem, point: Any, steps: int | None = None) -> Any:
     """Carry an answer to a converted problem back through its provenance (`steps` of it, default all)."""
-    recorded = problem.provenance if steps is None else problem.provenance[len(problem.provenance) - steps :]
-    for step in reversed(recorded):
+    for step in reversed(_last(problem, steps)):
         point = lift_step(step, point)
     return point
 
 
 def push(problem: Problem, point: Any, steps: int | None = None) -> Any:
     """Carry an answer to the source of a converted problem forward through its provenance (its last `steps`)."""
-    recorded = problem.provenance if steps is None else problem.provenance[len(problem.provenance) - steps :]
-    for step in recorded:
+    for step in _last(problem, steps):
         point = make(step.conversion, dict(step.parameters)).push(point, step.trace)
     return point
 
 
 def tolerance(problem: Problem, asked: float, steps: int) -> float:
     """What to ask of a solver of a converted problem (its last `steps` conversions) to get `asked` on the source."""
-    for step in problem.provenance[len(problem.provenance) - steps :]:
+    for step in _last(problem, steps):
         asked = make(step.conversion, dict(step.parameters)).tolerance(asked)
     return asked
+
+
+def _last(problem: Problem, steps: int | None) -> tuple[Step, ...]:
+    """The last `steps` recorded conversions, all of them for None."""
+    recorded = problem.provenance
+    return recorded if steps is None else recorded[len(recorded) - steps :]

@@ -75,7 +75,7 @@ def limit_options(f: Callable[..., Any]) -> Callable[..., Any]:
         type=Memory(),
         default="4G",
         show_default=True,
-        help="What a solve may add to a warmed-up worker; 0: no limit.",
+        help="What a solve may add to a warmed-up worker; conversions have twice that, 2G at least; 0: no limit.",
     )(f)
     return click.option(
         "--timeout", type=Duration(), default="10s", show_default=True, help="Wall-clock limit of a solve (30s, 5m)."

@@ -22,13 +22,15 @@ alike.
 **Error.** The largest of the scaled residuals of the formulation; NaN and missing numbers are ∞. LCP and MLCP: the
 natural residual ‖min(z, Mz + q)‖ over ‖q‖ and a unit-free form of it, the equations of an MLCP apart. QP:
 stationarity, primal and dual feasibility and the duality gap in the ∞-norm, each the smaller of its absolute and its
-relative value. Contact: the natural map of the friction law scaled by the largest of ‖q‖, ‖r‖, ‖u‖, the same map in
-the energy norm, which does not change with the units of r and u, and the equations of motion where they are part of
-the problem; all must pass.
+relative value. Relay, variational inequality and cone problems: the natural map of their set, a unit-free form of it,
+and their equations apart. Contact: the natural map of the friction law scaled by the largest of ‖q‖, ‖r‖, ‖u‖, the same
+map in the energy norm, which does not change with the units of r and u, the energy in velocities that no contact may
+have over that in the free velocities, and the equations of motion and of joints where they are part of the problem;
+all must pass.
 
 **Flags.** *scale*: the natural residual passes and the energy norm does not (inaccurate). *direction*: accepted, but
 some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *absolute*: a scale was
-0, so the error is absolute.
+0, so the error is absolute. *repeat*: a repeat of the timing failed after the first answer, which stands.
 
 **Claim and verdict.** What a solver says of its answer (the claim) is recorded and never believed. Claimed and not
 within the tolerance is *inaccurate* up to {INACCURATE_FACTOR:g} times the tolerance, *wrong* beyond; both are claims
