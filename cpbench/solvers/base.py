@@ -26,6 +26,7 @@ class Trait(StrEnum):
     SPARSE = "sparse"
     WARM_START = "warm-start"
     HISTORY = "history"
+    """Hands its iterates to `Record`, the last of them being its answer where it claims to have solved."""
     DETERMINISTIC = "deterministic"
 
 
@@ -104,8 +105,13 @@ class SolverOutput:
     certificate: Vector | None = None
 
 
-Record: TypeAlias = Callable[[int, float], None]
-"""Called by a solver with (iteration, its residual); the receiver keeps the time."""
+Record: TypeAlias = Callable[[int, float, Callable[[], Any]], None]
+"""Called by a solver with (iteration, its residual, what makes its iterate an answer to the node's problem).
+
+The iterations rise from call to call, 0 is the start; the residual is NaN where it was not measured. The third
+argument is called at once or not at all, so that an iterate that nobody keeps costs nothing. The receiver keeps the
+time, less what it takes itself. An answer must not depend on whether somebody records.
+"""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from cpbench import matrices
 from cpbench.errors import UnknownName
 from cpbench.formulations import Kind, formulations
-from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, Trait, parse_options
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait, parse_options
 from cpbench.testing.cases import Case, infeasible
 from cpbench.testing.expect import only_for, refused
 from cpbench.verification import certified_infeasible, judge
@@ -105,10 +105,7 @@ def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
     for case in _open(solver, cases):
         first, second = _run(solver, case), _run(solver, case)
         assert first.claim is second.claim, case.name
-        assert (first.point is None) == (second.point is None), case.name
-        if first.point is not None and second.point is not None:
-            for a, b in zip(first.point.arrays().values(), second.point.arrays().values(), strict=True):
-                np.testing.assert_array_equal(a, b, err_msg=case.name)
+        _same_point(first.point, second.point, case.name)
 
 
 def check_warm_starts_are_taken(solver: Solver, cases: list[Case]) -> None:
@@ -131,6 +128,48 @@ def check_warm_starts_are_taken(solver: Solver, cases: list[Case]) -> None:
             why = _false(solver, case, again, TOLERANCE)
             assert why is None, f"from its own answer: {why}"
     assert warm < cold or cold == 0, f"{warm} iterations from the solutions, {cold} from 0: the start is not used"
+
+
+def check_histories_end_in_the_answer(solver: Solver, cases: list[Case]) -> None:
+    """Iterations rise from 0, every iterate is an answer to the node's problem, the last one is what was claimed."""
+    only_for(Trait.HISTORY in solver.spec.traits, "solvers with the trait history")
+    recorded = 0
+    for case in _open(solver, cases):
+        seen: list[tuple[int, Any]] = []
+        output = _watched(solver, case, lambda k, _, point: seen.append((k, point())))  # noqa: B023
+        recorded += len(seen) > 1
+        iterations = [k for k, _ in seen]
+        assert iterations == sorted(set(iterations)), f"{case.name}: iterations {iterations} do not rise"
+        assert iterations[:1] in ([], [0]), f"{case.name}: begins with iteration {iterations[0]}, not with the start"
+        for k, point in seen:
+            assert isinstance(point, case.problem.point_type), f"{case.name}, iteration {k}: {type(point).__name__}"
+            sizes = {name: value.size for name, value in point.arrays().items()}
+            assert sizes == case.problem.point_sizes, f"{case.name}, iteration {k}: sizes {sizes}"
+        if seen and output.claim is Claim.SOLVED:
+            _same_point(seen[-1][1], output.point, f"{case.name}: the last iterate and the answer")
+    assert recorded, "nothing is recorded"
+
+
+def check_watching_changes_nothing(solver: Solver, cases: list[Case]) -> None:
+    """The answer and its counters are the same whether somebody records, takes no iterate, or all of them."""
+    only_for({Trait.HISTORY, Trait.DETERMINISTIC} <= solver.spec.traits, "deterministic solvers with the trait history")
+    for case in _open(solver, cases):
+        alone = _run(solver, case)
+        for watch in (lambda k, e, point: None, lambda k, e, point: point()):
+            watched = _watched(solver, case, watch)
+            assert (watched.claim, watched.counters) == (alone.claim, alone.counters), case.name
+            _same_point(watched.point, alone.point, f"{case.name}: the answers watched and alone")
+
+
+def _watched(solver: Solver, case: Case, record: Record) -> SolverOutput:
+    return solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=20.0), record=record)
+
+
+def _same_point(one: Any, other: Any, what: str) -> None:
+    assert (one is None) == (other is None), what
+    if one is not None:
+        for a, b in zip(one.arrays().values(), other.arrays().values(), strict=True):
+            np.testing.assert_array_equal(a, b, err_msg=what)
 
 
 def check_options_are_known_by_name(solver: Solver, cases: list[Case]) -> None:

@@ -148,6 +148,37 @@ class EditsTheProblem(_LCPSolver):
         return SolverOutput(claim=Claim.FAILED)
 
 
+class _Watched(_LCPSolver):
+    spec = dataclasses.replace(_LCPSolver.spec, traits=frozenset({Trait.HISTORY, Trait.DETERMINISTIC}))
+
+
+class RecordsItsOwnUnits(_Watched):
+    """Hands out iterates in the units it computes in."""
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        output = Lemke().run(prepared, budget)
+        if record is not None and output.point is not None:
+            record(0, 1.0, lambda: LCPPoint(z=np.zeros(prepared.q.size)))
+            record(1, 0.0, lambda: LCPPoint(z=2.0 * output.point.z))
+        return output
+
+
+class RecordsNothing(_Watched):
+    """Says that it hands out its iterates, and has none."""
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        return Lemke().run(prepared, budget)
+
+
+class TriesHarderWhenWatched(_Watched):
+    """Counts on being watched."""
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        if record is None:
+            return SolverOutput(claim=Claim.MAX_ITER, point=LCPPoint(z=np.zeros(prepared.q.size)))
+        return Lemke().run(prepared, budget)
+
+
 class NeedsItsPackageToBeRead(_LCPSolver):
     """Its package is imported with its module, so that its spec cannot be read without it."""
 

@@ -169,7 +169,7 @@ def test_a_warm_start_is_used() -> None:
 def test_histories_end_at_the_answer() -> None:
     problem, _ = planted.lcp(np.random.default_rng(5), 40, "positive definite")
     seen: list[tuple[int, float]] = []
-    output = solvers.get("pgs").run(problem, Budget(tolerance=1e-8), record=lambda k, e: seen.append((k, e)))
+    output = solvers.get("pgs").run(problem, Budget(tolerance=1e-8), record=lambda k, e, _: seen.append((k, e)))
     assert output.claim is Claim.SOLVED
     assert [k for k, _ in seen] == sorted({k for k, _ in seen})
     assert seen[-1][1] <= 1e-8

@@ -1,24 +1,24 @@
 """Gauss–Seidel sweeps with projection on bounds, M by rows (CSR)."""
 
 import numpy as np
-from numba import float64, int64, njit, types
+from numba import boolean, float64, int64, njit, types
 
 DATA = types.Array(float64, 1, "C", readonly=True)
 INDEX = types.Array(int64, 1, "C", readonly=True)
 
 
 @njit(
-    int64(INDEX, INDEX, DATA, DATA, DATA, DATA, DATA, float64[::1], float64, float64, int64),
+    types.Tuple((int64, boolean))(INDEX, INDEX, DATA, DATA, DATA, DATA, DATA, float64[::1], float64, float64, int64),
     cache=True,
     error_model="numpy",
 )
 def sweeps(start, column, value, diagonal, q, lower, upper, z, omega, threshold, most):
-    """z_i ← clip(z_i − ω w_i/M_ii) in place, one after the other; the number of sweeps done.
+    """z_i ← clip(z_i − ω w_i/M_ii) in place, one after the other; (sweeps done, whether `threshold` ended them).
 
     Parameters
     ----------
     start, column, value : rows of M. diagonal, q, lower, upper, z : (n,). omega : relaxation.
-    threshold : a sweep with ‖Δz·M_ii‖∞ at most that is the last; `most` : the most sweeps.
+    threshold : a sweep with ‖Δz·M_ii‖∞ at most that, or not finite, is the last; `most` : the most sweeps.
     """
     for sweep in range(most):
         largest = 0.0
@@ -31,8 +31,8 @@ def sweeps(start, column, value, diagonal, q, lower, upper, z, omega, threshold,
             z[i] = new
             largest = max(largest, abs(new - old) * diagonal[i])
         if largest <= threshold or not np.isfinite(largest):
-            return sweep + 1
-    return most
+            return sweep + 1, True
+    return most, False
 
 
 READY = True

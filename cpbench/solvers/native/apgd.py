@@ -24,10 +24,8 @@ from cpbench.matrices import Matrix, Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.natural_map import congruent, equilibrate
-from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.native.progress import SHARE, Progress
 
-SHARE = 8
-"""The error is measured after every iteration at first, and never later than after an eighth more of them."""
 GROW = 1.05
 HALVINGS = 60
 
@@ -116,6 +114,8 @@ class APGD(Solver):
         counters = {"iterations": 0, "matrix_vector_products": 1, "projections": 0}
         at = _Iterate(x, Qx, x, Qx, 1.0, 1.0)
         best, error = _measured(prepared, at, budget.tolerance)
+        if record is not None:
+            record(0, error, lambda: best)
         limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
         progress, claim, message = Progress(options.stall_window), Claim.MAX_ITER, f"{limit} iterations"
         check = 1
@@ -127,7 +127,7 @@ class APGD(Solver):
             check = done + 1 + done // SHARE
             point, reached = _measured(prepared, at, budget.tolerance)
             if record is not None:
-                record(done, reached)
+                record(done, reached, lambda point=point: point)
             if reached < error:
                 best, error = point, reached
             why = progress.trouble(done, reached)

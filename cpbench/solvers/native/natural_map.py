@@ -19,6 +19,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,13 +59,15 @@ class AffineVI:
 
     Attributes
     ----------
-    M, q : (n, n), (n,). project, jacobian : of the set K. error : the judged error of an x in these units.
+    M, q : (n, n), (n,). project, jacobian : of the set K. answer : an x in these units as an answer to the problem.
+    error : its judged error.
     """
 
     M: Matrix
     q: Vector
     project: Callable[[Vector], Vector]
     jacobian: Callable[[Vector], Sparse]
+    answer: Callable[[Vector], Any]
     error: Callable[[Vector], float]
 
 
@@ -107,6 +110,8 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
     counters = {"iterations": 0, "factorizations": 0, "projections": 0}
     x, F = start, _natural(vi, start, counters)
     best, error = x, vi.error(x)
+    if record is not None:
+        record(0, error, partial(vi.answer, x))
     accepted, phase = math.inf, FIRST_PHASE
     contract: Callable[[Vector], Vector | None] | None = None
     waiting = 0
@@ -141,7 +146,7 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
         counters["iterations"] += 1
         reached = vi.error(x)
         if record is not None:
-            record(counters["iterations"], reached)
+            record(counters["iterations"], reached, partial(vi.answer, x))
         if reached < error:
             best, error = x, reached
         why = progress.trouble(counters["iterations"], reached)

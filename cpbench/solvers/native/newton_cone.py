@@ -50,15 +50,16 @@ class NewtonCone(Solver):
         size = max_abs(felt) or 1.0
         unit = size * d
 
-        def error(x: Vector) -> float:
-            return problem.residuals(SOCLCPPoint(unit * x), budget.tolerance).error
+        def answer(x: Vector) -> SOCLCPPoint:
+            return SOCLCPPoint(unit * x)
 
         vi = AffineVI(
             M=congruent(problem.M, d),
             q=felt / size,
             project=K.project,
             jacobian=lambda x: projection_jacobian(K, x),
-            error=error,
+            answer=answer,
+            error=lambda x: problem.residuals(answer(x), budget.tolerance).error,
         )
         return ScaledSOCLCP(vi, unit)
 
@@ -77,5 +78,5 @@ class NewtonCone(Solver):
         x = np.zeros_like(prepared.unit) if start is None else start.x / prepared.unit
         end = run(prepared.vi, x, budget, budget.iterations or options.max_iterations, record)
         message = end.message and f"{end.message}, error {end.error:.1e}"
-        point = SOCLCPPoint(prepared.unit * end.x)
+        point = prepared.vi.answer(end.x)
         return SolverOutput(claim=end.claim, point=point, counters=end.counters, message=message)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp_claims import (
@@ -77,9 +78,10 @@ class NewtonMin(Solver):
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
         for done in range(limit + 1):
             w = M @ z + q
-            error = error_of(problem, np.maximum(z, 0.0) * prepared.z_unit)
-            if record is not None and done:
-                record(done, error)
+            shown = np.maximum(z, 0.0) * prepared.z_unit
+            error = error_of(problem, shown)
+            if record is not None:
+                record(done, error, partial(LCPPoint, shown))
             if error < best_error:
                 best, best_error = z, error
             if error <= budget.tolerance or done == limit:

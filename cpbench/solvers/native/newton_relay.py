@@ -55,15 +55,16 @@ class NewtonRelay(Solver):
         unit = size * d
         lower, upper = problem.lb / unit, problem.ub / unit
 
-        def error(z: Vector) -> float:
-            return problem.residuals(LCPPoint(unit * z), budget.tolerance).error
+        def answer(z: Vector) -> LCPPoint:
+            return LCPPoint(unit * z)
 
         vi = AffineVI(
             M=congruent(problem.M, d) * (size / forces),
             q=felt / forces,
             project=lambda z: project_box(z, lower, upper),
             jacobian=lambda z: box_jacobian(z, lower, upper),
-            error=error,
+            answer=answer,
+            error=lambda z: problem.residuals(answer(z), budget.tolerance).error,
         )
         return ScaledRelay(problem, vi, unit)
 
@@ -82,5 +83,5 @@ class NewtonRelay(Solver):
         z = project_box(np.zeros_like(prepared.unit) if start is None else start.z, problem.lb, problem.ub)
         end = run(prepared.vi, z / prepared.unit, budget, budget.iterations or options.max_iterations, record)
         message = end.message and f"{end.message}, error {end.error:.1e}"
-        point = LCPPoint(prepared.unit * end.x)
+        point = prepared.vi.answer(end.x)
         return SolverOutput(claim=end.claim, point=point, counters=end.counters, message=message)

@@ -126,27 +126,34 @@ class NSGS(Solver):
         evaluations = 1
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         error = kernel.judged(*matrix, *law, r, problem.dimension)
+        if record is not None:
+            record(0, error, lambda: FCPoint(r))
         while not error <= budget.tolerance and state[0] < limit:
-            sweeps(
-                *matrix,
-                prepared.local,
-                *law,
-                r,
-                lam,
-                order,
-                options.omega,
-                options.shuffle,
-                budget.tolerance,
-                min(limit, int(state[0]) + call),
-                state,
-                log_iteration,
-                log_error,
-            )
+            until = min(limit, int(state[0]) + call)
+            while True:
+                room = LOG if record is None else int(state[2]) + 1  # with one place left it is back at its next check
+                log = (log_iteration[:room], log_error[:room])
+                status = sweeps(
+                    *matrix,
+                    prepared.local,
+                    *law,
+                    r,
+                    lam,
+                    order,
+                    options.omega,
+                    options.shuffle,
+                    budget.tolerance,
+                    until,
+                    state,
+                    *log,
+                )
+                if record is not None:
+                    record(int(state[0]), float(log_error[room - 1]), lambda: FCPoint(r))
+                if record is None or status != kernel.CONTINUE or state[0] == until or room == LOG:
+                    break
             why = None
             for k in range(int(state[2])):
                 error = float(log_error[k])
-                if record is not None:
-                    record(int(log_iteration[k]), error)
                 why = why or progress.trouble(int(log_iteration[k]), error)
             evaluations += int(state[2])
             state[2] = 0

@@ -13,7 +13,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Dense, Vector, freeze
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.native.progress import SHARE, Progress
 
 SINGULAR = 1e-12
 """Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
@@ -21,8 +21,6 @@ SHIFT = 1e-7
 """Added to a singular S, over the same."""
 HARD_A_CALL = 500
 """Contacts that Newton does not solve cost about 1 ms each: as many are risked between two looks at the clock."""
-SHARE = 8
-"""The error is measured after every sweep at first, and never later than after an eighth more of them."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +106,8 @@ class NSGSRolling(Solver):
         rng = np.random.default_rng(budget.seed)
         progress, done, hard = Progress(options.stall_window), 0, 0
         error = _error(problem, lengths * r, budget.tolerance)
+        if record is not None:
+            record(0, error, lambda: FCPoint(lengths * r))
         best, best_error = r.copy(), error
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         while best_error > budget.tolerance and done < limit:
@@ -118,7 +118,7 @@ class NSGSRolling(Solver):
             done += many
             error = _error(problem, lengths * r, budget.tolerance)
             if record is not None:
-                record(done, error)
+                record(done, error, lambda: FCPoint(lengths * r))
             if error < best_error:
                 best, best_error = r.copy(), error
             why = progress.trouble(done, error)

@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp_claims import conclude, dense_obstacle, error_of
-from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.native.progress import Progress, next_stop
 
 CHUNK = 256
 """The most sweeps between two looks at the clock and the history; w is recomputed as often."""
@@ -92,21 +92,24 @@ class _Splitting(Solver):
         progress = Progress(options.stall_window)
         sweeps, products, chunk = 0, 1, 4
         error = error_of(problem, z)
+        if record is not None:
+            record(0, error, lambda: LCPPoint(z))
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
         while error > budget.tolerance and sweeps < limit:
             w = problem.M @ z + q
-            errors = np.empty(min(chunk, limit - sweeps))
-            rest = (prepared.diagonal, q, z, w, problem.z_unit, omega, budget.tolerance, errors)
-            if prepared.start is None:
-                done = kernel.sweeps_dense(prepared.values, *rest)
-            else:
-                done = kernel.sweeps_sparse(prepared.start, prepared.rows, prepared.values, *rest)
-            if record is not None:
-                for k in range(done):
-                    record(sweeps + k + 1, float(errors[k]))
-            sweeps, products, chunk = sweeps + done, products + 1, min(2 * chunk, CHUNK)
-            error = float(errors[done - 1])
+            until = min(limit, sweeps + chunk)
+            while sweeps < until and error > budget.tolerance:
+                errors = np.empty(next_stop(sweeps, until, record) - sweeps)
+                rest = (prepared.diagonal, q, z, w, problem.z_unit, omega, budget.tolerance, errors)
+                if prepared.start is None:
+                    done = kernel.sweeps_dense(prepared.values, *rest)
+                else:
+                    done = kernel.sweeps_sparse(prepared.start, prepared.rows, prepared.values, *rest)
+                sweeps, error = sweeps + done, float(errors[done - 1])
+                if record is not None:
+                    record(sweeps, error, lambda: LCPPoint(z))
+            products, chunk = products + 1, min(2 * chunk, CHUNK)
             why = progress.trouble(sweeps, error)
             if why is None and time.monotonic() > deadline:
                 why = f"out of time after {sweeps} sweeps"

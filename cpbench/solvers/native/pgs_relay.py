@@ -14,7 +14,7 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.native.progress import Progress, next_stop
 
 CHUNK = 256
 """The most sweeps between two measurements of the error."""
@@ -92,19 +92,29 @@ class PGSRelay(Solver):
         z = project_box(np.zeros_like(problem.q) if start is None else start.z, problem.lb, problem.ub)
         limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
         matrix = (prepared.start, prepared.column, prepared.values, prepared.diagonal)
+        law = (problem.q, problem.lb, problem.ub)
         progress, sweeps, chunk = Progress(options.stall_window), 0, 1
         error = problem.residuals(LCPPoint(z), budget.tolerance).error
+        if record is not None:
+            record(0, error, lambda: LCPPoint(z))
         best, best_error = z.copy(), error
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         forces = max_abs(problem.q[problem.moving]) or 1.0
         while best_error > budget.tolerance and sweeps < limit:
             threshold = 0.1 * min(budget.tolerance, error) * forces
-            most = min(chunk, limit - sweeps)
-            sweeps += kernel.sweeps(*matrix, problem.q, problem.lb, problem.ub, z, options.omega, threshold, most)
+            until = min(limit, sweeps + chunk)
+            while True:
+                most = next_stop(sweeps, until, record) - sweeps
+                done, settled = kernel.sweeps(*matrix, *law, z, options.omega, threshold, most)
+                sweeps += done
+                if settled or sweeps == until:
+                    break
+                if record is not None:
+                    record(sweeps, np.nan, lambda: LCPPoint(z))
             chunk = min(2 * chunk, CHUNK)
             error = problem.residuals(LCPPoint(z), budget.tolerance).error if np.isfinite(z).all() else np.nan
             if record is not None:
-                record(sweeps, error)
+                record(sweeps, error, lambda: LCPPoint(z))
             if error < best_error:
                 best, best_error = z.copy(), error
             why = progress.trouble(sweeps, error)

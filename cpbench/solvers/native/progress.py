@@ -1,13 +1,22 @@
-"""When an iterative method should give up: its error is no number, has blown up, or has stopped falling."""
+"""When iterates are looked at, and when a method should give up: its error is no number, blew up, does not fall."""
 
 from __future__ import annotations
 
 import math
 
+from cpbench.solvers.base import Record
+
 BLOWN_UP = 1e12
 """A scaled error starts near 1; beyond this the iterates have diverged."""
 GAIN = 0.99
 """The best error must fall below this times its old value within a window of iterations."""
+SHARE = 8
+"""Iterates are looked at after every iteration at first, and never later than after an eighth more of them."""
+
+
+def next_stop(done: int, until: int, record: Record | None) -> int:
+    """Where compiled iterations, which could run from `done` to `until`, come back: earlier only for who records."""
+    return until if record is None else min(until, done + 1 + done // SHARE)
 
 
 class Progress:
