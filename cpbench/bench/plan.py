@@ -27,6 +27,24 @@ BEYOND = {"necessary": Kind.NECESSARY, "relaxed": Kind.RELAXATION}
 
 
 @dataclass(frozen=True)
+class Limits:
+    """What one solve may take, and how often it is measured: no part of a row's identity, but columns of it.
+
+    Attributes
+    ----------
+    seconds : wall-clock limit of a solve [s]. memory : bytes a solve may add to its process (0: no limit).
+    threads : of every library. repeats : solves of a pair that takes less than a second.
+    history : whether solvers that can are run once more while their iterates are kept.
+    """
+
+    seconds: float = 10.0
+    memory: int = 4 * 2**30
+    threads: int = 1
+    repeats: int = 3
+    history: bool = False
+
+
+@dataclass(frozen=True)
 class Request:
     """One way to reach solvers: allowed kinds, pinned conversions, nodes it is meant for (empty: all)."""
 
@@ -54,7 +72,12 @@ class Entry:
 
 @dataclass(frozen=True)
 class Pair:
-    """One row to be: a problem, a request, a solver."""
+    """One row to be: a problem, a request, a solver.
+
+    `format` : how the file is read where that was said. `set` : the part of the plan it belongs to. `measure` : the
+    number its answer is judged by, all of them for None. `start` : the start policy. `sequence`, `step` : place in
+    a recorded scene.
+    """
 
     address: str
     problem: str
@@ -66,8 +89,13 @@ class Pair:
     entry: Entry
     target: str
     tolerance: float
-    threads: int
+    limits: Limits = Limits()
     start: str = "cold"
+    format: str | None = None
+    set: str = ""
+    measure: str | None = None
+    sequence: str = ""
+    step: int = 0
 
     @property
     def key(self) -> str:
@@ -79,7 +107,8 @@ class Pair:
             json.dumps(dict(self.entry.options), sort_keys=True),
             repr(self.tolerance),
             self.start,
-            str(self.threads),
+            str(self.limits.threads),
+            *filter(None, [self.measure]),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 
@@ -145,9 +174,12 @@ def pairs(
     entries: Sequence[Entry],
     asked: Sequence[Request],
     tolerance: float,
-    threads: int,
+    limits: Limits = Limits(),
     *,
-    relaxations: bool,
+    relaxations: bool = False,
+    start: str = "cold",
+    set: str = "",
+    measure: str | None = None,
 ) -> list[Pair]:
     """Every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
 
@@ -156,9 +188,9 @@ def pairs(
     planned: dict[str, Pair] = {}
     for survey in surveys:
         for request in asked:
-            nodes = set(survey["nodes"][request.name])
+            nodes = {*survey["nodes"][request.name]}
             if request.name in BEYOND:
-                nodes -= set(survey["nodes"].get("exact", []))
+                nodes -= {*survey["nodes"].get("exact", [])}
             for entry in entries:
                 spec = solvers.get(entry.solver).spec
                 if spec.node not in nodes or (spec.kind == Kind.RELAXATION and not relaxations):
@@ -174,7 +206,13 @@ def pairs(
                     entry=entry,
                     target=spec.node,
                     tolerance=tolerance,
-                    threads=threads,
+                    limits=limits,
+                    start=start,
+                    format=survey["format"],
+                    set=set,
+                    measure=measure,
+                    sequence=survey["sequence"],
+                    step=survey["step"],
                 )
                 planned.setdefault(pair.key, pair)
     return list(planned.values())

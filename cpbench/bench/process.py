@@ -14,7 +14,7 @@ import resource
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
@@ -72,10 +72,17 @@ def context(threads: int) -> Any:
 class Child:
     """A process running `target(connection, *args)` in its own session; what it prints goes to a `Log` in `folder`."""
 
-    def __init__(self, ctx: Any, folder: Path, target: Callable[..., None], args: tuple[Any, ...]) -> None:
+    def __init__(
+        self,
+        ctx: Any,
+        folder: Path,
+        target: Callable[..., None],
+        args: tuple[Any, ...],
+        cpus: Sequence[int] = (),
+    ) -> None:
         self._log = Log(folder)
         self._connection, theirs = ctx.Pipe()
-        self._process = ctx.Process(target=_enter, args=(target, theirs, self._log.path, args), daemon=True)
+        self._process = ctx.Process(target=_enter, args=(target, theirs, self._log.path, args, cpus), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -115,12 +122,16 @@ class Child:
         """What the child printed since the last call, first and last part."""
         return self._log.take()
 
-    def kill(self) -> None:
-        """SIGKILL to the whole process group, reaped; the log is removed."""
+    def strike(self) -> None:
+        """SIGKILL to the whole process group; who waits for its messages learns of the death."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.kill(self.pid, signal.SIGKILL)
+
+    def kill(self) -> None:
+        """SIGKILL to the whole process group, reaped; the log is removed."""
+        self.strike()
         self._process.join(10.0)
         self._connection.close()
         self._log.close()
@@ -132,9 +143,13 @@ class Child:
         return Died(self._process.exitcode, self.output())
 
 
-def _enter(target: Callable[..., None], connection: Connection, log: str, args: tuple[Any, ...]) -> None:
-    """First steps of every child: a session of its own, death with its parent, output into the log."""
+def _enter(
+    target: Callable[..., None], connection: Connection, log: str, args: tuple[Any, ...], cpus: Sequence[int]
+) -> None:
+    """First steps of every child: a session of its own, its cores, death with its parent, output into the log."""
     os.setsid()
+    if cpus:
+        os.sched_setaffinity(0, cpus)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to handle

@@ -75,7 +75,7 @@ class Referee:
         """What a plan needs to know of a problem, with the nodes whose first edge is open, by request."""
         problem = self._open(address, format)
         open_nodes = {r["name"]: self._open_nodes(problem, r) for r in requests}
-        sizes = problem.sizes()
+        sequence = getattr(problem, "sequence", None)
         return wire.pack(
             {
                 "event": "surveyed",
@@ -83,8 +83,10 @@ class Referee:
                 "fingerprint": problem.fingerprint,
                 "node": problem.node,
                 "family": problem.info.family,
-                "sizes": sizes,
+                "sizes": problem.sizes(),
                 "nodes": open_nodes,
+                "sequence": sequence.name if sequence else "",
+                "step": sequence.step if sequence else 0,
             }
         )
 
@@ -105,22 +107,9 @@ class Referee:
     ) -> bytes:
         """Bring the problem to `node` along the request; the reply names the file that solvers load."""
         problem = self._open(address, format, fingerprint)
-        kinds, via = parse_request(request)
-        arrival = graph.arrive(problem, node, kinds, via, self._conversions)
-        steps = len(arrival.route.steps)
-        # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
-        path = self._scratch / f"problem-{os.getpid()}-{self._files}.h5"
-        self._files += 1
-        storage.save(arrival.problem, path, compress=False, force=True)
-        ready = Prepared(
-            arrival.problem,
-            arrival.kind,
-            arrival.route.label,
-            steps,
-            self._conversions.seconds(problem, arrival.route),  # not of dead ends before it
-            str(path),
-        )
-        self._prepared[f"{request['name']}>{node}"] = ready
+        key = f"{request['name']}>{node}"
+        ready = self._prepared.get(key) or self._bring(problem, node, request)
+        self._prepared[key] = ready
         return wire.pack(
             {
                 "event": "prepared",
@@ -143,6 +132,7 @@ class Referee:
         claim: str,
         answered: bool,
         tolerance: float,
+        measure: str | None = None,
     ) -> bytes:
         """Lift the answer, measure it on the problem that was asked, and give the row its status."""
         source = self._open(address, format, fingerprint)
@@ -163,7 +153,7 @@ class Referee:
                 prepared.problem.check_point(target)
                 answer = graph.lift(prepared.problem, target, prepared.steps)
                 between = time.perf_counter()
-                verdict = verification.judge(source, answer, tolerance)
+                verdict = verification.judge(source, answer, tolerance, measure)
                 lifted, verified = between - begun, time.perf_counter() - between
             except (PointError, TypeError) as refusal:
                 message, answer = f"the answer is none: {refusal}", None
@@ -198,6 +188,23 @@ class Referee:
                 "run the same command again to plan what it holds now",
             )
         return source
+
+    def _bring(self, problem: Problem, node: str, request: dict[str, Any]) -> Prepared:
+        """Convert the problem and write what solvers load."""
+        kinds, via = parse_request(request)
+        arrival = graph.arrive(problem, node, kinds, via, self._conversions)
+        # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
+        path = self._scratch / f"problem-{os.getpid()}-{self._files}.h5"
+        self._files += 1
+        storage.save(arrival.problem, path, compress=False, force=True)
+        return Prepared(
+            arrival.problem,
+            arrival.kind,
+            arrival.route.label,
+            len(arrival.route.steps),
+            self._conversions.seconds(problem, arrival.route),  # not of dead ends before it
+            str(path),
+        )
 
     def _open_nodes(self, problem: Problem, request: dict[str, Any]) -> list[str]:
         kinds, via = parse_request(request)

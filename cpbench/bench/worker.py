@@ -23,7 +23,7 @@ SHORT = 1.0
 """Solves below this many seconds are repeated."""
 
 
-def main(connection: Connection, solver_name: str, memory: int) -> None:
+def main(connection: Connection, solver_name: str, memory: int, fresh: bool = False) -> None:
     """Serve solves of one solver until the runner closes the pipe."""
     solver = solvers.get(solver_name)
     available = solver.availability()

@@ -12,7 +12,9 @@ from typing import Any
 import click
 
 from cpbench.bench import machine, plan
-from cpbench.bench.runner import Limits, Session, execute
+from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.plan import Limits
+from cpbench.bench.runner import execute, settings
 from cpbench.bench.store import KEEP, Store
 from cpbench.cli.options import Counts, format_option, limit_options, tolerance_option
 from cpbench.cli.progress import Display
@@ -94,10 +96,11 @@ def command(
     if output.exists() and not dry_run:
         _same_limits(output, limits)
     try:
-        with Session(limits) as session:
-            surveys, refused = _survey(session, addresses, asked, file_format, display)
+        (setting,) = settings(Setting(threads, memory))
+        with Lane(setting) as lane:
+            surveys, refused = _survey(lane, addresses, asked, file_format, display)
             _tell_twins(surveys)
-            planned = plan.pairs(surveys, entries, asked, tolerance, threads, relaxations=routes == "all")
+            planned = plan.pairs(surveys, entries, asked, tolerance, limits, relaxations=routes == "all")
             if dry_run:
                 _print_plan(planned, refused, limits)
                 return
@@ -122,10 +125,10 @@ def command(
                 )
                 display.begin(planned, store.pending())
                 try:
-                    execute(session, store, planned, seed, display.progress, file_format)
+                    execute([lane], store, planned, seed, display.progress)
                 finally:
                     display.end()
-                    store.set_meta(solvers=_solver_sheets(before.get("solvers", {}), planned, session.versions))
+                    store.set_meta(solvers=_solver_sheets(before.get("solvers", {}), planned, lane.versions))
                 _finish(store, output, report_folder, no_report, builtin, refused)
             finally:
                 store.close()
@@ -167,13 +170,13 @@ def _require_pairs(planned: list[plan.Pair], surveys: list[dict[str, Any]], refu
 
 
 def _survey(
-    session: Session, addresses: list[str], asked: list[plan.Request], file_format: str | None, display: Display
+    lane: Lane, addresses: list[str], asked: list[plan.Request], file_format: str | None, display: Display
 ) -> tuple[list[dict[str, Any]], list[tuple[str, str]]]:
     surveys: list[dict[str, Any]] = []
     refused: list[tuple[str, str]] = []
     for address in display.reading(addresses):
         try:
-            surveys.append(session.survey(address, asked, file_format))
+            surveys.append(lane.survey(address, asked, file_format))
         except CpbenchError as reason:
             refused.append((address, str(reason)))
     return surveys, refused

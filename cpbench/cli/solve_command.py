@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,8 @@ import click
 
 from cpbench import storage
 from cpbench.bench import plan
+from cpbench.bench.lane import Lane, Setting
 from cpbench.bench.referee import unblob
-from cpbench.bench.runner import Limits, Session
 from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Counts, force_option, format_option, limit_options, number, tolerance_option
 from cpbench.errors import NoRoute
@@ -51,15 +52,17 @@ def command(
         asked = [plan.pinned(via, {"facets": facets[0]})]
     else:
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
-    with Session(Limits(timeout, memory, threads, repeats=1)) as session:
-        survey = session.survey(problem, asked, file_format)
-        pairs = plan.pairs([survey], [entry], asked, tolerance, threads, relaxations=routes == "all" or not via)
+    limits = plan.Limits(timeout, memory, threads, repeats=1)
+    with Lane(Setting(threads, memory)) as lane:
+        survey = lane.survey(problem, asked, file_format)
+        pairs = plan.pairs([survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via)
         if not pairs:
             raise NoRoute(
                 f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
             )
         pair = pairs[0]
-        row, answer = session.run(pair, session.prepare(pair, file_format), file_format)
+        outcome = lane.run(pair, lane.prepare(pair))
+    row, answer = outcome.row, outcome.answer
     if as_json:
         click.echo(json.dumps({"problem": pair.problem, "solver": pair.label, **row}))
     else:
@@ -77,7 +80,7 @@ def command(
         sys.exit(1)
 
 
-def _print(pair: plan.Pair, row: dict[str, Any]) -> None:
+def _print(pair: plan.Pair, row: Mapping[str, Any]) -> None:
     click.echo(f"{pair.problem} ({pair.node}) by {pair.label}: {row['status']}")
     if row.get("route"):
         click.echo(f"  route      {row['route']} ({row['kind']})")

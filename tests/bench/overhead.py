@@ -18,14 +18,14 @@ import numpy as np
 
 from cpbench import storage
 from cpbench.bench import plan
-from cpbench.bench.runner import Limits, Session
+from cpbench.bench.lane import Lane
 from cpbench.bench.store import Store
 from cpbench.formulations import LCP
 
 
 def main(pairs: int) -> None:
     rng = np.random.default_rng(0)
-    with tempfile.TemporaryDirectory() as name, Session(Limits(repeats=1)) as session:
+    with tempfile.TemporaryDirectory() as name, Lane() as lane:
         folder = Path(name)
         asked, entries = [plan.exact()], [plan.Entry("lemke")]
         surveys = []
@@ -33,19 +33,20 @@ def main(pairs: int) -> None:
             A = rng.standard_normal((10, 10))
             path = folder / f"p{i}.h5"
             storage.save(LCP(M=A @ A.T + np.eye(10), q=rng.standard_normal(10), name=f"p{i}"), path)
-            surveys.append(session.survey(str(path), asked))
-        planned = plan.pairs(surveys, entries, asked, 1e-8, 1, relaxations=False)
+            surveys.append(lane.survey(str(path), asked))
+        planned = plan.pairs(surveys, entries, asked, 1e-8, plan.Limits(repeats=1))
         store = Store(folder / "r.sqlite", create=True)
         store.plan(planned)
-        session.start(["lemke"])
+        lane.start(["lemke"])
         overheads = []
         while len(overheads) < pairs:
             for pair in planned:
-                prepared = session.prepare(pair)
-                session.run(pair, prepared)  # the worker loads the problem
+                prepared = lane.prepare(pair)
+                lane.run(pair, prepared)  # the worker loads the problem
                 begun = time.perf_counter()
-                row, answer = session.run(pair, prepared)
-                store.finish(pair.key, row, answer)
+                outcome = lane.run(pair, prepared)
+                store.finish(pair.key, outcome.row, outcome.answer)
+                row = outcome.row
                 overheads.append(time.perf_counter() - begun - row["load"] - row["setup"] - row["solve"])
                 assert row["status"] == "solved", row
         store.close()

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from cpbench import graph, storage
-from cpbench.bench import plan, runner, wire
+from cpbench.bench import lane as lanes
+from cpbench.bench import plan, wire
+from cpbench.bench.lane import Lane, Setting
 from cpbench.bench.referee import Referee, _Charged
-from cpbench.bench.runner import Limits, Session, execute
+from cpbench.bench.runner import execute
 from cpbench.bench.store import Store
 from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
@@ -23,11 +25,13 @@ from cpbench.factorization import Factorization
 from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
 from cpbench.testing import planted
 
+LIMITS = plan.Limits(seconds=20.0, repeats=1)
+
 
 @pytest.fixture(scope="module")
-def session() -> Iterator[Session]:
-    with Session(Limits(seconds=20.0, repeats=1)) as session:
-        yield session
+def lane() -> Iterator[Lane]:
+    with Lane() as lane:
+        yield lane
 
 
 def _contact(folder: Path) -> Path:
@@ -66,13 +70,12 @@ def test_solver_options_are_typed_and_named() -> None:
         plan.parse_entry("psor[omega=fast]")
 
 
-def test_keys_tell_apart_what_must_not_be_mixed(session: Session, tmp_path: Path) -> None:
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
+def test_keys_tell_apart_what_must_not_be_mixed(lane: Lane, tmp_path: Path) -> None:
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
 
     def key(solver: str = "lemke", tolerance: float = 1e-6, threads: int = 1) -> str:
-        (pair,) = plan.pairs(
-            [survey], [plan.parse_entry(solver)], [plan.exact()], tolerance, threads, relaxations=False
-        )
+        entries, limits = [plan.parse_entry(solver)], plan.Limits(threads=threads)
+        (pair,) = plan.pairs([survey], entries, [plan.exact()], tolerance, limits)
         return pair.key
 
     keys = [key(), key("pgs"), key("psor[omega=1.2]"), key(tolerance=1e-8), key(threads=2)]
@@ -80,13 +83,13 @@ def test_keys_tell_apart_what_must_not_be_mixed(session: Session, tmp_path: Path
     assert key() == key()
 
 
-def test_a_relaxation_runs_on_request_only_and_says_what_it_is(session: Session, tmp_path: Path) -> None:
+def test_a_relaxation_runs_on_request_only_and_says_what_it_is(lane: Lane, tmp_path: Path) -> None:
     """A sliding contact: the relaxation's answer dilates, and its row says `relaxation`, never `equivalent`."""
     asked, entries = [plan.exact()], [plan.parse_entry("cvxpy-relaxation")]
-    survey = session.survey(str(_contact(tmp_path)), asked)
-    assert plan.pairs([survey], entries, asked, 1e-6, 1, relaxations=False) == []
-    (pair,) = plan.pairs([survey], entries, asked, 1e-6, 1, relaxations=True)
-    row, _ = session.run(pair, session.prepare(pair))
+    survey = lane.survey(str(_contact(tmp_path)), asked)
+    assert plan.pairs([survey], entries, asked, 1e-6, LIMITS) == []
+    (pair,) = plan.pairs([survey], entries, asked, 1e-6, LIMITS, relaxations=True)
+    row = lane.run(pair, lane.prepare(pair)).row
     assert row["kind"] == "relaxation"
     assert (row["claim"], row["status"]) == ("solved", "wrong")
 
@@ -143,44 +146,44 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
         assert steps[0].conversion == way
 
 
-def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(session: Session, tmp_path: Path) -> None:
+def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(lane: Lane, tmp_path: Path) -> None:
     asked = plan.requests("all", (8, 16))
-    survey = session.survey(str(_contact(tmp_path)), asked)
+    survey = lane.survey(str(_contact(tmp_path)), asked)
     everything = [plan.Entry(name) for name in ("lemke", "daqp", "nsgs")]
-    labels = {p.label for p in plan.pairs([survey], everything, asked, 1e-6, 1, relaxations=False)}
+    labels = {p.label for p in plan.pairs([survey], everything, asked, 1e-6, LIMITS)}
     assert "nsgs" in labels
     assert {"lemke@inner8", "lemke@inner16", "lemke@outer8-lcp", "lemke@outer8-mlcp"} <= labels
     assert not any(label.startswith("daqp@") and "necessary" not in label for label in labels)
 
 
-def test_a_finished_row_stays(session: Session, tmp_path: Path) -> None:
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
-    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+def test_a_finished_row_stays(lane: Lane, tmp_path: Path) -> None:
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     store = Store(tmp_path / "r.sqlite", create=True)
     store.plan(planned)
     assert store.counts() == {"not_run": 1}
-    execute(session, store, planned, seed=0)
+    execute([lane], store, planned, seed=0)
     before = store.row(planned[0].key)
     store.plan(planned)
-    execute(session, store, planned, seed=0)
+    execute([lane], store, planned, seed=0)
     assert store.row(planned[0].key) == before
     store.close()
 
 
 @pytest.mark.parametrize(("keep", "kept"), [("none", 0), ("wrong", 0), ("all", 1)])
-def test_answers_are_kept_as_asked(session: Session, tmp_path: Path, keep: str, kept: int) -> None:
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
-    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+def test_answers_are_kept_as_asked(lane: Lane, tmp_path: Path, keep: str, kept: int) -> None:
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     store = Store(tmp_path / "r.sqlite", create=True, keep=keep)
     store.plan(planned)
-    execute(session, store, planned, seed=0)
+    execute([lane], store, planned, seed=0)
     assert len(list(store.answers())) == kept
     store.close()
 
 
-def test_a_row_and_its_answer_come_together_or_not_at_all(session: Session, tmp_path: Path) -> None:
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
-    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
+def test_a_row_and_its_answer_come_together_or_not_at_all(lane: Lane, tmp_path: Path) -> None:
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     store = Store(tmp_path / "r.sqlite", create=True)
     store.plan(planned)
     with pytest.raises(sqlite3.Error):
@@ -207,33 +210,29 @@ def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
         Store(tmp_path / "absent.sqlite")
 
 
-def test_a_referee_that_dies_is_replaced(session: Session, tmp_path: Path) -> None:
+def test_a_referee_that_dies_is_replaced(lane: Lane, tmp_path: Path) -> None:
     """Its process is killed between two pairs; the next pair is judged by a new one."""
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
-    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
-    prepared = session.prepare(pair)
-    assert session.run(pair, prepared)[0]["status"] == "solved"
-    assert session._referee is not None
-    session._referee.kill()
-    row, _ = session.run(pair, prepared)
-    assert row["status"] == "error"
-    assert "could not be judged" in row["message"]
-    assert session.run(pair, prepared)[0]["status"] == "solved"
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
+    prepared = lane.prepare(pair)
+    assert lane.run(pair, prepared).status == "solved"
+    assert lane._referee is not None
+    lane._referee.kill()
+    assert lane.run(pair, prepared).status == "solved"
 
 
-def test_a_file_that_changed_after_planning_is_refused(session: Session, tmp_path: Path) -> None:
+def test_a_file_that_changed_after_planning_is_refused(lane: Lane, tmp_path: Path) -> None:
     """Its rows must not be filled with answers to another problem: neither before a solve nor at the verdict."""
     path = _lcp(tmp_path)
-    survey = session.survey(str(path), [plan.exact()])
-    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
-    prepared = session.prepare(pair)
-    assert session._referee is not None
-    session._referee.kill()
+    survey = lane.survey(str(path), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
+    prepared = lane.prepare(pair)
+    assert lane._referee is not None
+    lane._referee.kill()
     changed = LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p")
     storage.save(changed, path, force=True)
-    session.run(pair, prepared)  # meets the dead one
-    late, _ = session.run(pair, prepared)
-    early, _ = session.run(pair, session.prepare(pair))
+    late = lane.run(pair, prepared).row
+    early = lane.run(pair, lane.prepare(pair)).row
     for row, beginning in ((early, "loading: "), (late, "the answer could not be judged: ")):
         assert row["status"] == "error"
         assert row["message"].startswith(beginning)
@@ -241,12 +240,12 @@ def test_a_file_that_changed_after_planning_is_refused(session: Session, tmp_pat
         assert changed.fingerprint in row["message"]
 
 
-def test_a_file_that_is_gone_after_planning_is_an_error(session: Session, tmp_path: Path) -> None:
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
-    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
-    session.survey(str(_lcp(tmp_path, "other")), [plan.exact()])
+def test_a_file_that_is_gone_after_planning_is_an_error(lane: Lane, tmp_path: Path) -> None:
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
+    lane.survey(str(_lcp(tmp_path, "other")), [plan.exact()])
     (tmp_path / "p.h5").unlink()
-    row, _ = session.run(pair, session.prepare(pair))
+    row = lane.run(pair, lane.prepare(pair)).row
     assert row["status"] == "error"
     assert row["message"].startswith("loading: ")
 
@@ -259,35 +258,35 @@ def _hanging(path: Path) -> Path:
 
 
 def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
-    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lane: Lane, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
-    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
-    session.survey(str(_lcp(tmp_path, "other")), [plan.exact()])  # the referee holds one problem
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
+    lane.survey(str(_lcp(tmp_path, "other")), [plan.exact()])  # the referee holds one problem
     hanging = _hanging(tmp_path / "p.h5")
-    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.3)
-    row, _ = session.run(pair, session.prepare(pair))
-    assert row == {"status": "error", "message": "loading: no reply within 0.3 s"}
+    monkeypatch.setattr(lanes, "LOAD_LIMIT", 0.3)
+    row = lane.run(pair, lane.prepare(pair)).row
+    assert (row["status"], row["message"]) == ("error", "loading: no reply within 0.3 s")
     monkeypatch.undo()
     hanging.unlink()
     _lcp(tmp_path)
-    assert session.run(pair, session.prepare(pair))[0]["status"] == "solved"
+    assert lane.run(pair, lane.prepare(pair)).status == "solved"
 
 
 def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
-    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lane: Lane, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    survey = session.survey(str(_lcp(tmp_path)), [plan.exact()])
-    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, 1, relaxations=False)
-    prepared = session.prepare(pair)
-    session.start(["lemke"])
-    monkeypatch.setattr(runner, "LOAD_LIMIT", 0.3)
-    row, _ = session.run(pair, {**prepared, "path": str(_hanging(tmp_path / "hanging.h5"))})
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
+    prepared = lane.prepare(pair)
+    lane.start(["lemke"])
+    monkeypatch.setattr(lanes, "LOAD_LIMIT", 0.3)
+    row = lane.run(pair, {**prepared, "path": str(_hanging(tmp_path / "hanging.h5"))}).row
     assert row["status"] == "error"
     assert row["message"].startswith("loading: ")
     assert "solve" not in row
     monkeypatch.undo()
-    assert session.run(pair, prepared)[0]["status"] == "solved"
+    assert lane.run(pair, prepared).status == "solved"
 
 
 def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
@@ -297,31 +296,33 @@ def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
     problem = FrictionContact(W=np.eye(n) + 1.0 / n, q=np.ones(n), mu=np.full(60, 0.5), dimension=3, name="contacts")
     storage.save(problem, path)
     asked = [plan.exact(), *plan.facets("inner", 400)]
-    with Session(Limits(seconds=20.0, memory=2**29, repeats=1)) as small:
+    with Lane(Setting(memory=2**29)) as small:
         survey = small.survey(str(path), asked)
-        pairs = plan.pairs([survey], [plan.Entry("nsgs"), plan.Entry("lemke")], asked, 1e-6, 1, relaxations=False)
+        pairs = plan.pairs(
+            [survey], [plan.Entry("nsgs"), plan.Entry("lemke")], asked, 1e-6, plan.Limits(20.0, 2**29, repeats=1)
+        )
         first, second = sorted(pairs, key=lambda pair: pair.label != "lemke@inner400")
-        row, _ = small.run(first, small.prepare(first))
-        assert row == {"status": "memout", "message": f"conversion: ran out of memory, limited to {2**31} bytes"}
+        row = small.run(first, small.prepare(first)).row
+        assert row["status"] == "memout"
+        assert row["message"] == f"conversion: ran out of memory, limited to {2**31} bytes"
         assert small._referee is None
-        assert small.run(second, small.prepare(second))[0]["status"] == "solved"
+        assert small.run(second, small.prepare(second)).status == "solved"
 
 
-def test_a_worker_never_meets_a_dead_referees_file(session: Session, tmp_path: Path) -> None:
+def test_a_worker_never_meets_a_dead_referees_file(lane: Lane, tmp_path: Path) -> None:
     """Solve A, kill the referee, solve B, then A again: names of converted problems are not used twice."""
     asked, entries = [plan.exact()], [plan.Entry("lemke")]
     pairs = []
     for name, n in (("a", 3), ("b", 5)):
-        survey = session.survey(str(_lcp(tmp_path, name, n)), asked)
-        pairs += plan.pairs([survey], entries, asked, 1e-6, 1, relaxations=False)
-    first = session.prepare(pairs[0])
-    assert session.run(pairs[0], first)[0]["status"] == "solved"
-    assert session._referee is not None
-    session._referee.kill()
-    session.prepare(pairs[1])  # meets the dead one
-    second = session.prepare(pairs[1])
+        survey = lane.survey(str(_lcp(tmp_path, name, n)), asked)
+        pairs += plan.pairs([survey], entries, asked, 1e-6, LIMITS)
+    first = lane.prepare(pairs[0])
+    assert lane.run(pairs[0], first).status == "solved"
+    assert lane._referee is not None
+    lane._referee.kill()
+    second = lane.prepare(pairs[1])
     assert second["path"] != first["path"]
-    assert session.run(pairs[1], second)[0]["status"] == "solved"
+    assert lane.run(pairs[1], second).status == "solved"
 
 
 def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):

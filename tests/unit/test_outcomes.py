@@ -11,69 +11,72 @@ import pytest
 
 from cpbench import graph, storage
 from cpbench.bench import plan
-from cpbench.bench.runner import Limits, Session
+from cpbench.bench.lane import Lane
 from cpbench.conversions import make
 from cpbench.errors import NoRoute
 from cpbench.formulations import LCP
 
+LIMITS = plan.Limits(seconds=20.0, repeats=1)
+
 
 @pytest.fixture(scope="module")
-def session() -> Iterator[Session]:
-    with Session(Limits(seconds=20.0, repeats=1)) as session:
-        yield session
+def lane() -> Iterator[Lane]:
+    with Lane() as lane:
+        yield lane
 
 
-def outcome(session: Session, address: Path, solver: str, tolerance: float = 1e-6) -> dict[str, Any]:
+def outcome(lane: Lane, address: Path, solver: str, tolerance: float = 1e-6) -> dict[str, Any]:
     asked = [plan.exact()]
-    survey = session.survey(str(address), asked)
-    (pair,) = plan.pairs([survey], [plan.Entry(solver)], asked, tolerance, 1, relaxations=False)
-    row, answer = session.run(pair, session.prepare(pair))
+    survey = lane.survey(str(address), asked)
+    (pair,) = plan.pairs([survey], [plan.Entry(solver)], asked, tolerance, LIMITS)
+    ended = lane.run(pair, lane.prepare(pair))
+    row, answer = dict(ended.row), ended.answer
     if row["status"] in ("solved", "wrong", "inaccurate"):
         assert answer is not None
     return row
 
 
-def test_bimatrix_game(session: Session, shared_data: Path) -> None:
+def test_bimatrix_game(lane: Lane, shared_data: Path) -> None:
     """lcp_CPS_3, Cottle, Pang and Stone 4.4.23: Lemke ends in a ray and says so; the game has three equilibria."""
     path = shared_data / "lcp" / "lcp_CPS_3.dat"
-    by_lemke = outcome(session, path, "lemke")
+    by_lemke = outcome(lane, path, "lemke")
     assert by_lemke["status"] == "failed"
     assert "ray" in by_lemke["message"]
-    assert outcome(session, path, "newton-min")["status"] == "solved"
+    assert outcome(lane, path, "newton-min")["status"] == "solved"
 
 
-def test_infeasible(session: Session, tmp_path: Path) -> None:
+def test_infeasible(lane: Lane, tmp_path: Path) -> None:
     """Pang's isolated solution, perturbed: w₁ = −z₂ − z₃ − 1e-4 < 0. Lemke proves it, nobody claims to solve it."""
     path = tmp_path / "pang.h5"
     storage.save(LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1]), path)
-    assert outcome(session, path, "lemke")["status"] == "infeasible"
+    assert outcome(lane, path, "lemke")["status"] == "infeasible"
     for solver in ("newton-min", "bpp"):
-        row = outcome(session, path, solver)
+        row = outcome(lane, path, solver)
         assert row["status"] in ("failed", "max_iter")
         assert row["claim"] != "solved"
 
 
-def test_singular_equality_block(session: Session, shared_data: Path) -> None:
+def test_singular_equality_block(lane: Lane, shared_data: Path) -> None:
     """diodeBridge: A has rank 2 of 3, so that no Schur complement exists; split, it is solved by Lemke."""
     path = shared_data / "mlcp" / "diodeBridge_mlcp.dat"
-    row = outcome(session, path, "lemke")
+    row = outcome(lane, path, "lemke")
     assert (row["status"], row["route"]) == ("solved", "mlcp-lcp-split")
     with pytest.raises(NoRoute, match="rank 2"):
         graph.arrive(storage.load(path), "lcp", via=[make("mlcp-lcp-schur")])
 
 
-def test_nonsymmetric_delassus(session: Session, shared_data: Path) -> None:
+def test_nonsymmetric_delassus(lane: Lane, shared_data: Path) -> None:
     """Capsules-i125-1213: W is not symmetric; a Gauss–Seidel that symmetrises its blocks stalls at 4e-6."""
     path = shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5"
     problem = storage.load(path)
     assert np.abs(problem.W - problem.W.T).max() > 1e-4 * np.abs(problem.W).max()
-    assert outcome(session, path, "nsgs", 1e-8)["status"] == "solved"
+    assert outcome(lane, path, "nsgs", 1e-8)["status"] == "solved"
 
 
 @pytest.mark.parametrize("solver", ["nsgs", "lemke"])
-def test_no_contact(session: Session, shared_data: Path, solver: str) -> None:
+def test_no_contact(lane: Lane, shared_data: Path, solver: str) -> None:
     """A global problem without contacts has the free motion for its answer: v = M⁻¹f."""
     path = shared_data / "fc2d_global" / "gfc2d_granularflowonwall_00000_00117.dat"
-    row = outcome(session, path, solver, 1e-12)
+    row = outcome(lane, path, solver, 1e-12)
     assert row["status"] == "solved"
     assert row["route"].startswith("gfc-fc")

@@ -1,0 +1,120 @@
+"""What one lane does in one go: all pairs of a problem, or all steps of a sequence.
+
+A block is data, and running it needs nothing but a lane: here, in a thread beside others, or on another machine.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from cpbench.bench.lane import Lane
+from cpbench.bench.outcome import Before, Outcome
+from cpbench.bench.plan import Pair
+
+PREVIOUS = "previous"
+"""The start policy by which a step of a sequence starts from the answer to the step before."""
+VERIFIED = ("solved", "stationary")
+"""Statuses of answers that a next step may start from."""
+
+Notice: TypeAlias = Callable[[str, Pair | None, Mapping[str, Any]], None]
+"""Called with an event (`start`, `solve`, `done`), the pair, and the row or what there is of it."""
+Ending: TypeAlias = tuple[str, bytes | None]
+"""Status and kept answer of a row."""
+
+
+def silent(event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
+    """The notice that nobody reads."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Pairs in the order they are run.
+
+    `before` : the pair a pair starts from, by the key of the latter; `known` : how those ended that are no part of
+    the block, because they were run earlier.
+    """
+
+    pairs: tuple[Pair, ...]
+    before: Mapping[str, Pair] = field(default_factory=dict)
+    known: Mapping[str, Ending] = field(default_factory=dict)
+
+    @property
+    def solvers(self) -> list[str]:
+        return sorted({pair.entry.solver for pair in self.pairs})
+
+
+def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callable[[str], Ending]) -> list[Block]:
+    """The pending pairs in blocks, in a seeded random order that does not depend on the order of the files.
+
+    Problems are shuffled, and the solvers within each: a drift of the machine then touches all solvers of a problem
+    alike, and every conversion is done once and shared. With the start policy `previous` sequences are shuffled,
+    not their steps. `ending` tells how a row ended that is not pending.
+    """
+    draw = random.Random(seed)
+    grouped: dict[str, list[Pair]] = {}
+    for pair in sorted(planned, key=lambda p: p.key):
+        grouped.setdefault(block_name(pair), []).append(pair)
+    names = sorted(grouped)
+    draw.shuffle(names)
+    made: list[Block] = []
+    for name in names:
+        members = grouped[name]
+        draw.shuffle(members)
+        members.sort(key=lambda p: p.step if _follows(p) else 0)
+        todo = tuple(p for p in members if p.key in pending)
+        if todo:
+            keys = {p.key for p in todo}
+            before = {key: pair for key, pair in _befores(members).items() if key in keys}
+            known = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
+            made.append(Block(todo, before, known))
+    return made
+
+
+def block_name(pair: Pair) -> str:
+    """Pairs of one name are run in one go, by one lane."""
+    return f"sequence {pair.sequence}" if _follows(pair) else f"problem {pair.address}"
+
+
+def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pair, Outcome]]:
+    """The outcome of every pair of the block, one after the other."""
+    lane.start(block.solvers, block.pairs[0].limits.memory, lambda name: notice("start", None, {"solver": name}))
+    prepared: dict[tuple[str, str, float], dict[str, Any]] = {}
+    endings: dict[str, Ending] = dict(block.known)
+    address = ""
+    for pair in block.pairs:
+        if pair.address != address:  # the referee holds one problem
+            address, prepared = pair.address, {}
+        where = (pair.request.name, pair.target, pair.tolerance)
+        if where not in prepared:
+            prepared[where] = lane.prepare(pair)
+        notice("solve", pair, {})
+        before = block.before.get(pair.key)
+        outcome = lane.run(pair, prepared[where], before and _start_of(before, endings[before.key]))
+        endings[pair.key] = (outcome.status, outcome.answer)
+        yield pair, outcome.dated(time.strftime("%Y-%m-%dT%H:%M:%S"))
+
+
+def _start_of(before: Pair, ending: Ending) -> Before:
+    status, answer = ending
+    verified = answer if status in VERIFIED else None
+    return Before(before.address, before.format, before.fingerprint, status, verified)
+
+
+def _follows(pair: Pair) -> bool:
+    return pair.start == PREVIOUS and bool(pair.sequence)
+
+
+def _befores(members: Sequence[Pair]) -> dict[str, Pair]:
+    """The pair of the step before with the same solver, options, request and tolerance, by key; steps are sorted."""
+    last: dict[tuple[str, str, float], Pair] = {}
+    found: dict[str, Pair] = {}
+    for pair in filter(_follows, members):
+        track = (pair.set, pair.label, pair.tolerance)
+        if track in last:
+            found[pair.key] = last[track]
+        last[track] = pair
+    return found

@@ -1,0 +1,425 @@
+"""One place where solves happen, one at a time: a referee, and one persistent worker a solver, with hard limits.
+
+Whatever a solver, a conversion or a file does, `Lane.run` returns a row. A run has one lane, or several side by side.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cpbench.bench.referee as referee_process
+import cpbench.bench.worker as worker_process
+from cpbench.bench import wire
+from cpbench.bench.outcome import Before, Outcome, Result, conversion_row, iqr
+from cpbench.bench.plan import Pair, Request
+from cpbench.bench.process import Child, Died, TimedOut, context
+from cpbench.bench.scratch import Scratch
+from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Kind
+from cpbench.solvers.base import Trait, solvers
+
+GRACE = 0.3
+"""Seconds after the limit at which a process is killed: it is gone half a second after the limit."""
+FULL = 0.25
+"""Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
+STARTUP = 600.0
+"""Seconds a worker may take to import its guest and to compile (once a machine)."""
+LOAD_LIMIT = 120.0
+"""Seconds the loading of a problem may take; no solver is charged for it."""
+
+REFEREE_SHARE = 2
+"""How many times the memory limit of a worker the referee has: it holds a problem with all its conversions."""
+REFEREE_LEAST = 2 * 2**30
+"""Bytes the referee has at least, however little a solver is to get by on."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all processes of a lane have in common.
+
+    Attributes
+    ----------
+    threads : of every numerical library, set before it is imported. memory : the largest limit of any solve; the
+    referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere.
+    lanes : how many work side by side; rows tell, for their times are not those of a quiet machine.
+    """
+
+    threads: int = 1
+    memory: int = 4 * 2**30
+    fresh: bool = False
+    cpus: tuple[int, ...] = ()
+    lanes: int = 1
+
+    @property
+    def referee_memory(self) -> int:
+        """Bytes that conversions and judging may take (0: no limit)."""
+        return max(REFEREE_SHARE * self.memory, REFEREE_LEAST) if self.memory > 0 else 0
+
+
+class Surveyed(CpbenchError):
+    """A file was refused while planning; carries (address, reason)."""
+
+
+class Unsupported(Exception):
+    """A pair cannot be run, and no solver is to blame; the message becomes the row's."""
+
+
+class Lane:
+    """The processes of one lane. Use as a context manager; leaving it kills them all."""
+
+    def __init__(self, setting: Setting = Setting()) -> None:
+        self.setting = setting
+        self._ctx = context(setting.threads)
+        self._scratch = Scratch()
+        self._referee: Child | None = None
+        self._workers: dict[str, Child] = {}
+        self._memory: dict[str, int] = {}
+        self.versions: dict[str, str] = {}
+        self.unavailable: dict[str, tuple[str, str]] = {}
+
+    def __enter__(self) -> Lane:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Kill every process and remove the temporary files; harmless when done before."""
+        for child in (*self._workers.values(), self._referee):
+            if child is not None:
+                child.kill()
+        self._workers, self._referee = {}, None
+        self._scratch.remove()
+
+    def interrupt(self) -> None:
+        """Kill what is at work, from another thread than the lane's, which then meets the dead."""
+        for child in (*self._workers.values(), self._referee):
+            if child is not None:
+                child.strike()
+
+    # ----------------------------------------------------------------------------------------- referee
+
+    def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
+        """Send the referee a command; the reply's header and vectors. One that dies, hangs or is full is replaced.
+
+        Who is found dead may have died of something else: a command is repeated once.
+        """
+        message = wire.pack(header, vectors)
+        for _ in range(2):
+            reply, found = self._asked(seconds, message)
+            if reply["event"] != "died":
+                break
+        return reply, found
+
+    def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+        if self._referee is None:
+            arguments = (str(self._scratch.folder), self.setting.referee_memory)
+            self._referee = Child(self._ctx, self._scratch.folder, referee_process.main, arguments)
+        try:
+            self._referee.output()
+            self._referee.send(message)
+            reply, found = wire.unpack(self._referee.receive(seconds))
+            if reply["event"] != "memory":
+                return reply, found
+        except TimedOut:
+            reply = {"event": "timeout", "message": f"no reply within {seconds:g} s"}
+        except Died as death:
+            reply = {"event": "memory" if death.out_of_memory else "died", "message": _obituary(death)}
+        self._referee.kill()
+        self._referee = None
+        if reply["event"] == "memory":
+            limit = self.setting.referee_memory
+            reply["message"] = f"ran out of memory, limited to {limit} bytes" if limit else "ran out of memory"
+        return reply, {}
+
+    def survey(self, address: str, requests: Sequence[Request], format: str | None = None) -> dict[str, Any]:
+        """Facts of a problem for the plan; raises CpbenchError with the reason a file is refused."""
+        reply, _ = self.ask(
+            LOAD_LIMIT, command="survey", address=address, format=format, requests=[r.header() for r in requests]
+        )
+        if reply["event"] != "surveyed":
+            message = reply.get("message", reply["event"])
+            raise Surveyed(message if reply["event"] == "refused" else f"{address}: {message}")
+        return {**reply, "address": address, "format": format}
+
+    # ----------------------------------------------------------------------------------------- workers
+
+    def start(
+        self, names: Iterable[str], memory: int | None = None, progress: Callable[[str], None] = lambda _: None
+    ) -> None:
+        """Start the workers and wait until every one has warmed up, so that none disturbs a measurement."""
+        for name in names:
+            progress(name)
+            self._worker(name, self.setting.memory if memory is None else memory)
+
+    def _worker(self, name: str, memory: int) -> Child | None:
+        """The warm worker of a solver, with this memory limit; None where the solver is not available."""
+        if name in self.unavailable:
+            return None
+        if name in self._workers and self._memory[name] != memory:
+            self._drop(name)
+        if name not in self._workers:
+            arguments = (name, memory, self.setting.fresh)
+            child = Child(self._ctx, self._scratch.folder, worker_process.main, arguments, cpus=self.setting.cpus)
+            self._workers[name], self._memory[name] = child, memory
+            try:
+                reply, _ = wire.unpack(child.receive(STARTUP))
+            except TimedOut:
+                reply = {"event": "unavailable", "state": "broken", "detail": f"no sign of life within {STARTUP:g} s"}
+            except Died as death:
+                reply = {"event": "unavailable", "state": "broken", "detail": f"{death}: {death.output}"}
+            except wire.WireError as noise:
+                reply = {"event": "unavailable", "state": "broken", "detail": str(noise)}
+            if reply["event"] != "ready":
+                self._drop(name)
+                self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
+                return None
+            self.versions[name] = str(reply["version"])
+        return self._workers[name]
+
+    def _drop(self, name: str) -> None:
+        child = self._workers.pop(name, None)
+        if child is not None:
+            child.kill()
+
+    # -------------------------------------------------------------------------------------------- pairs
+
+    def prepare(self, pair: Pair) -> dict[str, Any]:
+        """Bring the pair's problem to its solver's node; the referee's reply, whatever it is.
+
+        A problem that cannot be loaded, or is not the one that was planned, is told apart by `stage`.
+        """
+        opened, _ = self.ask(LOAD_LIMIT, command="open", **_problem_of(pair))
+        if opened["event"] != "opened":
+            return {**opened, "stage": "loading"}
+        reply, _ = self.ask(
+            max(pair.limits.seconds, LOAD_LIMIT),
+            command="prepare",
+            **_problem_of(pair),
+            node=pair.target,
+            request=pair.request.header(),
+            tolerance=pair.tolerance,
+        )
+        return reply
+
+    def run(self, pair: Pair, prepared: Mapping[str, Any], before: Before | None = None) -> Outcome:
+        """The outcome of one pair. Never raises for anything that a solver, a conversion or a file does."""
+        begun = time.perf_counter()
+        outcome = self._run(pair, prepared, before)
+        row = {
+            **outcome.row,
+            "wall": time.perf_counter() - begun,
+            "jobs": self.setting.lanes,
+            "loadavg": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        }
+        return Outcome(row, outcome.answer, outcome.history)
+
+    def _run(self, pair: Pair, prepared: Mapping[str, Any], before: Before | None) -> Outcome:
+        row = conversion_row(prepared)
+        if row["status"]:
+            return Outcome(row)
+        name, limit = pair.entry.solver, pair.limits.seconds
+        try:
+            start, row["started"] = self._start_of(pair, before)
+        except Unsupported as why:
+            return Outcome({**row, "status": "unsupported", "message": str(why)})
+        worker = self._worker(name, pair.limits.memory)
+        if worker is None:
+            state, detail = self.unavailable[name]
+            return Outcome({**row, "status": "unavailable", "message": f"{state}: {detail}"})
+        row["version"] = self.versions[name]
+        promises = (Kind(row["kind"]), solvers.get(name).spec.kind)
+        row["kind"] = str(max(promises, key=lambda kind: kind.rank))
+        try:
+            worker.output()
+            asked = {
+                "path": prepared["path"],
+                "budget": {"tolerance": prepared["tolerance"], "seconds": limit},
+                "options": dict(pair.entry.options),
+                "repeats": pair.limits.repeats,
+                "history": pair.limits.history and Trait.HISTORY in solvers.get(name).spec.traits,
+            }
+            worker.send(wire.pack(asked, start))
+            reply, _ = wire.unpack(worker.receive(LOAD_LIMIT))
+            if reply["event"] == "loaded":
+                row["load"] = float(reply["load"])
+                begun = time.perf_counter()
+                reply, vectors = wire.unpack(worker.receive(limit + GRACE))
+                if reply["event"] == "result":
+                    result = Result.from_message(reply, time.perf_counter() - begun)
+                    return self._answered(pair, row, result, vectors, worker, asked["history"])
+        except TimedOut:
+            self._drop(name)
+            if "load" not in row:  # the solver was not asked yet
+                message = f"loading: the worker did not read the converted problem within {LOAD_LIMIT:g} s"
+                return Outcome({**row, "status": "error", "message": message})
+            return Outcome({**row, "status": "timeout", "message": f"killed after {limit:g} s", "solve": limit})
+        except Died as death:
+            self._drop(name)
+            status = "memout" if death.out_of_memory else "crash"
+            ending = {"message": _obituary(death), "signal": death.signal, "code": death.code}
+            return Outcome({**row, "status": status, **ending})
+        except (wire.WireError, KeyError, TypeError, ValueError) as noise:
+            self._drop(name)
+            return Outcome({**row, "status": "error", "message": f"the worker sent no valid message: {noise}"})
+        if reply["event"] == "memory":
+            self._drop(name)  # what is left of its memory is not worth trusting
+            return Outcome({**row, "status": "memout", "message": f"over {pair.limits.memory} bytes"})
+        status = "unsupported" if reply["event"] == "unsupported" else "error"
+        return Outcome({**row, "status": status, "message": str(reply.get("message", reply["event"]))})
+
+    def _start_of(self, pair: Pair, before: Before | None) -> tuple[Mapping[str, Any] | None, str]:
+        """Vectors of the point to start from, and what the row tells of it; raises Unsupported."""
+        if pair.start == "cold":
+            return None, "cold"
+        spec = solvers.get(pair.entry.solver).spec
+        if Trait.WARM_START not in spec.traits:
+            raise Unsupported(f"{spec.name} takes no starting point, and a cold start is not what was asked for")
+        if pair.start == "previous" and (before is None or before.answer is None):
+            return None, "cold: first step" if before is None else f"cold: the step before was {before.status}"
+        earlier = None
+        if before is not None:
+            earlier = {"address": before.address, "format": before.format, "fingerprint": before.fingerprint}
+        reply, vectors = self.ask(
+            LOAD_LIMIT,
+            {"answer": before.answer} if before is not None and before.answer is not None else None,
+            command="start",
+            **_problem_of(pair),
+            node=pair.target,
+            request=pair.request.header(),
+            tolerance=pair.tolerance,
+            policy=pair.start,
+            before=earlier,
+        )
+        if reply["event"] != "started":
+            raise Unsupported(f"no starting point: {reply.get('message', reply['event'])}")
+        return vectors, str(reply["told"])
+
+    def _answered(
+        self,
+        pair: Pair,
+        row: dict[str, Any],
+        result: Result,
+        vectors: dict[str, Any],
+        worker: Child,
+        recorded: bool,
+    ) -> Outcome:
+        """The rest of a row whose worker returned: repeats, the history, the verdict."""
+        setups, solves, lost = self._repeated(pair, result, worker)
+        trail: tuple[dict[str, Any], dict[str, Any]] | None = None
+        if recorded and not lost:
+            trail, lost = self._recorded(pair, worker)
+        if (
+            result.children
+            or result.wrote
+            or result.threads > pair.limits.threads
+            or 0 < pair.limits.memory * FULL < result.grown
+        ):
+            self._drop(pair.entry.solver)  # what one problem left behind must not count against the next
+        told = [flag for flag, holds in (*result.flags(pair.limits.threads), ("repeat", bool(lost))) if holds]
+        row |= {
+            "claim": result.claim,
+            "counters": json.dumps(result.counters),
+            "setup": statistics.median(setups),
+            "solve": statistics.median(solves),
+            "cpu": result.cpu,
+            "peak": result.peak,
+            "repeats": len(solves),
+            "samples": json.dumps([float(f"{s:.6g}") for s in solves]),
+            "solve_min": min(solves),
+            "solve_iqr": iqr(solves),
+            "flags": ",".join(told),
+        }
+        asked = {
+            **_problem_of(pair),
+            "node": pair.target,
+            "request": pair.request.header(),
+            "tolerance": pair.tolerance,
+            "measure": pair.measure,
+        }
+        reply, extra = self.ask(
+            max(pair.limits.seconds, LOAD_LIMIT),
+            vectors,
+            command="judge",
+            **asked,
+            claim=result.claim,
+            answered=result.answered,
+        )
+        if reply["event"] != "judged":
+            message = f"the answer could not be judged: {reply.get('message', reply['event'])}"
+            return Outcome({**row, "status": "error", "message": "; ".join(filter(None, (message, lost)))})
+        row |= {
+            "status": reply["status"],
+            "message": "; ".join(filter(None, (reply["message"], result.message, lost))),
+            "error": reply["error"],
+            "flags": ",".join([*reply["flags"], *told]),
+            "parts": json.dumps(reply["parts"]),
+            "lift": reply["lift"],
+            "verify": reply["verify"],
+        }
+        if result.setup + result.solve > pair.limits.seconds:
+            row |= {"status": "timeout", "message": f"answered after the limit of {pair.limits.seconds:g} s"}
+        history = None
+        if trail is not None:
+            header, snapshots = trail
+            judged, blobs = self.ask(
+                max(pair.limits.seconds, LOAD_LIMIT), snapshots, command="judge_history", **asked, trail=header
+            )
+            history = blobs.get("history") if judged["event"] == "history" else None
+        return Outcome(row, extra.get("answer"), history)
+
+    def _repeated(self, pair: Pair, result: Result, worker: Child) -> tuple[list[float], list[float], str]:
+        """Setup and solve times of the first solve and its repeats, and what became of repeats that failed.
+
+        The first answer stands whatever happens to a repeat, with its own times. It is judged after the repeats:
+        the referee at work beside them would spoil the times.
+        """
+        setups, solves = [result.setup], [result.solve]
+        more = pair.limits.repeats - 1
+        if more < 1 or result.wrote or result.setup + result.solve >= worker_process.SHORT:
+            return setups, solves, ""
+        reply, _, lost = self._next(worker, pair, more * (pair.limits.seconds + GRACE), "repeat")
+        if reply is not None and reply["event"] == "repeats":
+            times = [(float(setup), float(solve)) for setup, solve, *_ in reply["times"]]
+            setups += [setup for setup, _ in times]
+            solves += [solve for _, solve in times]
+        return setups, solves, lost
+
+    def _recorded(self, pair: Pair, worker: Child) -> tuple[tuple[dict[str, Any], dict[str, Any]] | None, str]:
+        """The iterates of a solve that was recorded, after all that were timed."""
+        reply, vectors, lost = self._next(worker, pair, pair.limits.seconds + GRACE, "history")
+        return ((reply, vectors) if reply is not None and reply["event"] == "history" else None), lost
+
+    def _next(
+        self, worker: Child, pair: Pair, patience: float, what: str
+    ) -> tuple[dict[str, Any] | None, dict[str, Any], str]:
+        """One more message of a worker that has answered; what it did instead does not cost the answer."""
+        try:
+            reply, vectors = wire.unpack(worker.receive(patience))
+            if reply["event"] not in ("memory", "died"):
+                told = "" if reply["event"] in ("repeats", "history") else str(reply.get("message", reply["event"]))
+                return reply, vectors, told and f"a {what} failed: {told}"
+            lost = f"over {pair.limits.memory} bytes" if reply["event"] == "memory" else str(reply["message"])
+        except TimedOut:
+            lost = f"killed after {patience:g} s"
+        except Died as death:
+            lost = _obituary(death)
+        except (wire.WireError, KeyError, TypeError, ValueError) as noise:
+            lost = f"no valid message: {noise}"
+        self._drop(pair.entry.solver)
+        return None, {}, f"a {what} failed: {lost}"
+
+
+def _problem_of(pair: Pair) -> dict[str, Any]:
+    """What every message about a pair says of its problem."""
+    return {"address": pair.address, "format": pair.format, "fingerprint": pair.fingerprint}
+
+
+def _obituary(death: Died) -> str:
+    return f"{death.cause}: {death.output}" if death.output else death.cause

@@ -1,0 +1,116 @@
+"""What comes of a pair: the columns of its row, from what referee and worker say."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+LATE, LATE_SHARE = 0.25, 1.5
+"""An answer that came this many seconds later than so many times what the worker told carries the flag `clock`."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a pair: the measured columns of its row, the kept answer and the history, compressed."""
+
+    row: Mapping[str, Any]
+    answer: bytes | None = None
+    history: bytes | None = None
+
+    def dated(self, finished: str) -> Outcome:
+        """The same with the time at which it was there."""
+        return replace(self, row={**self.row, "finished": finished})
+
+    @property
+    def status(self) -> str:
+        return str(self.row["status"])
+
+
+@dataclass(frozen=True)
+class Before:
+    """The step before in a sequence: where its problem is, and the answer of the same solver, if it was verified."""
+
+    address: str
+    format: str | None
+    fingerprint: str
+    status: str
+    answer: bytes | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """A worker's message `result`, with every part of the type it should have; `waited` is our own clock."""
+
+    claim: str
+    answered: bool
+    message: str
+    counters: dict[str, int]
+    setup: float
+    solve: float
+    cpu: float
+    grown: int
+    peak: int
+    children: int
+    threads: int
+    wrote: bool
+    waited: float
+
+    @staticmethod
+    def from_message(reply: Mapping[str, Any], waited: float) -> Result:
+        """Raises KeyError, TypeError, ValueError: what a process says that ran foreign code may be anything."""
+        setup, solve = float(reply["setup"]), float(reply["solve"])
+        if not (math.isfinite(setup + solve) and min(setup, solve) >= 0.0):
+            raise ValueError(f"took {setup} + {solve} s")
+        return Result(
+            claim=str(reply["claim"]),
+            answered=bool(reply["answered"]),
+            message=str(reply["message"]),
+            counters={str(k): int(v) for k, v in reply["counters"].items()},
+            setup=setup,
+            solve=solve,
+            cpu=float(reply["cpu"]),
+            grown=int(reply["grown"]),
+            peak=int(reply.get("peak", 0)),
+            children=int(reply.get("children", 0)),
+            threads=int(reply.get("threads", 1)),
+            wrote=bool(reply.get("wrote", False)),
+            waited=waited,
+        )
+
+    def flags(self, threads: int) -> tuple[tuple[str, bool], ...]:
+        """What the row is marked with, and whether it is."""
+        return (
+            ("children", self.children > 0),
+            ("wrote", self.wrote),
+            ("threads", self.threads > threads),
+            ("clock", self.waited > LATE + LATE_SHARE * (self.setup + self.solve)),
+        )
+
+
+def conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of a row that the referee decides; `status` is empty when a solver may go on."""
+    event = prepared["event"]
+    if event == "prepared":
+        return {
+            "status": "",
+            "route": prepared["route"],
+            "kind": prepared["kind"],
+            "convert": prepared["convert"],
+        }
+    stage = prepared.get("stage", "conversion")
+    told = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}
+    if stage == "loading":  # in which no solver has a part
+        told = {"memory": "memout"}
+    status = told.get(event, "error")
+    return {"status": status, "message": f"{stage}: {prepared.get('message', event)}"}
+
+
+def iqr(values: Sequence[float]) -> float:
+    """Distance of the quartiles."""
+    if len(values) < 2:
+        return 0.0
+    quartiles = statistics.quantiles(values, n=4, method="inclusive")
+    return quartiles[2] - quartiles[0]
