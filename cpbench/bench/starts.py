@@ -1,0 +1,218 @@
+"""Where a solver starts from: nowhere, the file's guess, its own last answer, or a known solution with noise.
+
+A start belongs to the source problem and is carried to the converted one by the `push` of every conversion on the
+way. Where there is none a run is unsupported (NotApplicable, with the reason): never cold in disguise.
+
+    cold         no start
+    file         the first of the file's guesses
+    previous     the solver's own answer to the step before, brought to this one by `formulations.transfer`
+    perturbed:σ  x* + σ s ξ: x* the file's solution, if it is one at the tolerance of the run; ξ standard normal, from
+                 the fingerprint and the seed alone; s = ‖x*_b‖₂/√n_b for every block b of n_b numbers, so that σ is
+                 the relative error of every block. Blocks are the parts of the point (v, r, λ, z, ...); with
+                 rolling friction forces and moments are two. A block of zeros stays.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from cpbench import graph, storage, verification
+from cpbench.errors import CpbenchError, NotApplicable, ProblemError, UnknownName
+from cpbench.formulations.base import Contacts, Problem
+from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.transfer import BY_ID, BY_ORDER, transfer
+from cpbench.matrices import Vector, norm
+
+
+class StartKind(StrEnum):
+    COLD = "cold"
+    FILE = "file"
+    PREVIOUS = "previous"
+    PERTURBED = "perturbed"
+
+
+@dataclass(frozen=True)
+class StartPolicy:
+    """What was asked for. `sigma` : relative size of the noise of `perturbed`, 0 for the solution itself."""
+
+    kind: StartKind = StartKind.COLD
+    sigma: float = 0.0
+
+    def __str__(self) -> str:
+        """One text for one policy: part of a row's key."""
+        return f"{self.kind}:{self.sigma!r}" if self.kind is StartKind.PERTURBED else str(self.kind)
+
+    @property
+    def warm(self) -> bool:
+        """Whether it needs a solver that takes a starting point."""
+        return self.kind is not StartKind.COLD
+
+
+@dataclass(frozen=True)
+class Before:
+    """The step before: an answer to it that was verified, and where its contacts were (None: not recorded)."""
+
+    point: Any
+    contacts: Contacts | None = None
+
+
+@dataclass(frozen=True)
+class Start:
+    """A starting point, None for a cold start, and what a row tells of it."""
+
+    point: Any | None
+    told: str
+
+
+def parse_start(text: str) -> StartPolicy:
+    """`cold`, `file`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError on a number that is none.
+
+    >>> str(parse_start("perturbed:1e-2"))
+    'perturbed:0.01'
+    """
+    name, colon, number = text.strip().partition(":")
+    known = [str(kind) for kind in StartKind if kind is not StartKind.PERTURBED]
+    if name in known and not colon:
+        return StartPolicy(StartKind(name))
+    if name != StartKind.PERTURBED:
+        raise UnknownName("start", text, [*known, "perturbed:σ"])
+    try:
+        sigma = float(number)
+    except ValueError:
+        sigma = math.nan
+    if not 0.0 <= sigma < math.inf:
+        raise CpbenchError(f"start '{text}': the noise is '{number}', expected a number ≥ 0, as in perturbed:0.01")
+    return StartPolicy(StartKind.PERTURBED, sigma)
+
+
+def step_before(address: str, format: str | None, fingerprint: str, answer: Vector) -> Before:
+    """The step whose answer was kept as a plain vector; raises FormatError, ProblemError when the file changed."""
+    problem = storage.load(address, format=format)
+    if problem.fingerprint != fingerprint:
+        raise ProblemError(
+            address, f"the file changed after it was solved: fingerprint {problem.fingerprint}, was {fingerprint}"
+        )
+    return Before(problem.point_from_vector(answer), getattr(problem, "contacts", None))
+
+
+def start(
+    policy: StartPolicy,
+    problem: Problem,
+    address: str,
+    converted: Problem,
+    steps: int,
+    *,
+    tolerance: float,
+    seed: int = 0,
+    before: Before | None = None,
+) -> Start:
+    """Where to start on `converted`, which is `problem` after `steps` conversions.
+
+    Raises NotApplicable with the reason where the policy gives no start, or no conversion carries it.
+    """
+    begin = start_for(policy, problem, address, tolerance=tolerance, seed=seed, before=before)
+    return begin if begin.point is None else Start(carry(begin.point, converted, steps), begin.told)
+
+
+def start_for(
+    policy: StartPolicy,
+    problem: Problem,
+    address: str,
+    *,
+    tolerance: float,
+    seed: int = 0,
+    before: Before | None = None,
+) -> Start:
+    """Where to start on the problem at `address` itself; raises NotApplicable, FormatError.
+
+    `before` None means, for `previous`, that there is nothing to go on: the start is cold and says so.
+    """
+    match policy.kind:
+        case StartKind.COLD:
+            return Start(None, "cold")
+        case StartKind.FILE:
+            return _from_file(address)
+        case StartKind.PREVIOUS:
+            return _from_step(problem, before)
+        case StartKind.PERTURBED:
+            return Start(
+                perturbed(problem, known_solution(problem, address, tolerance), policy.sigma, seed), str(policy)
+            )
+
+
+def carry(point: Any, converted: Problem, steps: int) -> Any:
+    """The start on a converted problem; raises NotApplicable where a conversion cannot carry it."""
+    try:
+        carried = graph.push(converted, point, steps)
+        converted.check_point(carried)
+    except CpbenchError as cause:
+        raise NotApplicable("start", f"no way to carry it to {converted.node}: {cause}") from None
+    if not carried.finite:
+        raise NotApplicable("start", f"no way to carry it to {converted.node}: it is not finite there")
+    return carried
+
+
+def known_solution(problem: Problem, address: str, tolerance: float) -> Any:
+    """The file's solution, if it is one; raises NotApplicable with what was measured."""
+    found = storage.solution(address)
+    if found is None:
+        raise NotApplicable("start perturbed", "the file has no solution to start near to")
+    verdict = verification.judge(problem, found[0], tolerance)
+    if not verdict.solved:
+        raise NotApplicable(
+            "start",
+            f"the solution in the file is none: its error is {verdict.error:.1e}, the tolerance {tolerance:.0e}",
+        )
+    return found[0]
+
+
+def perturbed(problem: Problem, solution: Any, sigma: float, seed: int) -> Any:
+    """x* + σ s ξ; raises NotApplicable for x* = 0, which has no scale."""
+    if not any(x.any() for x in solution.arrays().values()):
+        raise NotApplicable(
+            "start perturbed", "the solution in the file is 0: noise has no scale there, and 0 is the cold start"
+        )
+    rng = np.random.default_rng([seed, int(problem.fingerprint, 16)])
+    parts: dict[str, Vector] = {}
+    for name, x in solution.arrays().items():
+        noise, scale = rng.standard_normal(x.size), np.zeros(x.size)
+        for block in _blocks(problem, name, x.size):
+            scale[block] = norm(x[block]) / math.sqrt(max(block.size, 1))
+        parts[name] = x + sigma * scale * noise
+    return type(solution)(**parts)
+
+
+def _blocks(problem: Problem, part: str, size: int) -> list[np.ndarray[Any, np.dtype[np.intp]]]:
+    """Indices of what has one unit: a part, or the forces and the moments in reactions with rolling friction."""
+    index = np.arange(size)
+    if part != "r" or not hasattr(problem, "mu_r") or not isinstance(problem, ContactProblem):
+        return [index]
+    moment = index % problem.dimension > (problem.dimension - 1) // 2
+    return [index[~moment], index[moment]]
+
+
+def _from_file(address: str) -> Start:
+    guesses = storage.guesses(address)
+    if not guesses:
+        raise NotApplicable("start file", "the file has no starting point")
+    if not guesses[0].finite:
+        raise NotApplicable("start file", "the starting point in the file is not finite")
+    zero = not any(x.any() for x in guesses[0].arrays().values())
+    return Start(guesses[0], "file: zeros" if zero else "file")
+
+
+def _from_step(problem: Problem, before: Before | None) -> Start:
+    if before is None:
+        return Start(None, "cold: no step before")
+    try:
+        found = transfer(before.contacts, before.point, problem)
+    except NotApplicable as refusal:
+        return Start(None, f"cold: {refusal.obstacle}")
+    if found.how == BY_ID and found.new and not found.matched:
+        return Start(found.point, "previous, no contact matched")
+    return Start(found.point, f"previous, {found.how}" if found.how == BY_ORDER else "previous")

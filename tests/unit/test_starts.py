@@ -1,0 +1,286 @@
+"""Start policies: what a solver starts from, what is told of it, and what is refused instead of starting cold."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from cpbench import graph, storage
+from cpbench.bench.starts import (
+    Before,
+    StartKind,
+    StartPolicy,
+    carry,
+    parse_start,
+    perturbed,
+    start,
+    start_for,
+    step_before,
+)
+from cpbench.conversions.base import Conversion
+from cpbench.conversions.fc_to_soclcp import FCtoSOCLCP
+from cpbench.errors import CpbenchError, NotApplicable, ProblemError, UnknownName
+from cpbench.formulations import Contacts, FCPoint, FrictionContact, LCPPoint
+from cpbench.generators.collection import builtin_folder
+from cpbench.testing import planted, planted_contact
+from cpbench.testing.cases import cases
+
+COLD = StartPolicy()
+FILE, PREVIOUS = StartPolicy(StartKind.FILE), StartPolicy(StartKind.PREVIOUS)
+TOLERANCE = 1e-8
+
+
+def noise(sigma: float) -> StartPolicy:
+    return StartPolicy(StartKind.PERTURBED, sigma)
+
+
+@pytest.fixture
+def planted_fc(rng: np.random.Generator) -> tuple[FrictionContact, FCPoint]:
+    return planted.fc(rng, 6, 3, "positive definite")
+
+
+def kept(folder: Path, problem: Any, solution: Any, *guesses: Any) -> str:
+    storage.save_answer(folder / "kept.h5", problem, solution, {}, with_problem=True, guesses=guesses)
+    return str(folder / "kept.h5")
+
+
+# ---------------------------------------------------------------------------------------------- the text
+
+
+@pytest.mark.parametrize(
+    ("text", "policy", "canonical"),
+    [
+        ("cold", COLD, "cold"),
+        ("file", FILE, "file"),
+        (" previous ", PREVIOUS, "previous"),
+        ("perturbed:1e-2", noise(0.01), "perturbed:0.01"),
+        ("perturbed:0", noise(0.0), "perturbed:0.0"),
+        ("perturbed:0.30000000000000004", noise(0.1 + 0.2), "perturbed:0.30000000000000004"),
+    ],
+)
+def test_policies_have_one_text(text: str, policy: StartPolicy, canonical: str) -> None:
+    assert parse_start(text) == policy
+    assert str(policy) == canonical
+    assert parse_start(canonical) == policy
+    assert policy.warm == (text != "cold")
+
+
+@pytest.mark.parametrize("text", ["", "warm", "colt", "cold:1", "file:", "previous:2", "Cold"])
+def test_unknown_policies_are_refused_with_the_known_ones(text: str) -> None:
+    with pytest.raises(UnknownName, match="unknown start") as refusal:
+        parse_start(text)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["perturbed", "perturbed:", "perturbed:x", "perturbed:-1", "perturbed:nan", "perturbed:inf"]
+)
+def test_noise_is_a_number(text: str) -> None:
+    with pytest.raises(CpbenchError, match=r"expected a number ≥ 0, as in perturbed:0\.01"):
+        parse_start(text)
+
+
+# -------------------------------------------------------------------------------------------- cold and file
+
+
+def test_cold_is_no_start(planted_fc: Any, tmp_path: Path) -> None:
+    assert start_for(COLD, planted_fc[0], "no such file", tolerance=TOLERANCE).point is None
+
+
+def test_the_first_guess_of_a_file(planted_fc: Any, tmp_path: Path) -> None:
+    problem, point = planted_fc
+    ones = FCPoint(r=np.ones(point.r.size))
+    found = start_for(FILE, problem, kept(tmp_path, problem, point, ones, point), tolerance=TOLERANCE)
+    assert found.told == "file"
+    np.testing.assert_array_equal(found.point.r, ones.r)
+
+
+def test_a_guess_of_zeros_is_told(planted_fc: Any, tmp_path: Path) -> None:
+    problem, point = planted_fc
+    address = kept(tmp_path, problem, point, problem.zero_point())
+    assert start_for(FILE, problem, address, tolerance=TOLERANCE).told == "file: zeros"
+
+
+def test_a_member_of_a_pack_has_its_own_guess(planted_fc: Any, tmp_path: Path) -> None:
+    problem, point = planted_fc
+    storage.save_pack({"a": problem, "b": problem}, tmp_path / "pack.h5")
+    with h5py.File(tmp_path / "pack.h5", "r+") as file:
+        file["b/guesses/number_of_guesses"] = np.array([1], np.int32)
+        file["b/guesses/1/r"] = point.r
+    found = start_for(FILE, problem, f"{tmp_path}/pack.h5::b", tolerance=TOLERANCE)
+    np.testing.assert_array_equal(found.point.r, point.r)
+    with pytest.raises(NotApplicable, match="start file: the file has no starting point"):
+        start_for(FILE, problem, f"{tmp_path}/pack.h5::a", tolerance=TOLERANCE)
+
+
+def test_no_guess_is_no_cold_start(planted_fc: Any, tmp_path: Path, shared_data: Path) -> None:
+    problem, point = planted_fc
+    with pytest.raises(NotApplicable, match="the file has no starting point"):
+        start_for(FILE, problem, kept(tmp_path, problem, point), tolerance=TOLERANCE)
+    text = str(shared_data / "fc3d_local" / "Rover1039.dat")
+    with pytest.raises(NotApplicable, match="the file has no starting point"):
+        start_for(FILE, storage.load(text), text, tolerance=TOLERANCE)
+    storage.save_answer(
+        tmp_path / "nan.h5", problem, point, {}, with_problem=True, guesses=[FCPoint(r=np.full(18, np.nan))]
+    )
+    with pytest.raises(NotApplicable, match="is not finite"):
+        start_for(FILE, problem, str(tmp_path / "nan.h5"), tolerance=TOLERANCE)
+
+
+def test_a_guess_of_fclib_is_nearer_than_nothing(shared_data: Path, tmp_path: Path) -> None:
+    """The warm start that Siconos kept with Capsules-i125: error 1.1e-2, that of zeros is 1.6e-2."""
+    address = str(shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5")
+    problem = storage.load(address)
+    found = start_for(FILE, problem, address, tolerance=TOLERANCE)
+    assert found.told == "file"
+    assert problem.residuals(found.point).error < 0.8 * problem.residuals(problem.zero_point()).error
+
+
+# ------------------------------------------------------------------------------------------- known solutions
+
+
+def test_noise_has_the_size_that_was_asked_in_every_block(rng: np.random.Generator, tmp_path: Path) -> None:
+    problem, point = planted_contact.grfc(rng, 301, 300, 40, 5)
+    got = start_for(noise(0.01), problem, kept(tmp_path, problem, point), tolerance=TOLERANCE)
+    assert got.told == "perturbed:0.01"
+    moment = np.arange(1500) % 5 > 2
+    for x, y in (
+        (point.v, got.point.v),
+        (point.lam, got.point.lam),
+        (point.r[moment], got.point.r[moment]),
+        (point.r[~moment], got.point.r[~moment]),
+    ):
+        assert np.linalg.norm(y - x) / np.linalg.norm(x) == pytest.approx(0.01, rel=0.4)
+
+
+def test_noise_comes_from_the_fingerprint_and_the_seed(planted_fc: Any) -> None:
+    problem, point = planted_fc
+    first = perturbed(problem, point, 0.1, 0).r
+    np.testing.assert_array_equal(first, perturbed(problem, point, 0.1, 0).r)
+    assert (first != perturbed(problem, point, 0.1, 1).r).any()
+    other = dataclasses.replace(problem, q=2.0 * problem.q)
+    assert (first != perturbed(other, point, 0.1, 0).r).any()
+    np.testing.assert_allclose(perturbed(problem, point, 0.2, 0).r - point.r, 2 * (first - point.r), atol=1e-14)
+    np.testing.assert_array_equal(perturbed(problem, point, 0.0, 0).r, point.r)
+
+
+def test_a_solution_that_is_none_is_no_start(planted_fc: Any, tmp_path: Path, shared_data: Path) -> None:
+    problem, point = planted_fc
+    with pytest.raises(NotApplicable, match=r"none: its error is \d\.\de[+-]\d\d, the tolerance 1e-08"):
+        start_for(noise(0.1), problem, kept(tmp_path, problem, FCPoint(r=1.1 * point.r)), tolerance=TOLERANCE)
+    storage.save(problem, tmp_path / "bare.h5")
+    with pytest.raises(NotApplicable, match="start perturbed: the file has no solution"):
+        start_for(noise(0.1), problem, str(tmp_path / "bare.h5"), tolerance=TOLERANCE)
+    trace = str(shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5")  # zeros as a placeholder
+    with pytest.raises(NotApplicable, match="the solution in the file is none"):
+        start_for(noise(0.1), storage.load(trace), trace, tolerance=TOLERANCE)
+
+
+def test_noise_around_zero_has_no_scale(tmp_path: Path) -> None:
+    problem = FrictionContact(W=np.eye(3), q=[1.0, 0, 0], mu=[0.5])
+    with pytest.raises(NotApplicable, match="noise has no scale there"):
+        start_for(noise(0.1), problem, kept(tmp_path, problem, problem.zero_point()), tolerance=TOLERANCE)
+
+
+# --------------------------------------------------------------------------------------------- the step before
+
+
+def test_the_step_before(planted_fc: Any, rng: np.random.Generator, tmp_path: Path) -> None:
+    problem, point = planted_fc
+    nc = problem.nc
+    here = Contacts(np.arange(nc), np.zeros((nc, 2)), np.zeros((nc, 3)), np.tile(np.eye(3), (nc, 1, 1)))
+    placed = dataclasses.replace(problem, contacts=here)
+    there = dataclasses.replace(here, id=np.arange(nc)[::-1])
+    got = start_for(PREVIOUS, placed, "", tolerance=TOLERANCE, before=Before(point, there))
+    assert got.told == "previous"
+    np.testing.assert_array_equal(got.point.r, point.r.reshape(-1, 3)[::-1].ravel())
+    strangers = dataclasses.replace(here, id=np.arange(nc) + 50)
+    told = start_for(PREVIOUS, placed, "", tolerance=TOLERANCE, before=Before(point, strangers)).told
+    assert told == "previous, no contact matched"
+    by_order = start_for(PREVIOUS, problem, "", tolerance=TOLERANCE, before=Before(point))
+    assert by_order.told == "previous, contacts matched by order"
+    assert start_for(PREVIOUS, problem, "", tolerance=TOLERANCE).told == "cold: no step before"
+    other = start_for(PREVIOUS, problem, "", tolerance=TOLERANCE, before=Before(FCPoint(r=np.ones(3))))
+    assert other.point is None
+    assert other.told == "cold: 1 contacts before, 6 now, and no ids to match them by"
+
+
+def test_a_step_is_read_again_from_its_file(planted_fc: Any, tmp_path: Path) -> None:
+    problem, point = planted_fc
+    geometry = Contacts(np.arange(6), np.zeros((6, 2)), np.zeros((6, 3)), np.tile(np.eye(3), (6, 1, 1)))
+    storage.save(dataclasses.replace(problem, contacts=geometry), tmp_path / "step.h5")
+    before = step_before(str(tmp_path / "step.h5"), None, problem.fingerprint, point.r)
+    assert before.contacts is not None
+    np.testing.assert_array_equal(before.contacts.id, np.arange(6))
+    np.testing.assert_array_equal(before.point.r, point.r)
+    with pytest.raises(ProblemError, match="the file changed after it was solved"):
+        step_before(str(tmp_path / "step.h5"), None, "0" * 32, point.r)
+
+
+# --------------------------------------------------------------------------------------- converted problems
+
+
+@pytest.mark.parametrize(
+    ("node", "target"), [("gfc", "fc"), ("gfc", "soclcp"), ("fcm", "fc"), ("mlcp", "lcp"), ("lcp", "qp")]
+)
+def test_a_solution_arrives_as_a_solution(node: str, target: str, tmp_path: Path) -> None:
+    checked = 0
+    for case in cases(node):
+        if not any(x.any() for x in case.point.arrays().values()):
+            continue
+        try:
+            arrival = graph.arrive(case.problem, target)
+        except CpbenchError:
+            continue
+        steps = len(arrival.route.steps)
+        address = str(tmp_path / f"{case.name}.h5")
+        storage.save_answer(address, case.problem, case.point, {}, with_problem=True)
+        got = start(noise(0.0), case.problem, address, arrival.problem, steps, tolerance=TOLERANCE)
+        assert arrival.problem.residuals(got.point).error < 1e-6, case.name
+        checked += 1
+    assert checked
+
+
+def test_facets_carry_a_start(planted_fc: Any, tmp_path: Path) -> None:
+    problem, point = planted_fc
+    from cpbench.conversions.base import make
+
+    inner = make("fc-lcp-inner", {"facets": 8})
+    arrival = graph.arrive(problem, "lcp", via=(inner,))
+    address = kept(tmp_path, problem, point)
+    got = start(noise(0.0), problem, address, arrival.problem, len(arrival.route.steps), tolerance=TOLERANCE).point
+    assert isinstance(got, LCPPoint)
+    back = graph.lift(arrival.problem, got)
+    np.testing.assert_allclose(back.r.reshape(-1, 3)[:, 0], point.r.reshape(-1, 3)[:, 0], atol=1e-12)
+    assert problem.residuals(back).error < 0.1
+
+
+def test_what_cannot_be_carried_is_refused(planted_fc: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, point = planted_fc
+    converted = FCtoSOCLCP().step(problem)
+    with pytest.raises(NotApplicable, match="start: no way to carry it to soclcp: it is not finite"):
+        carry(FCPoint(r=np.full(point.r.size, np.inf)), converted, 1)
+    monkeypatch.setattr(FCtoSOCLCP, "push", Conversion.push)
+    with pytest.raises(NotApplicable, match="no way to carry it to soclcp: fc-soclcp: has no push"):
+        carry(point, converted, 1)
+
+
+def test_the_built_in_suite_has_starts(tmp_path: Path) -> None:
+    """Every planted answer of the suite that is not 0 is a start with noise; none of its files has a guess."""
+    shutil.copy(builtin_folder() / "fc" / "contact-planted-3d.h5", tmp_path)
+    nonzero = 0
+    for address in storage.problem_files([tmp_path]):
+        problem, (solution, _) = storage.load(address), storage.solution(address) or (None, {})
+        with pytest.raises(NotApplicable, match="no starting point"):
+            start_for(FILE, problem, address, tolerance=1e-6)
+        if solution.r.any():
+            nonzero += 1
+            got = start_for(noise(1e-3), problem, address, tolerance=1e-6).point
+            assert 1e-6 < problem.residuals(got).error < 0.1
+    assert nonzero >= 10
