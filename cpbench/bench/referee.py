@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import io
+import math
 import os
 import sys
 import time
@@ -21,11 +22,15 @@ from typing import Any
 import numpy as np
 
 from cpbench import graph, storage, verification
-from cpbench.bench import wire
+from cpbench.bench import starts, wire
+from cpbench.bench.history import Trail, coarse_to_fine
 from cpbench.bench.process import limit_memory
 from cpbench.conversions import Conversion, make
 from cpbench.errors import CpbenchError, PointError, ProblemError
 from cpbench.formulations.base import Kind, Problem
+
+HISTORY_SECONDS = 30.0
+"""Seconds after which no further iterate of a history is judged; those that were are spread over the whole."""
 
 
 def main(connection: Connection, scratch: str, memory: int) -> None:
@@ -121,6 +126,39 @@ class Referee:
             }
         )
 
+    def start(
+        self,
+        vectors: dict[str, Any],
+        address: str,
+        format: str | None,
+        fingerprint: str,
+        node: str,
+        request: dict[str, Any],
+        tolerance: float,
+        policy: str,
+        seed: int,
+        before: dict[str, Any] | None,
+    ) -> bytes:
+        """The point that a solver is to start from, on the converted problem; refuses where there is none.
+
+        `before` names the step before, whose kept answer comes with the message.
+        """
+        source = self._open(address, format, fingerprint)
+        prepared = self._ready(address, format, fingerprint, node, request, tolerance)
+        earlier = starts.step_before(**before, answer=unblob(vectors["answer"])) if before is not None else None
+        begin = starts.start(
+            starts.parse_start(policy),
+            source,
+            address,
+            prepared.problem,
+            prepared.steps,
+            tolerance=tolerance,
+            seed=seed,
+            before=earlier,
+        )
+        vectors = begin.point.arrays() if begin.point is not None else {}
+        return wire.pack({"event": "started", "told": begin.told}, vectors)
+
     def judge(
         self,
         vectors: dict[str, Any],
@@ -136,10 +174,7 @@ class Referee:
     ) -> bytes:
         """Lift the answer, measure it on the problem that was asked, and give the row its status."""
         source = self._open(address, format, fingerprint)
-        key = f"{request['name']}>{node}"
-        if key not in self._prepared:  # a referee that replaces one that died
-            self.prepare(None, address, format, fingerprint, node, request, tolerance)
-        prepared = self._prepared[key]
+        prepared = self._ready(address, format, fingerprint, node, request, tolerance)
         certificate = vectors.pop("certificate", None)
         proven = prepared.kind == Kind.EQUIVALENT and verification.certified_infeasible(prepared.problem, certificate)
         lifted = verified = 0.0
@@ -172,6 +207,34 @@ class Referee:
             {"answer": _blob(answer)} if answer is not None else None,
         )
 
+    def judge_history(
+        self,
+        vectors: dict[str, Any],
+        address: str,
+        format: str | None,
+        fingerprint: str,
+        node: str,
+        request: dict[str, Any],
+        tolerance: float,
+        trail: dict[str, Any],
+        measure: str | None = None,
+        seconds: float = HISTORY_SECONDS,
+    ) -> bytes:
+        """Lift and measure the iterates of a recorded solve on the problem that was asked, as many as time permits."""
+        source = self._open(address, format, fingerprint)
+        prepared = self._ready(address, format, fingerprint, node, request, tolerance)
+        recorded = Trail.from_message(trail, vectors, sum(prepared.problem.point_sizes.values()))
+        errors: dict[int, tuple[float, tuple[str, ...]]] = {}
+        begun = time.perf_counter()
+        for place in coarse_to_fine(len(recorded.iterates)):
+            if errors and time.perf_counter() - begun > seconds:
+                break
+            errors[place] = _measured(source, prepared, recorded.iterates[place], measure)
+        return wire.pack(
+            {"event": "history", "judged": len(errors), "of": len(recorded.iterates)},
+            {"history": recorded.judged(errors).pack()},
+        )
+
     def _open(self, address: str, format: str | None, fingerprint: str = "") -> Problem:
         if self._address != address or self._source is None:
             for prepared in self._prepared.values():
@@ -188,6 +251,15 @@ class Referee:
                 "run the same command again to plan what it holds now",
             )
         return source
+
+    def _ready(
+        self, address: str, format: str | None, fingerprint: str, node: str, request: dict[str, Any], tolerance: float
+    ) -> Prepared:
+        """What `prepare` made, made again by a referee that replaces one that died."""
+        key = f"{request['name']}>{node}"
+        if key not in self._prepared:
+            self.prepare(None, address, format, fingerprint, node, request, tolerance)
+        return self._prepared[key]
 
     def _bring(self, problem: Problem, node: str, request: dict[str, Any]) -> Prepared:
         """Convert the problem and write what solvers load."""
@@ -216,6 +288,18 @@ class Referee:
             if any(not r.steps or r.steps[0].obstacle(problem) is None for r in routes):
                 nodes.append(node)
         return nodes
+
+
+def _measured(source: Problem, prepared: Prepared, x: Any, measure: str | None) -> tuple[float, tuple[str, ...]]:
+    """Error of a solver's vector on the problem that was asked, with the flags of a tolerance that it just meets."""
+    try:
+        answer = graph.lift(prepared.problem, prepared.problem.point_from_vector(x), prepared.steps)
+        error = verification.judge(source, answer, 0.0, measure).error
+        if not math.isfinite(error):
+            return math.inf, ()
+        return error, verification.judge(source, answer, error, measure).flags
+    except PointError:
+        return math.inf, ()
 
 
 class _Charged(graph.Memory):

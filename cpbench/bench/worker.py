@@ -15,6 +15,7 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.bench import wire
+from cpbench.bench.history import recorded
 from cpbench.bench.process import address_space, limit_memory
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget, Solver, SolverOutput, solvers
@@ -99,6 +100,8 @@ def _solve(
     if header["repeats"] > 1 and setup + solve < SHORT:
         times = [_timed(solver, problem, budget, options, first)[1:] for _ in range(header["repeats"] - 1)]
         connection.send_bytes(wire.pack({"event": "repeats", "times": times}))
+    if header.get("history"):
+        connection.send_bytes(recorded(solver, problem, budget, options, first))
 
 
 def _timed(

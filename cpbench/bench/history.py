@@ -1,0 +1,283 @@
+"""The way of one solve to its answer: iterates kept while it runs, judged afterwards on the problem that was asked.
+
+The worker records (`recorded`), in a solve of its own after those that are timed. The referee measures every iterate
+that was kept (`Trail`, `History`), so that what a solver tells of itself is never needed. One run at a tight
+tolerance then gives the rows of the looser ones (`derived_rows`).
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import math
+import time
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cpbench.bench import wire
+from cpbench.errors import PointError, StoreError
+from cpbench.formulations.base import Problem
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Solver, SolverOutput
+from cpbench.verification import Status
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ROOM, LEAST = 64, 4
+"""The most iterates kept of a solve, and how many are kept however large they are."""
+BYTES = 32e6
+"""Bytes of iterates kept, where that is more than LEAST of them."""
+FINEST = 1e-4
+"""Seconds below which times are not told apart when iterates are thinned."""
+FLAG = "history"
+"""Flag of a row that was not run but read off the history of a tighter one."""
+
+
+class Recorder:
+    """The `Record` of one solve: keeps iterates at geometrically growing times; its own time is not the solver's.
+
+    All are kept until the room is full, then only those that lie apart by a factor, which grows when they are still
+    too many. The clock starts when the recorder is made.
+
+    Parameters
+    ----------
+    room : the most iterates kept; the answer (`finish`) comes on top.
+    """
+
+    def __init__(self, room: int = ROOM) -> None:
+        self._room = room
+        self._kept: list[tuple[float, int, float, Any]] = []
+        self._apart = 0.0
+        self._due = 0.0
+        self.calls, self.cost = 0, 0.0
+        self._begun = time.perf_counter()
+
+    def __call__(self, iteration: int, residual: float, point: Callable[[], Any]) -> None:
+        now = time.perf_counter()
+        self.calls += 1
+        elapsed = now - self._begun - self.cost
+        if elapsed >= self._due:
+            self._kept.append((elapsed, iteration, residual, point()))
+            if len(self._kept) >= self._room:
+                self._thin()
+            self._due = self._next()
+        self.cost += time.perf_counter() - now
+
+    def finish(self, output: SolverOutput) -> bytes:
+        """The message with what was kept and, last, the answer, whatever was recorded."""
+        total = time.perf_counter() - self._begun - self.cost
+        kept = list(self._kept)
+        if output.point is not None:
+            last = output.counters.get("iterations", kept[-1][1] if kept else 0)
+            kept.append((total, last, math.nan, output.point))
+        return wire.pack(
+            {"event": "history", "count": len(kept), "solve": total, "cost": self.cost, "calls": self.calls},
+            {
+                "time": [seconds for seconds, *_ in kept],
+                "iteration": [iteration for _, iteration, *_ in kept],
+                "told": [told for *_, told, _ in kept],
+                "iterates": np.concatenate([np.zeros(0), *(v for *_, p in kept for v in p.arrays().values())]),
+            },
+        )
+
+    def _next(self) -> float:
+        return self._kept[-1][0] + self._apart * max(self._kept[-1][0], FINEST)
+
+    def _thin(self) -> None:
+        every = self._kept
+        while len(self._kept) > 3 * self._room // 4:
+            self._apart = max(1.25 * self._apart, 0.01)
+            self._kept = every[:1]
+            for one in every[1:]:
+                if one[0] >= self._next():
+                    self._kept.append(one)
+
+
+def recorded(solver: Solver, problem: Problem, budget: Budget, options: Any, start: Any | None) -> bytes:
+    """Solve once more and record it; the message to the runner."""
+    prepared = solver.setup(problem, budget, options)
+    size = sum(problem.point_sizes.values())
+    gc.collect(0)
+    recorder = Recorder(max(LEAST, min(ROOM, int(BYTES / (8 * size + 1)))))
+    return recorder.finish(solver.solve(prepared, budget, options, start, recorder))
+
+
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """What a worker recorded, nothing of it believed but the times: `iterates` is (count, numbers of an answer)."""
+
+    time: Vector
+    iteration: Vector
+    told: Vector
+    iterates: np.ndarray[Any, np.dtype[np.float64]]
+    solve: float
+    cost: float
+    calls: int
+
+    @classmethod
+    def from_message(cls, header: Mapping[str, Any], vectors: Mapping[str, Any], size: int) -> Trail:
+        """Of answers of `size` numbers. Raises PointError when the message does not hold together."""
+        try:
+            count = int(header["count"])
+            columns = {name: np.asarray(vectors[name], dtype=float) for name in ("time", "iteration", "told")}
+            if any(column.shape != (count,) for column in columns.values()):
+                raise ValueError(f"{count} iterates with {[c.size for c in columns.values()]} times and residuals")
+            if not (np.isfinite(columns["time"]).all() and (np.diff(columns["time"], prepend=0.0) >= 0.0).all()):
+                raise ValueError("the times do not rise")
+            iterates = np.asarray(vectors["iterates"], dtype=float).reshape(count, size)
+            return cls(
+                **columns,
+                iterates=iterates,
+                solve=float(header["solve"]),
+                cost=float(header["cost"]),
+                calls=int(header["calls"]),
+            )
+        except (KeyError, TypeError, ValueError) as cause:
+            raise PointError(f"the recorded iterates are none: {cause}") from None
+
+    def judged(self, errors: Mapping[int, tuple[float, tuple[str, ...]]]) -> History:
+        """The history of the iterates whose error and flags are given, by their places."""
+        places = sorted(errors)
+        return History(
+            time=self.time[places],
+            iteration=self.iteration[places],
+            told=self.told[places],
+            error=np.array([errors[k][0] for k in places]),
+            flags=tuple(",".join(errors[k][1]) for k in places),
+            solve=self.solve,
+            cost=self.cost,
+            calls=self.calls,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What was measured of the iterates of a solve that were kept, in order of time.
+
+    Attributes
+    ----------
+    time : seconds since the solve began, less those of the recorder. iteration : of the solver. told : its residual,
+    NaN where it told none. error : ours, on the problem that was asked, ∞ for no answer. flags : remarks of the
+    verdict at the tolerance that the iterate just meets. solve : seconds of the whole recorded solve. cost : seconds
+    the recorder took on top. calls : of the recorder.
+    """
+
+    time: Vector
+    iteration: Vector
+    told: Vector
+    error: Vector
+    flags: tuple[str, ...]
+    solve: float
+    cost: float = 0.0
+    calls: int = 0
+
+    def first(self, tolerance: float) -> int | None:
+        """Place of the first iterate that solves the problem at this tolerance, None when there is none."""
+        good = np.flatnonzero(self.error <= tolerance)
+        return int(good[0]) if good.size else None
+
+    def time_to(self, tolerance: float) -> float:
+        """Seconds to the first iterate that solves the problem, ∞ when none does.
+
+        An upper bound, for an iterate that was not kept may have done it before; at most since the one kept before.
+        """
+        k = self.first(tolerance)
+        return math.inf if k is None else float(self.time[k])
+
+    def pack(self) -> bytes:
+        """As one compressed blob."""
+        header = {"flags": self.flags, "solve": self.solve, "cost": self.cost, "calls": self.calls}
+        return zlib.compress(wire.pack(header, {name: getattr(self, name) for name in COLUMNS}), 6)
+
+    @classmethod
+    def unpack(cls, blob: bytes) -> History:
+        """Raises StoreError when the blob is none of ours."""
+        try:
+            header, columns = wire.unpack(zlib.decompress(blob))
+            return cls(
+                **{name: columns[name] for name in COLUMNS},
+                flags=tuple(map(str, header["flags"])),
+                solve=float(header["solve"]),
+                cost=float(header["cost"]),
+                calls=int(header["calls"]),
+            )
+        except (zlib.error, wire.WireError, KeyError, TypeError, ValueError) as cause:
+            raise StoreError(f"a history of {len(blob)} bytes cannot be read: {cause}") from None
+
+
+COLUMNS = ("time", "iteration", "told", "error")
+
+
+def coarse_to_fine(count: int) -> list[int]:
+    """0 … count - 1 with the last first, then the first, then the middles of what is between: cut anywhere, what was
+    done is spread over the whole.
+
+    >>> coarse_to_fine(6)
+    [5, 0, 2, 1, 3, 4]
+    """
+    order = [count - 1, 0][: min(count, 2)]
+    gaps = [(0, count - 1)]
+    while gaps:
+        low, high = gaps.pop(0)
+        if high - low > 1:
+            middle = (low + high) // 2
+            order.append(middle)
+            gaps += [(low, middle), (middle, high)]
+    return order
+
+
+def derived_rows(row: Mapping[str, Any], history: History, tolerances: Iterable[float]) -> dict[float, dict[str, Any]]:
+    """The measured columns of looser tolerances, by tolerance, read off the history of a run at a tight one.
+
+    A tolerance that the history does not reach has no row: it is to be run. Times are shares of the recorded solve,
+    charged to the time of the one that was timed. They say when an iterate was good enough for us, which the solver,
+    asked for less, may have noticed later.
+    """
+    rows: dict[float, dict[str, Any]] = {}
+    scale = float(row["solve"]) / history.solve if row.get("solve") and history.solve > 0 else 1.0
+    for tolerance in tolerances:
+        k = history.first(tolerance)
+        if k is None:
+            continue
+        seconds, earlier = scale * history.time[k], scale * history.time[k - 1] if k else 0.0
+        flags = [flag for flag in history.flags[k].split(",") if flag]
+        rows[tolerance] = {
+            **{column: None for column in OWN if column in row},
+            **{column: value for column, value in row.items() if column not in OWN},
+            "status": str(Status.STATIONARY if "stationary" in flags else Status.SOLVED),
+            "error": float(history.error[k]),
+            "flags": ",".join([*flags, FLAG]),
+            "solve": float(seconds),
+            "counters": json.dumps({"iterations": int(history.iteration[k])}),
+            "message": f"read off the history of a tighter run: solved after {earlier:.3g} to {seconds:.3g} s",
+            "claim": "",
+            "parts": "{}",
+            "samples": "[]",
+            "repeats": 0,
+        }
+    return rows
+
+
+OWN = ("solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "code", "loadavg", "attempts")
+"""Columns of a row that hold for the run that made it and for nothing that is read off its history."""
+
+
+def table(histories: Mapping[str, bytes]) -> pd.DataFrame:
+    """Packed histories as one long table: key of the row, columns of `History`, share of `solve` that is over."""
+    import pandas as pd
+
+    parts: list[pd.DataFrame] = []
+    for key, blob in sorted(histories.items()):
+        history = History.unpack(blob)
+        share = history.time / history.solve if history.solve > 0 else np.ones_like(history.time)
+        columns = {name: getattr(history, name) for name in COLUMNS}
+        parts.append(pd.DataFrame({"key": key, **columns, "share": share}))
+    empty = pd.DataFrame(
+        {"key": pd.Series(dtype=object), **{name: pd.Series(dtype=float) for name in (*COLUMNS, "share")}}
+    )
+    return pd.concat(parts, ignore_index=True) if parts else empty
