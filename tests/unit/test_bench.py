@@ -186,7 +186,7 @@ def test_a_row_and_its_answer_come_together_or_not_at_all(lane: Lane, tmp_path: 
     planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     store = Store(tmp_path / "r.sqlite", create=True)
     store.plan(planned)
-    with pytest.raises(sqlite3.Error):
+    with pytest.raises(StoreError):
         store.finish(planned[0].key, {"status": object()}, b"answer")  # what SQLite cannot store
     assert store.counts() == {"not_run": 1}
     assert list(store.answers()) == []

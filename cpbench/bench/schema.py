@@ -1,0 +1,100 @@
+"""The tables of a results file, by version, and how an older file becomes one of today.
+
+Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
+reference solves and machines have tables of their own.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+
+SCHEMA = 2
+
+PLANNED = {
+    "key": "TEXT", "problem": "TEXT", "address": "TEXT", "fingerprint": "TEXT", "node": "TEXT", "family": "TEXT",
+    "sizes": "TEXT", "set": "TEXT", "solver": "TEXT", "label": "TEXT", "request": "TEXT", "options": "TEXT",
+    "tolerance": "REAL", "measure": "TEXT", "start": "TEXT", "sequence": "TEXT", "step": "INTEGER",
+    "seconds": "REAL", "memory": "INTEGER", "threads": "INTEGER", "repeats_asked": "INTEGER",
+}  # fmt: skip
+"""Columns of a row that the plan fixes, with their SQL types."""
+MEASURED = {
+    "status": "TEXT", "route": "TEXT", "kind": "TEXT", "claim": "TEXT", "error": "REAL", "flags": "TEXT",
+    "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL", "convert": "REAL",
+    "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL", "peak": "INTEGER",
+    "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL", "signal": "INTEGER",
+    "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER", "jobs": "INTEGER",
+    "host": "TEXT", "loadavg": "REAL", "finished": "TEXT",
+}  # fmt: skip
+"""Columns that the run fills; `attempts` counts how often it did."""
+_OURS = {"rows", "answers", "meta"}
+_COLUMNS = ", ".join(
+    f'"{name}" {kind}{" PRIMARY KEY" if name == "key" else ""}' for name, kind in {**PLANNED, **MEASURED}.items()
+)
+_SHARED_WITH_1 = (
+    "CREATE TABLE refused (address TEXT PRIMARY KEY, reason TEXT NOT NULL)",
+    "CREATE TABLE meta (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
+)
+_NEW_IN_2 = (
+    f"CREATE TABLE rows ({_COLUMNS})",
+    "CREATE TABLE answers (key TEXT PRIMARY KEY REFERENCES rows(key), bytes INTEGER NOT NULL, answer BLOB NOT NULL)",
+    "CREATE TABLE histories (key TEXT PRIMARY KEY REFERENCES rows(key), history BLOB NOT NULL)",
+    "CREATE TABLE reference (at TEXT NOT NULL, pairs INTEGER NOT NULL, seconds REAL, loadavg REAL)",
+    "CREATE TABLE machines (host TEXT PRIMARY KEY, description TEXT NOT NULL)",
+    "CREATE INDEX answers_bytes ON answers(bytes)",  # their sum, without reading an answer
+    "CREATE INDEX rows_status ON rows(status)",  # what is left to run, without reading the rows
+)
+
+
+def create(db: sqlite3.Connection) -> None:
+    """Make the tables of this version; the caller's transaction holds them."""
+    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, f"PRAGMA user_version={SCHEMA}"):
+        db.execute(statement)
+
+
+def version(db: sqlite3.Connection) -> int | None:
+    """The version of a file's tables: 0 of an empty file, None of one that holds no results."""
+    tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    found = int(db.execute("PRAGMA user_version").fetchone()[0])
+    if not tables and found == 0:
+        return 0
+    return found if found > 0 and tables >= _OURS else None
+
+
+def migrate(db: sqlite3.Connection, found: int) -> None:
+    """Bring the tables of version `found` to this one, in one transaction: a file has its old tables or the new."""
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        for step in _STEPS[found - 1 :]:
+            step(db)
+        db.execute(f"PRAGMA user_version={SCHEMA}")
+    except BaseException:
+        db.execute("ROLLBACK")
+        raise
+    db.execute("COMMIT")
+
+
+def _from_1(db: sqlite3.Connection) -> None:
+    """The tables are made again rather than altered: a migrated file has the columns in the order of a new one."""
+    meta = {name: json.loads(value) for name, value in db.execute("SELECT name, value FROM meta")}
+    old = [name for _, name, *_ in db.execute("PRAGMA table_info(rows)")]
+    db.execute("ALTER TABLE answers RENAME TO answers_1")
+    db.execute("ALTER TABLE rows RENAME TO rows_1")
+    for statement in _NEW_IN_2:
+        db.execute(statement)
+    columns = ", ".join(f'"{name}"' for name in old)
+    db.execute(
+        f'INSERT INTO rows ({columns}, "set", sequence, step, seconds, memory, repeats_asked)'
+        f" SELECT {columns}, '', '', 0, ?, ?, ? FROM rows_1",
+        (meta.get("timeout"), meta.get("memory"), meta.get("repeats")),
+    )
+    db.execute(
+        "UPDATE rows SET attempts = 1, started = 'cold', jobs = ? WHERE status <> 'not_run'", (meta.get("jobs"),)
+    )
+    db.execute("INSERT INTO answers SELECT key, length(answer), answer FROM answers_1")
+    db.execute("DROP TABLE answers_1")
+    db.execute("DROP TABLE rows_1")
+
+
+_STEPS = (_from_1,)
+"""From version 1 to 2, from 2 to 3, ..."""
