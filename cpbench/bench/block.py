@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from cpbench.bench.history import History, derived_rows
 from cpbench.bench.lane import Lane
-from cpbench.bench.outcome import Before, Outcome
+from cpbench.bench.outcome import Outcome, Predecessor
 from cpbench.bench.plan import Pair
 
 PREVIOUS = "previous"
@@ -52,7 +53,8 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
 
     Problems are shuffled, and the solvers within each: a drift of the machine then touches all solvers of a problem
     alike, and every conversion is done once and shared. With the start policy `previous` sequences are shuffled,
-    not their steps. `ending` tells how a row ended that is not pending.
+    not their steps; where histories are kept, the tightest of several tolerances comes first.
+    `ending` tells how a row ended that is not pending.
     """
     draw = random.Random(seed)
     grouped: dict[str, list[Pair]] = {}
@@ -64,7 +66,8 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
     for name in names:
         members = grouped[name]
         draw.shuffle(members)
-        members.sort(key=lambda p: p.step if _follows(p) else 0)
+        place = {_variant(p): k for k, p in enumerate(members)}
+        members.sort(key=lambda p: (p.step if _follows(p) else 0, place[_variant(p)], p.tolerance))
         todo = tuple(p for p in members if p.key in pending)
         if todo:
             keys = {p.key for p in todo}
@@ -84,6 +87,7 @@ def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pai
     lane.start(block.solvers, block.pairs[0].limits.memory, lambda name: notice("start", None, {"solver": name}))
     prepared: dict[tuple[str, str, float], dict[str, Any]] = {}
     endings: dict[str, Ending] = dict(block.known)
+    derived: dict[str, Outcome] = {}
     address = ""
     for pair in block.pairs:
         if pair.address != address:  # the referee holds one problem
@@ -93,15 +97,34 @@ def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pai
             prepared[where] = lane.prepare(pair)
         notice("solve", pair, {})
         before = block.before.get(pair.key)
-        outcome = lane.run(pair, prepared[where], before and _start_of(before, endings[before.key]))
+        outcome = derived.pop(pair.key, None)
+        if outcome is None:
+            outcome = lane.run(pair, prepared[where], before and _predecessor(before, endings[before.key]))
+            derived |= _looser(pair, outcome, block.pairs)
         endings[pair.key] = (outcome.status, outcome.answer)
         yield pair, outcome.dated(time.strftime("%Y-%m-%dT%H:%M:%S"))
 
 
-def _start_of(before: Pair, ending: Ending) -> Before:
+def _predecessor(before: Pair, ending: Ending) -> Predecessor:
     status, answer = ending
     verified = answer if status in VERIFIED else None
-    return Before(before.address, before.format, before.fingerprint, status, verified)
+    return Predecessor(before.address, before.format, before.fingerprint, status, verified)
+
+
+def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Outcome]:
+    """Outcomes, by key, of pairs that ask for less and that the history of this one answers."""
+    if outcome.history is None:
+        return {}
+    wanted = {p.tolerance: p.key for p in pairs if p.tolerance > pair.tolerance and _variant(p) == _variant(pair)}
+    rows = derived_rows(outcome.row, History.unpack(outcome.history), wanted)
+    return {wanted[tolerance]: Outcome(row) for tolerance, row in rows.items()}
+
+
+def _variant(pair: Pair) -> tuple[Any, ...]:
+    """Pairs of one variant differ by their tolerance; told apart only where a history makes one of them enough."""
+    if not pair.limits.history:
+        return (pair.key,)
+    return (pair.set, pair.address, pair.label, pair.start, pair.measure)
 
 
 def _follows(pair: Pair) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
 from cpbench.bench import wire
-from cpbench.bench.outcome import Before, Outcome, Result, conversion_row, iqr
+from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr
 from cpbench.bench.plan import Pair, Request
 from cpbench.bench.process import Child, Died, TimedOut, context
 from cpbench.bench.scratch import Scratch
@@ -111,11 +111,8 @@ class Lane:
         Who is found dead may have died of something else: a command is repeated once.
         """
         message = wire.pack(header, vectors)
-        for _ in range(2):
-            reply, found = self._asked(seconds, message)
-            if reply["event"] != "died":
-                break
-        return reply, found
+        reply, found = self._asked(seconds, message)
+        return self._asked(seconds, message) if reply["event"] == "died" else (reply, found)
 
     def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
         if self._referee is None:
@@ -208,7 +205,7 @@ class Lane:
         )
         return reply
 
-    def run(self, pair: Pair, prepared: Mapping[str, Any], before: Before | None = None) -> Outcome:
+    def run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None = None) -> Outcome:
         """The outcome of one pair. Never raises for anything that a solver, a conversion or a file does."""
         begun = time.perf_counter()
         outcome = self._run(pair, prepared, before)
@@ -220,7 +217,7 @@ class Lane:
         }
         return Outcome(row, outcome.answer, outcome.history)
 
-    def _run(self, pair: Pair, prepared: Mapping[str, Any], before: Before | None) -> Outcome:
+    def _run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None) -> Outcome:
         row = conversion_row(prepared)
         if row["status"]:
             return Outcome(row)
@@ -274,7 +271,7 @@ class Lane:
         status = "unsupported" if reply["event"] == "unsupported" else "error"
         return Outcome({**row, "status": status, "message": str(reply.get("message", reply["event"]))})
 
-    def _start_of(self, pair: Pair, before: Before | None) -> tuple[Mapping[str, Any] | None, str]:
+    def _start_of(self, pair: Pair, before: Predecessor | None) -> tuple[Mapping[str, Any] | None, str]:
         """Vectors of the point to start from, and what the row tells of it; raises Unsupported."""
         if pair.start == "cold":
             return None, "cold"

@@ -30,7 +30,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Before:
+class Predecessor:
     """The step before in a sequence: where its problem is, and the answer of the same solver, if it was verified."""
 
     address: str

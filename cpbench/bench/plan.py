@@ -114,6 +114,7 @@ class Pair:
 
     @property
     def label(self) -> str:
+        """What the tables show: the solver with its options, and how it is reached."""
         return self.entry.label if self.request.name == "exact" else f"{self.entry.label}@{self.request.name}"
 
 

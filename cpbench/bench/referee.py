@@ -136,7 +136,6 @@ class Referee:
         request: dict[str, Any],
         tolerance: float,
         policy: str,
-        seed: int,
         before: dict[str, Any] | None,
     ) -> bytes:
         """The point that a solver is to start from, on the converted problem; refuses where there is none.
@@ -153,7 +152,6 @@ class Referee:
             prepared.problem,
             prepared.steps,
             tolerance=tolerance,
-            seed=seed,
             before=earlier,
         )
         vectors = begin.point.arrays() if begin.point is not None else {}

@@ -1,34 +1,49 @@
-"""What a run shows: a bar on a terminal, one line a tenth of the way elsewhere, nothing when quiet."""
+"""What a run shows: a live table on a terminal, lines elsewhere, nothing when quiet; and its log."""
 
 from __future__ import annotations
 
+import logging
 import sys
+import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from cpbench.bench.plan import Pair
 from cpbench.conversions import Conversion
-from cpbench.errors import NotApplicable
+from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations import Problem
 from cpbench.graph import Apply
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
+MINUTE = 60.0
 LARGE = 50e6
 """Bytes of a conversion's result from which on it is announced."""
 
 
 class Display:
-    """Progress on stderr; data never goes there, so that stdout can be piped."""
+    """Progress on stderr; data never goes there, so that stdout can be piped.
 
-    def __init__(self, quiet: bool) -> None:
+    A live table on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line on stderr,
+    with `log` one in that file too.
+    """
+
+    def __init__(self, quiet: bool = False, verbose: bool = False, log: Path | None = None) -> None:
         self._quiet = quiet
-        self._terminal = sys.stderr.isatty() and not quiet
-        self._bar: Any = None
-        self._task: Any = None
-        self._total = self._done = 0
+        self._terminal = sys.stderr.isatty() and not quiet and not verbose
+        self._events = journal(verbose, log)
+        self._live: Any = None
+        self._total = self._done = self._before = 0
         self._counts: Counter[str] = Counter()
+        self._now: dict[str, tuple[str, float, float]] = {}
+        self._warming = ""
+        self._began = self._told = time.monotonic()
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
         """The addresses, with a bar over the files on a terminal."""
@@ -36,45 +51,74 @@ class Display:
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
         self._total = len({p.key for p in planned} & set(pending))
-        already = len(planned) - self._total
+        self._before = len(planned) - self._total
+        self._began = self._told = time.monotonic()
         if not self._quiet:
-            resumed = f", {already} done before" if already else ""
+            resumed = f", {self._before} done before" if self._before else ""
             click.echo(f"{len(planned)} pairs{resumed}", err=True)
         if self._terminal and self._total:
             from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+            from rich.live import Live
 
-            self._bar = Progress(
-                TextColumn("{task.description:40.40}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TimeRemainingColumn(),
-                TextColumn("{task.fields[counts]}"),
-                console=Console(file=sys.stderr),
-                transient=True,
-            )
-            self._task = self._bar.add_task("starting", total=self._total, counts="")
-            self._bar.start()
+            console = Console(file=sys.stderr)
+            self._live = Live(get_renderable=self.view, console=console, refresh_per_second=2, transient=True)
+            self._live.start()
 
     def progress(self, event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
         """Called by the runner with `start` (a solver warms up), `solve` and `done`."""
-        if event == "done":
+        if event == "start":
+            self._warming = str(row["solver"])
+        elif pair is not None and event == "solve":
+            self._warming = ""
+            self._now[pair.key] = (f"{pair.label} on {pair.problem}", time.monotonic(), pair.limits.seconds)
+        elif pair is not None:
+            self._now.pop(pair.key, None)
             self._done += 1
             self._counts[str(row["status"])] += 1
-        if self._bar is not None:
-            text = (
-                f"warming up {row['solver']}" if event == "start" else f"{pair.problem}  {pair.label}" if pair else ""
-            )
-            self._bar.update(self._task, description=text, completed=self._done, counts=self._summary())
-        elif not self._quiet and event == "done" and self._done % max(1, self._total // 10) == 0:
-            click.echo(f"{self._done}/{self._total}  {self._summary()}", err=True)
+            self._tell()
+        if self._events is not None:
+            self._events.info(line(event, pair, row))
 
     def end(self) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+        if self._live is not None:
+            self._live.stop()
+
+    def view(self) -> Table:
+        """The live table: how far, what is being solved, what came of the others, how long it will take."""
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+
+        table = Table.grid(padding=(0, 2), expand=True)
+        table.add_column(style="dim", width=9)
+        table.add_column(ratio=1, no_wrap=True, overflow="ellipsis")
+        now = time.monotonic()
+        table.add_row("done", f"{self._done} of {self._total} pairs, {self._left() or 'no estimate yet'}")
+        table.add_row("", ProgressBar(total=max(self._total, 1), completed=self._done))
+        for text, since, limit in list(self._now.values()):
+            table.add_row("solving", f"{text}  {now - since:.1f} s of {limit:g} s")
+        if self._warming:
+            table.add_row("warming", self._warming)
+        table.add_row("verdicts", self._summary())
+        return table
+
+    def _tell(self) -> None:
+        """A line a tenth of the way, and one a minute where that is rarer."""
+        tenth = self._done % max(1, self._total // 10) == 0
+        if self._quiet or self._terminal or not (tenth or time.monotonic() - self._told > MINUTE):
+            return
+        self._told = time.monotonic()
+        left = self._left() if self._done < self._total else ""
+        click.echo("  ".join(filter(None, (f"{self._done}/{self._total}", self._summary(), left))), err=True)
+
+    def _left(self) -> str:
+        """Time for the rest at the pace so far; nothing before a hundredth is done."""
+        if self._done * 100 < self._total:
+            return ""
+        pace = (time.monotonic() - self._began) / max(self._done, 1)
+        return f"about {timedelta(seconds=round(pace * (self._total - self._done)))} left"
 
     def _summary(self) -> str:
-        return " ".join(f"{status} {n}" for status, n in self._counts.most_common(4))
+        return ", ".join(f"{n} {status}" for status, n in self._counts.most_common())
 
     def _track(self, items: Sequence[str], label: str) -> Iterable[str]:
         if not self._terminal:
@@ -83,6 +127,38 @@ class Display:
         from rich.progress import track
 
         return track(items, description=label, console=Console(file=sys.stderr), transient=True)
+
+
+def journal(verbose: bool, log: Path | None) -> logging.Logger | None:
+    """The logger of a run's events, with its handlers; None where nobody asked. Raises CpbenchError."""
+    if not verbose and log is None:
+        return None
+    logger = logging.getLogger("cpbench.run")
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    try:
+        handlers = [logging.FileHandler(log, encoding="utf-8")] if log is not None else list[logging.Handler]()
+    except OSError as cause:
+        raise CpbenchError(f"{log}: cannot be written ({cause.strerror}); name another file with --log") from None
+    if verbose:
+        handlers.append(logging.StreamHandler(sys.stderr))
+    logger.handlers = list(handlers)
+    for handler in handlers:
+        handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%dT%H:%M:%S"))
+    return logger
+
+
+def line(event: str, pair: Pair | None, row: Mapping[str, Any]) -> str:
+    """An event of the run in one line."""
+    if pair is None:
+        return f"{event:<12} {row.get('solver', '')}".rstrip()
+    named = f"{pair.address} {pair.label}"
+    if event != "done":
+        return f"{event:<12} {named}"
+    took = f", solve {row['solve']:.3g} s" if row.get("solve") is not None else ""
+    error = f", error {row['error']:.2e}" if row.get("error") is not None else ""
+    message = f": {' '.join(str(row['message']).split())}" if row.get("message") else ""
+    return f"{row['status']:<12} {named}{error}{took}{message}"
 
 
 def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:
