@@ -19,6 +19,7 @@ from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.lemke import Lemke
+from cpbench.solvers.native.newton_min import NewtonMin
 from cpbench.storage import Format
 
 
@@ -140,6 +141,26 @@ class IgnoresItsStart(_LCPSolver):
         return SolverOutput(claim=Claim.MAX_ITER, point=zeros, counters={"iterations": 7})
 
 
+class CountsItsStartOnly(_LCPSolver):
+    """Says that a start saves it all its iterations, and does the same with and without."""
+
+    spec = dataclasses.replace(_LCPSolver.spec, traits=frozenset({Trait.WARM_START}))
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        output = Lemke().run(prepared, budget)
+        pivots = output.counters["pivots"]
+        return dataclasses.replace(output, counters={"iterations": pivots if start is None else 0})
+
+
+class CountsNothing(_LCPSolver):
+    """Does not look at its start, and counts no iterations by which that could be seen."""
+
+    spec = dataclasses.replace(_LCPSolver.spec, traits=frozenset({Trait.WARM_START}))
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        return dataclasses.replace(Lemke().run(prepared, budget), counters={})
+
+
 class EditsTheProblem(_LCPSolver):
     """Shifts q of the problem it solves."""
 
@@ -209,14 +230,17 @@ class TakesNoDefaults(_LCPSolver):
 
 
 class SpoilsItsOwnAnswer(_LCPSolver):
-    """Solves by another solver; a start that is right already makes it move away and claim the same."""
+    """Uses its start; one that is its own answer makes it move away and claim the same."""
 
     spec = dataclasses.replace(_LCPSolver.spec, traits=frozenset({Trait.WARM_START}))
+    own: list[np.ndarray] = []
 
     def solve(self, prepared, budget, options, start=None, record=None):
-        output = Lemke().run(prepared, budget)
-        if start is not None and output.point is not None and np.array_equal(start.z, output.point.z):
-            return dataclasses.replace(output, point=LCPPoint(z=1.5 * output.point.z))
+        output = NewtonMin().run(prepared, budget, start=start)
+        if start is None and output.point is not None:
+            self.own.append(output.point.z)
+        elif any(np.array_equal(start.z, z) for z in self.own):
+            return dataclasses.replace(output, point=LCPPoint(z=1.5 * start.z))
         return output
 
 

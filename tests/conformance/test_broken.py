@@ -37,6 +37,8 @@ CAUGHT = [
     ("solver", "SwallowsErrors", "check_some_case_is_solved"),
     ("solver", "RollsDice", "check_the_same_twice"),
     ("solver", "IgnoresItsStart", "check_warm_starts_are_taken"),
+    ("solver", "CountsItsStartOnly", "check_warm_starts_are_taken"),
+    ("solver", "CountsNothing", "check_warm_starts_are_taken"),
     ("solver", "SpoilsItsOwnAnswer", "check_warm_starts_are_taken"),
     ("solver", "RecordsItsOwnUnits", "check_histories_end_in_the_answer"),
     ("solver", "RecordsNothing", "check_histories_end_in_the_answer"),
