@@ -23,6 +23,7 @@ import numpy as np
 
 from cpbench import graph, storage, verification
 from cpbench.bench import starts, wire
+from cpbench.bench.features import features
 from cpbench.bench.history import Trail, coarse_to_fine
 from cpbench.bench.process import limit_memory
 from cpbench.conversions import Conversion, make
@@ -89,6 +90,7 @@ class Referee:
                 "node": problem.node,
                 "family": problem.info.family,
                 "sizes": problem.sizes(),
+                "features": features(problem),
                 "nodes": open_nodes,
                 "sequence": sequence.name if sequence else "",
                 "step": sequence.step if sequence else 0,

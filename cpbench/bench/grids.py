@@ -1,0 +1,104 @@
+"""Solvers as they are asked for: names, globs of names, and grids of options.
+
+    nsgs                                      one entry
+    newton-*                                  every solver of that name
+    nsgs[omega=0.8:1.4:0.2,shuffle=true|false]   4 x 2 entries: a range with its end and step, a list
+
+Numbers of a range are decimal: 0.8:1.4:0.2 is 0.8, 1.0, 1.2, 1.4, whatever binary fractions make of the sum.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
+from decimal import Decimal
+
+from cpbench.bench.plan import Entry
+from cpbench.errors import CpbenchError, UnknownName
+from cpbench.solvers.base import SolverSpec, parse_options, solvers
+
+LARGEST = 10_000
+"""Entries of one grid."""
+ROUNDING = Decimal("1e-9")
+"""A range meets its end when it comes this close to it, in steps."""
+
+
+def entries(texts: Iterable[str]) -> list[Entry]:
+    """All entries of the texts, each once, in their order; raises UnknownName and CpbenchError."""
+    return list({entry.label: entry for text in texts for entry in grid(text)}.values())
+
+
+def grid(text: str) -> list[Entry]:
+    """The entries of one text.
+
+    >>> [entry.label for entry in grid("psor[omega=1:1.4:0.2]")]
+    ['psor[omega=1.0]', 'psor[omega=1.2]', 'psor[omega=1.4]']
+    """
+    pattern, bracket, rest = text.partition("[")
+    if bracket and not rest.rstrip().endswith("]"):
+        raise CpbenchError(f"solver '{text}': the bracket is not closed; write NAME[option=value,...]")
+    written: dict[str, str] = {}
+    for item in filter(None, (part.strip() for part in rest.strip().removesuffix("]").split(","))):
+        option, equals, value = (part.strip() for part in item.partition("="))
+        if not equals or not value:
+            raise CpbenchError(f"solver '{text}': '{item}' is no option; write NAME[option=value,...]")
+        if option in written:
+            raise CpbenchError(f"solver '{text}': option {option} is there twice; a list is {option}=1|2|3")
+        written[option] = value
+    return [entry for name in _names(pattern.strip(), text) for entry in _entries(name, written, text)]
+
+
+def _names(pattern: str, text: str) -> list[str]:
+    if not set(pattern) & set("*?"):
+        return [solvers.get(pattern).spec.name]
+    names = [name for name in solvers.names() if fnmatch.fnmatchcase(name, pattern)]
+    if not names:
+        raise CpbenchError(f"no solver matches '{text}': there are {', '.join(solvers.names())}")
+    return names
+
+
+def _entries(name: str, written: dict[str, str], text: str) -> Iterator[Entry]:
+    spec = solvers.get(name).spec
+    defaults = {f.name: f.default for f in fields(spec.options)}
+    for option in written.keys() - defaults.keys():
+        raise UnknownName(f"option of {name}", option, defaults)
+    axes = [list(_values(value, defaults[option], f"{name}[{option}={value}]")) for option, value in written.items()]
+    count = 1
+    for axis in axes:
+        count *= len(axis)
+    if count > LARGEST:
+        raise CpbenchError(f"solver '{text}': is {count} entries, at most {LARGEST} are run")
+    for values in itertools.product(*axes):
+        yield _entry(spec, dict(zip(written, values, strict=True)))
+
+
+def _entry(spec: SolverSpec, given: dict[str, str]) -> Entry:
+    typed = parse_options(spec, given)
+    return Entry(spec.name, {option: getattr(typed, option) for option in given})
+
+
+def _values(text: str, default: object, where: str) -> Iterator[str]:
+    """The single values of `a|b`, where numbers may be ranges `first:last:step`."""
+    number = isinstance(default, int | float) and not isinstance(default, bool)
+    for part in text.split("|"):
+        if number and ":" in part:
+            yield from _range(part, where)
+        else:
+            yield part.strip()
+
+
+def _range(text: str, where: str) -> Iterator[str]:
+    try:
+        first, last, step = (Decimal(part.strip()) for part in text.split(":"))
+        steps = (last - first) / step
+    except (ArithmeticError, ValueError):
+        raise CpbenchError(f"{where}: '{text}' is no range; write first:last:step, as in 0.8:1.4:0.2") from None
+    if not steps.is_finite() or steps < 0:
+        raise CpbenchError(f"{where}: '{text}' has no end: no steps of {step} lead from {first} to {last}")
+    if steps >= LARGEST:
+        raise CpbenchError(f"{where}: is {steps:.6g} numbers, at most {LARGEST} are run")
+    for i in range(int(steps + ROUNDING) + 1):
+        value = first + i * step
+        yield str(int(value)) if value == value.to_integral_value() else repr(float(value))
