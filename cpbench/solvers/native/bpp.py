@@ -67,7 +67,7 @@ class BlockPrincipalPivoting(Solver):
     ) -> SolverOutput:
         problem, q = prepared.problem, prepared.q
         n = q.size
-        inside = np.zeros(n, dtype=bool) if start is None else start.z > 0
+        inside = np.zeros(n, dtype=bool) if start is None else _guessed(prepared, start.z / prepared.z_unit)
         limit = budget.iterations or options.max_iterations or 10 * n + 200
         deadline = time.monotonic() + budget.seconds
         least, patience = n + 1, PATIENCE
@@ -105,6 +105,11 @@ class BlockPrincipalPivoting(Solver):
         z = np.maximum(z, 0.0) * prepared.z_unit
         message = f"{least} components infeasible at best after {limit} iterations"
         return conclude(problem, z, budget, counters, otherwise=Claim.MAX_ITER, message=message)
+
+
+def _guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
+    """Components that are positive in the solution near to z: where z > w; a rounding error above 0 is no sign."""
+    return z > lcp.M @ z + lcp.q
 
 
 def _basic_solution(lcp: ScaledLCP, F: np.ndarray[Any, Any]) -> tuple[Vector, Vector] | None:
