@@ -231,8 +231,31 @@ class Store:
         """A solve of the reference just now, after so many pairs: what it took [s], NaN if it failed, and the load of
         the machine."""
         at = time.strftime("%Y-%m-%dT%H:%M:%S")
+        self.add_references([{"at": at, "pairs": pairs, "seconds": seconds, "loadavg": loadavg}])
+
+    def add_references(self, solves: Iterable[Mapping[str, Any]]) -> None:
+        """Solves as `references` gives them."""
         with self._transaction() as db:
-            db.execute("INSERT INTO reference VALUES (?, ?, ?, ?)", (at, pairs, seconds, loadavg))
+            db.executemany("INSERT INTO reference VALUES (:at, :pairs, :seconds, :loadavg)", map(dict, solves))
+
+    def add(self, rows: Iterable[Mapping[str, Any]]) -> None:
+        """Whole rows, as `rows` gives them, in one transaction."""
+        names = (*PLANNED, *MEASURED)
+        marks = ", ".join("?" * len(names))
+        with self._transaction() as db:
+            db.executemany(f"INSERT INTO rows ({_ALL}) VALUES ({marks})", ([row[n] for n in names] for row in rows))
+
+    def add_kept(self, answers: Iterable[tuple[str, bytes]], histories: Iterable[tuple[str, bytes]]) -> None:
+        """Answers and histories of rows that are there, as `answers` and `histories` give them."""
+        with self._transaction() as db:
+            db.executemany("INSERT INTO answers VALUES (?, ?, ?)", ((key, len(blob), blob) for key, blob in answers))
+            db.executemany("INSERT INTO histories VALUES (?, ?)", histories)
+
+    def settle(self) -> None:
+        """Bring all that is written into the one file; raises StoreError when that fails, where `close` would leave
+        it in the log beside the file."""
+        with self._guard, self._told():
+            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def plan(self, pairs: Iterable[Pair]) -> None:
         """Add the rows of a plan as `not_run`; those that are there already stay as they are.

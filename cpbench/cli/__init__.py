@@ -27,6 +27,7 @@ COMMANDS = {
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file.",
+    "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
     "doctor": "Say what works on this machine and how to get what does not.",

@@ -1,0 +1,240 @@
+"""Several results files into one: shards of a plan, or runs that are comparable.
+
+Times under other limits, on other machines or of other versions do not compare. Such files are refused, or, when that
+is asked for, the rows concerned carry the flag `mixed` and the meta table says what differed.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cpbench.bench.schema import MEASURED
+from cpbench.bench.store import LIMITS, Store
+from cpbench.errors import StoreError
+
+FLAG = "mixed"
+PREFER = ("first", "last")
+"""Which of two rows of one key is taken. The better of two is no choice: it would flatter whoever ran twice."""
+_PASSING = {"load"}
+"""What a description of a machine says of the moment."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Something that must not differ and does: `what` differs between which files, and the rows it spoils."""
+
+    what: str
+    column: str = ""
+    value: Any = None
+
+    def spoils(self, row: Mapping[str, Any]) -> bool:
+        """Whether a finished row is concerned; a difference without a column concerns every row."""
+        return row["status"] != "not_run" and (not self.column or row[self.column] == self.value)
+
+
+@dataclass
+class _Facts:
+    """What must agree, as one file has it."""
+
+    limits: dict[str, set[tuple[Any, ...]]] = field(default_factory=dict)
+    tolerances: dict[str, set[float]] = field(default_factory=dict)
+    measures: dict[str, set[str]] = field(default_factory=dict)
+    versions: dict[str, set[str]] = field(default_factory=dict)
+    fingerprints: dict[str, set[str]] = field(default_factory=dict)
+    machines: set[str] = field(default_factory=set)
+    cpbench: set[str] = field(default_factory=set)
+
+
+def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = False, prefer: str = "") -> list[str]:
+    """Write the rows of all inputs, with their answers and histories, to a new results file; what differed.
+
+    Rows of one key: the one that was run is taken; of two that were run, by `prefer` (first, last) the one of the
+    first or the last file. Inputs stay as they are, and the output is there when it is complete.
+
+    Raises StoreError when the files do not compare and `mixed` is not set, when a key was run twice and `prefer` is
+    not set, and when the output is there already.
+    """
+    target = Path(output)
+    for path in (target, Path(f"{target}-wal"), Path(f"{target}-journal")):
+        if path.exists():
+            raise StoreError(f"{path}: exists; merge into a file that is not there yet, or remove it")
+    with ExitStack() as opened:
+        stores = [opened.enter_context(Store(path)) for path in inputs]
+        found = [_facts(store) for store in stores]
+        differences = [
+            d for pair in itertools.combinations(range(len(stores)), 2) for d in _between(stores, found, *pair)
+        ]
+        if differences and not mixed:
+            more = f" (and {len(differences) - 1} more differences)" if len(differences) > 1 else ""
+            raise StoreError(f"{differences[0].what}{more}; --mixed merges them all the same, and marks the rows")
+        chosen = _chosen(stores, prefer)
+        partial = target.with_name(f".{target.name}.partial")
+        _remove(partial)
+        told = sorted({d.what for d in differences})
+        try:
+            with Store(partial, create=True) as made:
+                made.add(_rows(stores, chosen, differences))
+                for index, store in enumerate(stores):
+                    made.add_kept(
+                        (item for item in store.answers() if chosen[item[0]] == index),
+                        (item for item in store.histories() if chosen[item[0]] == index),
+                    )
+                _merge_facts(made, stores, told)
+                made.settle()
+            _sync(partial)
+            partial.replace(target)
+        finally:
+            _remove(partial)
+    return told
+
+
+def _facts(store: Store) -> _Facts:
+    found = _Facts()
+    for row in store.rows():
+        found.limits.setdefault(row["set"], set()).add(tuple(row[c] for c in LIMITS))
+        found.tolerances.setdefault(row["set"], set()).add(row["tolerance"])
+        found.measures.setdefault(row["set"], set()).add(row["measure"] or "")
+        found.fingerprints.setdefault(row["problem"], set()).add(row["fingerprint"])
+        if row["version"]:
+            found.versions.setdefault(row["label"], set()).add(row["version"])
+    meta = store.meta()
+    descriptions = list(store.machines().values()) or [meta.get("machine") or {}]
+    found.machines = {_machine(description) for description in descriptions}
+    found.cpbench = {str(meta.get("cpbench", ""))}
+    return found
+
+
+def _machine(description: Mapping[str, Any]) -> str:
+    return json.dumps({k: v for k, v in description.items() if k not in _PASSING}, sort_keys=True)
+
+
+def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -> Iterator[Difference]:
+    """What keeps the files i and j apart."""
+    names, (one, other) = f"{stores[i].path} and {stores[j].path}", (facts[i], facts[j])
+
+    def told(kind: str, a: Iterable[Any], b: Iterable[Any], of: str = "") -> str:
+        return f"{names} differ in {kind}{of and ' of '}{of}: {_listed(a)} and {_listed(b)}"
+
+    for name in sorted(one.limits.keys() & other.limits.keys()):
+        of = f"set '{name}'" if name else ""
+        if one.limits[name] != other.limits[name]:
+            kind, a, b = _limit_that_differs(one.limits[name], other.limits[name])
+            yield Difference(told(kind, a, b, of), "set", name)
+        if not one.tolerances[name] & other.tolerances[name]:
+            yield Difference(told("tolerance", one.tolerances[name], other.tolerances[name], of), "set", name)
+        if not one.measures[name] & other.measures[name]:
+            yield Difference(told("measure", one.measures[name], other.measures[name], of), "set", name)
+    for label in sorted(one.versions.keys() & other.versions.keys()):
+        if one.versions[label] != other.versions[label]:
+            yield Difference(told("version", one.versions[label], other.versions[label], label), "label", label)
+    for problem in sorted(one.fingerprints.keys() & other.fingerprints.keys()):
+        a, b = one.fingerprints[problem], other.fingerprints[problem]
+        if not a & b:
+            yield Difference(told("fingerprint", a, b, f"problem {problem}"), "problem", problem)
+    if one.machines != other.machines:
+        a, b = (_telling(mine, theirs) for mine, theirs in ((one, other), (other, one)))
+        yield Difference(told("machine", a, b))
+    if one.cpbench != other.cpbench:
+        yield Difference(told("version", one.cpbench, other.cpbench, "cpbench"))
+
+
+def _limit_that_differs(a: set[tuple[Any, ...]], b: set[tuple[Any, ...]]) -> tuple[str, set[Any], set[Any]]:
+    for k, name in enumerate(LIMITS.values()):
+        mine, theirs = ({limits[k] for limits in side} for side in (a, b))
+        if mine != theirs:
+            return name, mine, theirs
+    return "limits", a, b
+
+
+def _telling(mine: _Facts, theirs: _Facts) -> list[str]:
+    """What is told of machines: the entries that no machine of the other file has."""
+    known = [item for text in theirs.machines for item in json.loads(text).items()]
+    said = (", ".join(f"{k} {v}" for k, v in json.loads(text).items() if (k, v) not in known) for text in mine.machines)
+    return [text for text in said if text] or [f"{len(mine.machines)} kinds"]
+
+
+def _listed(values: Iterable[Any]) -> str:
+    return ", ".join(f"{v:.12g}" if isinstance(v, float) else str(v) or "none" for v in sorted(values, key=str))
+
+
+def _chosen(stores: Sequence[Store], prefer: str) -> dict[str, int]:
+    """Which file each key's row is taken from."""
+    chosen: dict[str, int] = {}
+    seen: dict[str, int] = {}
+    for index, store in enumerate(stores):
+        for row in store.rows():
+            key = row["key"]
+            if row["status"] == "not_run":
+                chosen.setdefault(key, index)
+                continue
+            measured = hash(tuple(row[c] for c in MEASURED))
+            if key not in seen:
+                seen[key], chosen[key] = measured, index
+            elif seen[key] != measured:
+                if prefer not in PREFER:
+                    raise StoreError(
+                        f"{stores[chosen[key]].path} and {store.path}: {row['label']} on {row['problem']} was run in "
+                        "both; --prefer first or --prefer last says which counts"
+                    )
+                if prefer == "last":
+                    seen[key], chosen[key] = measured, index
+    return chosen
+
+
+def _rows(
+    stores: Sequence[Store], chosen: Mapping[str, int], differences: Sequence[Difference]
+) -> Iterator[dict[str, Any]]:
+    for index, store in enumerate(stores):
+        for row in store.rows():
+            if chosen[row["key"]] != index:
+                continue
+            if any(difference.spoils(row) for difference in differences):
+                flags = [flag for flag in (row["flags"] or "").split(",") if flag]
+                row["flags"] = ",".join([*flags, *([] if FLAG in flags else [FLAG])])
+            yield row
+
+
+def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str]) -> None:
+    """Facts of the runs: those of the first file where they differ, and every file's own under `merged`."""
+    metas = [store.meta() for store in stores]
+    merged: dict[str, Any] = {}
+    for meta in reversed(metas):
+        merged |= {name: value for name, value in meta.items() if name != "refused"}
+    for name in ("solvers", "formats"):
+        merged[name] = {k: v for meta in reversed(metas) for k, v in meta.get(name, {}).items()}
+    merged["jobs"] = max((meta.get("jobs") or 1 for meta in metas), default=1)
+    told = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions")
+    merged["merged"] = [
+        {"file": store.path.name, **{name: meta[name] for name in told if name in meta}}
+        for store, meta in zip(stores, metas, strict=True)
+    ]
+    if differences:
+        merged[FLAG] = list(differences)
+    made.set_meta(**merged)
+    read = {row["address"] for row in made.rows()}
+    made.note_files([], {a: r for meta in metas for a, r in meta["refused"] if a not in read}.items())
+    for store in stores:
+        for host, description in store.machines().items():
+            made.note_machine(host, description)
+    solves = [solve for store in stores for solve in store.references()]
+    made.add_references(sorted(solves, key=lambda solve: str(solve["at"])))
+
+
+def _remove(path: Path) -> None:
+    for ending in ("", "-wal", "-shm", "-journal"):
+        Path(f"{path}{ending}").unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
