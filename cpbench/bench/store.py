@@ -105,7 +105,12 @@ class Store:
             raise StoreError(f"{path}: there is no folder {path.parent}; make it first")
         if path.exists():
             with self._told(), contextlib.closing(self._connect("immutable=1")) as db:
-                self._require(int(db.execute("PRAGMA user_version").fetchone()[0]))
+                try:
+                    self._require(int(db.execute("PRAGMA user_version").fetchone()[0]))
+                except sqlite3.DatabaseError as cause:
+                    if cause.sqlite_errorcode & 0xFF != sqlite3.SQLITE_CORRUPT:
+                        raise
+                    # a full disk may leave the file half way to its log; it is whole when read together with that
 
     def _require(self, found: int | None) -> int:
         if found is None:

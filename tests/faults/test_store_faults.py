@@ -1,0 +1,337 @@
+"""What may befall a results file: no room, no permission, two writers, kill -9, bytes that are not ours.
+
+Each ends in one line with the file, the cause and what to do, and exit code 2; finished rows stay readable, and the
+same command goes on once the cause is gone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+import sqlite3
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import storage
+from cpbench.bench.plan import Entry, Pair, Request
+from cpbench.bench.store import Store, read_results
+from cpbench.errors import StoreError
+from cpbench.formulations import LCP
+
+ROW = {"status": "solved", "error": 1e-9, "message": "", "solve": 1e-3}
+
+
+def pair(number: int) -> Pair:
+    return Pair(
+        address=f"p{number}.h5",
+        problem=f"p{number}",
+        fingerprint=f"{number:032x}",
+        node="lcp",
+        family="",
+        sizes={"n": 3},
+        request=Request("exact"),
+        entry=Entry("lemke"),
+        target="lcp",
+        tolerance=1e-6,
+    )
+
+
+PLANNED = [pair(i) for i in range(200)]
+
+
+def cpbench(*arguments: str | Path, **kwargs) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "cpbench", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **kwargs)
+
+
+def run(folder: Path, output: Path, **kwargs) -> subprocess.CompletedProcess[str]:
+    """`cpbench run` of two solvers on one problem in `folder`."""
+    path = folder / "p.h5"
+    if not path.exists():
+        storage.save(LCP(M=4.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1), q=-np.ones(4), name="p"), path)
+    return cpbench("run", path, "-s", "lemke", "-s", "bpp", "--no-report", "-q", "-o", output, **kwargs)
+
+
+def assert_refused(done: subprocess.CompletedProcess[str], path: Path, *words: str) -> None:
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith(f"cpbench: {path}: "), done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    for word in words:
+        assert word in done.stderr
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 1 MiB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(folder)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("does not apply: only root may mount a file system")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.fixture
+def sealed(tmp_path: Path) -> Iterator[Path]:
+    """A folder, writable until it is given to `seal`."""
+    folder = tmp_path / "sealed"
+    folder.mkdir()
+    if os.geteuid() == 0:  # whom no permission binds
+        if subprocess.run(["mount", "-t", "tmpfs", "tmpfs", str(folder)], capture_output=True).returncode:
+            pytest.skip("does not apply: root in a container that may not mount")
+        try:
+            yield folder
+        finally:
+            subprocess.run(["umount", "-l", str(folder)], check=True)
+    else:
+        try:
+            yield folder
+        finally:
+            folder.chmod(0o755)
+
+
+def seal(folder: Path) -> None:
+    if os.geteuid() == 0:
+        subprocess.run(["mount", "-o", "remount,ro", str(folder)], check=True)
+    else:
+        for path in folder.iterdir():
+            path.chmod(0o444)
+        folder.chmod(0o555)
+
+
+def fill(path: Path) -> int:
+    """Finish rows with incompressible answers until there is no room left; how many were."""
+    rng = np.random.default_rng(0)
+
+    def finish(pairs: list[Pair]) -> None:
+        for p in pairs:
+            store.finish(p.key, ROW, rng.bytes(20_000))
+
+    with Store(path, create=True) as store:
+        store.plan(PLANNED)
+        with pytest.raises(StoreError, match="what was finished is kept, and the same command goes on") as told:
+            finish(PLANNED)
+        assert str(told.value).startswith(f"{path}: ")
+        done = store.counts()["solved"]
+        with pytest.raises(StoreError):  # once more, with the connection as the failure left it
+            finish(PLANNED[done:])
+    return done
+
+
+def assert_intact(path: Path, done: int) -> None:
+    """The finished rows are readable, each with its answer, and no other has one."""
+    with Store(path) as store:
+        finished = {row["key"] for row in store.rows() if row["status"] != "not_run"}
+        assert len(finished) == done
+        assert {key for key, blob in store.answers() if len(blob) == 20_000} == finished
+        assert store._read("PRAGMA integrity_check") == [("ok",)]
+
+
+# ------------------------------------------------------------------------------------------------ room
+
+
+def test_a_full_disk_loses_nothing(disk: Path) -> None:
+    path = disk / "r.sqlite"
+    done = fill(path)
+    assert 5 < done < 60
+    assert_intact(path, done)
+    subprocess.run(["mount", "-o", "remount,size=16m", str(disk)], check=True)
+    with Store(path, create=True) as store:
+        for p in PLANNED[done:]:
+            store.finish(p.key, ROW, bytes(20_000))
+    assert_intact(path, 200)
+
+
+def test_a_file_that_may_not_grow_loses_nothing(tmp_path: Path) -> None:
+    """The same by a limit on the size of files, which every user can set, in a process of its own."""
+    path = tmp_path / "r.sqlite"
+    code = f"""
+        import importlib.util, pathlib, resource
+        resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
+        spec = importlib.util.spec_from_file_location("faults", {__file__!r})
+        faults = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(faults)
+        print(faults.fill(pathlib.Path({str(path)!r})))
+    """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 5
+    assert_intact(path, int(done.stdout))
+    with Store(path, create=True) as store:
+        for p in PLANNED[int(done.stdout) :]:
+            store.finish(p.key, ROW, bytes(20_000))
+    assert_intact(path, 200)
+
+
+def test_a_run_without_room_goes_on_when_there_is(disk: Path, tmp_path: Path) -> None:
+    path, ballast = disk / "r.sqlite", disk / "ballast"
+    with contextlib.suppress(OSError), ballast.open("wb") as file:
+        while True:
+            file.write(bytes(4096))
+            file.flush()
+    assert_refused(run(tmp_path, path), path, "no room", "make room")
+    ballast.unlink()
+    done = run(tmp_path, path)
+    assert done.returncode == 0, done.stderr
+    assert list(read_results(path).status) == ["solved", "solved"]
+
+
+# ------------------------------------------------------------------------------------------ permission
+
+
+def test_a_folder_that_cannot_be_written(sealed: Path, tmp_path: Path) -> None:
+    """Nothing can be run into it; what is in it can be read."""
+    path = sealed / "r.sqlite"
+    with Store(path, create=True) as store:
+        store.plan(PLANNED)
+        store.finish(PLANNED[0].key, ROW, b"answer")
+    seal(sealed)
+    assert_refused(run(tmp_path, sealed / "new.sqlite"), sealed / "new.sqlite", "cannot be written", "-o")
+    assert_refused(run(tmp_path, path), path, "cannot be written", "-o")
+    assert read_results(path).status.value_counts()["solved"] == 1
+    assert cpbench("export", path, "--rows", tmp_path / "rows.csv").returncode == 0
+
+
+def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(sealed: Path) -> None:
+    path = sealed / "r.sqlite"
+    if os.fork() == 0:
+        store = Store(path, create=True)
+        store.plan(PLANNED)
+        store.finish(PLANNED[0].key, ROW, b"answer")
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.wait()
+    assert (sealed / "r.sqlite-wal").stat().st_size > 0
+    (sealed / "r.sqlite-shm").unlink()
+    seal(sealed)
+    assert read_results(path).status.value_counts()["solved"] == 1
+
+
+def test_a_folder_of_the_kernel(tmp_path: Path) -> None:
+    path = Path("/proc/self/r.sqlite")
+    assert_refused(run(tmp_path, path), path, "cannot be written", "another folder")
+
+
+# ----------------------------------------------------------------------------------------- two writers
+
+
+def test_two_runs_on_one_file(tmp_path: Path) -> None:
+    """The second is told who is at it; readers are let in; kill -9 of the first leaves no lock behind."""
+    path = tmp_path / "r.sqlite"
+    assert run(tmp_path, path).returncode == 0
+    code = "import sys, time; from cpbench.bench.store import Store; s = Store(sys.argv[1], create=True)"
+    code += "; s._connection.execute('BEGIN IMMEDIATE'); print('held', flush=True); time.sleep(600)"
+    command = [sys.executable, "-c", code, str(path)]
+    holder = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        before = path.read_bytes()
+        assert_refused(run(tmp_path, path), path, f"process {holder.pid} on ", "writing it since 20", "-o")
+        assert path.read_bytes() == before
+        assert list(read_results(path).status) == ["solved", "solved"]
+        assert cpbench("export", path, "--rows", tmp_path / "rows.csv").returncode == 0
+    finally:
+        holder.kill()
+        holder.communicate()
+    again = run(tmp_path, path)
+    assert again.returncode == 0, again.stderr
+    assert {p.name for p in tmp_path.iterdir()} == {"p.h5", "r.sqlite", "rows.csv"}, "nothing is left beside it"
+
+
+def test_another_program_that_holds_the_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cpbench.bench.store.PATIENCE", 0.1)
+    path = tmp_path / "r.sqlite"
+    with Store(path, create=True) as store:
+        store.plan(PLANNED)
+    other = sqlite3.connect(path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    with Store(path, create=True) as store:
+        with pytest.raises(StoreError, match="held by another program"):
+            store.finish(PLANNED[0].key, ROW)
+        other.execute("ROLLBACK")
+        store.finish(PLANNED[0].key, ROW)
+    other.close()
+
+
+# ------------------------------------------------------------------------------------- bytes not ours
+
+
+def _whole(path: Path) -> bytes:
+    with Store(path, create=True) as store:
+        store.plan(PLANNED)
+        for p in PLANNED:
+            store.finish(p.key, ROW, p.key.encode() * 20)
+    return path.read_bytes()
+
+
+BROKEN = {
+    "empty": (lambda whole: b"", "not a results file"),
+    "text": (lambda whole: b"no database\n" * 1000, "not a results file"),
+    "first bytes": (lambda whole: whole[:50], "damaged"),
+    "one page": (lambda whole: whole[:4096], "damaged"),
+    "half": (lambda whole: whole[: len(whole) // 2], "damaged"),
+    "noise": (lambda whole: whole[:4096] + np.random.default_rng(0).bytes(len(whole) - 4096), "damaged"),
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_a_file_that_is_broken(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "r.sqlite"
+    spoil, told = BROKEN[kind]
+    path.write_bytes(spoil(_whole(path)))
+    before = path.read_bytes()
+    with pytest.raises(StoreError) as refusal:
+        read_results(path)
+    assert str(refusal.value).startswith(f"{path}: ")
+    assert told in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    if kind != "empty":  # which a run may fill
+        with pytest.raises(StoreError, match=told), Store(path, create=True) as store:
+            store.plan(PLANNED)
+    assert path.read_bytes() == before
+
+
+def test_a_noisy_page_costs_no_more_than_its_rows(tmp_path: Path) -> None:
+    """Where pages of answers are spoilt, the rows are still read, and the answers told damaged."""
+    path = tmp_path / "r.sqlite"
+    whole = bytearray(_whole(path))
+    at = whole.index(PLANNED[100].key.encode() * 20) // 4096 * 4096
+    whole[at : at + 4096] = b"\xff" * 4096
+    path.write_bytes(whole)
+    with Store(path) as store:
+        assert store.counts() == {"solved": 200}
+        assert len(store.table()) == 200
+        with pytest.raises(StoreError, match="damaged"):
+            list(store.answers())
+
+
+def test_through_the_command_line(tmp_path: Path) -> None:
+    text = tmp_path / "text.sqlite"
+    text.write_text("no database\n" * 1000)
+    for path, word in ((text, "not a results file"), (tmp_path, "is a folder"), (tmp_path / "no" / "r", "no folder")):
+        if path != tmp_path:
+            assert_refused(run(tmp_path, path), path, word)
+        if path.exists():
+            assert_refused(cpbench("export", path, "--rows", tmp_path / "rows.csv"), path, word)
+
+
+def test_a_limit_that_is_set_from_outside_is_no_crash(tmp_path: Path) -> None:
+    """`ulimit -f` over a whole run: one line, whatever it was that could not grow."""
+    path = tmp_path / "r.sqlite"
+    limit = (40_960, 40_960)
+    done = run(tmp_path, path, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit))
+    assert_refused(done, path)
+    done = run(tmp_path, path)
+    assert done.returncode == 0, done.stderr
+    assert list(read_results(path).status) == ["solved", "solved"]
