@@ -80,6 +80,7 @@ class Lane:
         self._referee: Child | None = None
         self._workers: dict[str, Child] = {}
         self._memory: dict[str, int] = {}
+        self._single: dict[str, bool] = {}
         self.versions: dict[str, str] = {}
         self.unavailable: dict[str, tuple[str, str]] = {}
 
@@ -117,7 +118,8 @@ class Lane:
     def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
         if self._referee is None:
             arguments = (str(self._scratch.folder), self.setting.referee_memory)
-            self._referee = Child(self._ctx, self._scratch.folder, referee_process.main, arguments)
+            memory = self.setting.referee_memory
+            self._referee = Child(self._ctx, referee_process.main, arguments, memory=memory)
         try:
             self._referee.output()
             self._referee.send(message)
@@ -159,26 +161,36 @@ class Lane:
         """The warm worker of a solver, with this memory limit; None where the solver is not available."""
         if name in self.unavailable:
             return None
-        if name in self._workers and self._memory[name] != memory:
+        child = self._workers.get(name)
+        if child is not None and (self._memory[name] != memory or not child.alive):
             self._drop(name)
         if name not in self._workers:
-            arguments = (name, memory, self.setting.fresh)
-            child = Child(self._ctx, self._scratch.folder, worker_process.main, arguments, cpus=self.setting.cpus)
-            self._workers[name], self._memory[name] = child, memory
-            try:
-                reply, _ = wire.unpack(child.receive(STARTUP))
-            except TimedOut:
-                reply = {"event": "unavailable", "state": "broken", "detail": f"no sign of life within {STARTUP:g} s"}
-            except Died as death:
-                reply = {"event": "unavailable", "state": "broken", "detail": f"{death}: {death.output}"}
-            except wire.WireError as noise:
-                reply = {"event": "unavailable", "state": "broken", "detail": str(noise)}
+            reply = self._hired(name, memory)
+            if reply["event"] == "died":  # of something else, maybe: what killed its parent killed it too
+                reply = self._hired(name, memory)
             if reply["event"] != "ready":
-                self._drop(name)
                 self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
                 return None
             self.versions[name] = str(reply["version"])
+            self._single[name] = bool(reply["single"])
         return self._workers[name]
+
+    def _hired(self, name: str, memory: int) -> dict[str, Any]:
+        """First message of a new worker; it is dropped unless it is ready."""
+        arguments = (name, memory, self.setting.fresh)
+        child = Child(self._ctx, worker_process.main, arguments, cpus=self.setting.cpus, memory=memory)
+        self._workers[name], self._memory[name] = child, memory
+        try:
+            reply, _ = wire.unpack(child.receive(STARTUP))
+        except TimedOut:
+            reply = {"event": "timeout", "detail": f"no sign of life within {STARTUP:g} s"}
+        except Died as death:
+            reply = {"event": "died", "detail": _obituary(death)}
+        except wire.WireError as noise:
+            reply = {"event": "noise", "detail": str(noise)}
+        if reply["event"] != "ready":
+            self._drop(name)
+        return reply
 
     def _drop(self, name: str) -> None:
         child = self._workers.pop(name, None)
@@ -209,6 +221,8 @@ class Lane:
         """The outcome of one pair. Never raises for anything that a solver, a conversion or a file does."""
         begun = time.perf_counter()
         outcome = self._run(pair, prepared, before)
+        if self._single.get(pair.entry.solver):  # a worker that serves one request
+            self._drop(pair.entry.solver)
         row = {
             **outcome.row,
             "wall": time.perf_counter() - begun,

@@ -1,63 +1,114 @@
-"""What a child prints: a file it appends to and never waits for, cut while it grows."""
+"""What a child prints: a pipe that a thread of the runner empties, keeping the first and the last part.
+
+The pipe bounds what a flood can take, in memory and on disk, whether anybody looks or not; the thread keeps it from
+holding the writer up.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import os
-import tempfile
-from pathlib import Path
+import selectors
+import threading
+from typing import Any
 
 PART = 500
 """Bytes kept of the beginning and of the end of what was printed."""
-ROOM = 2**20
-"""Size in bytes beyond which the file is emptied; what is printed between two looks comes on top."""
+_CHUNK = 2**16
+_AT_ONCE = 64
+"""Chunks read in one go: who prints without end does not keep the reader."""
 
 
 class Log:
-    """A temporary file in `folder`, open for appending elsewhere; its first and last part are kept.
+    """Reads what is written to `writer`, which is handed to a child and then closed by `started`."""
 
-    A file, not a pipe: a pipe that is not emptied in time would hold the writer up. What is written between
-    the reading of the file and its emptying is lost.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self._file = tempfile.NamedTemporaryFile(dir=folder, suffix=".log", buffering=0)  # noqa: SIM115 - close() does
+    def __init__(self, ctx: Any) -> None:
+        self._reader, self.writer = ctx.Pipe(duplex=False)
+        os.set_blocking(self._reader.fileno(), False)
+        self._lock = threading.Lock()
+        self._closed, self._watched = False, True
         self._forget()
+        _emptier.add(self)
 
-    @property
-    def path(self) -> str:
-        return str(self._file.name)
+    def fileno(self) -> int:
+        return int(self._reader.fileno())
 
-    def trim(self) -> None:
-        """Empty the file when it is larger than `ROOM`."""
-        if not self._file.closed and os.fstat(self._file.fileno()).st_size > ROOM:
-            self._absorb()
+    def started(self) -> None:
+        """The child has its end of the pipe."""
+        self.writer.close()
 
     def take(self) -> str:
         """What was printed since the last call, its middle left out when there is more than 2 · `PART` bytes."""
-        if not self._file.closed:
-            self._absorb()
-        rest = self._seen - len(self._first)
-        last = self._last[max(len(self._last) - rest, 0) :]
-        left_out = rest - len(last)
-        middle = f"\n[... {left_out} bytes ...]\n".encode() if left_out else b""
-        text = (self._first + middle + last).decode(errors="replace").strip()
-        self._forget()
+        with self._lock:
+            self._absorb(_AT_ONCE)
+            rest = self._seen - len(self._first)
+            last = self._last[max(len(self._last) - rest, 0) :]
+            left_out = rest - len(last)
+            middle = f"\n[... {left_out} bytes ...]\n".encode() if left_out else b""
+            text = (self._first + middle + last).decode(errors="replace").strip()
+            self._forget()
         return text
 
+    def empty(self) -> None:
+        """Read what there is now, for the thread, which need not come back when nobody can write any more."""
+        with self._lock:
+            if not self._absorb(1):
+                self._unwatch()
+
     def close(self) -> None:
-        """Close and remove the file; harmless when done before."""
-        with contextlib.suppress(FileNotFoundError):
-            self._file.close()
+        """Close the pipe; harmless when done before."""
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._unwatch()
+                self._reader.close()
+
+    def _unwatch(self) -> None:
+        if self._watched:
+            self._watched = False
+            _emptier.remove(self)
 
     def _forget(self) -> None:
         self._first, self._last, self._seen = b"", b"", 0
 
-    def _absorb(self) -> None:
-        descriptor = self._file.fileno()
-        size = os.fstat(descriptor).st_size
-        if size:
-            self._first += os.pread(descriptor, PART - len(self._first), 0)
-            self._last = (self._last + os.pread(descriptor, PART, max(size - PART, 0)))[-PART:]
-            self._seen += size
-            os.ftruncate(descriptor, 0)
+    def _absorb(self, chunks: int) -> bool:
+        for _ in range(chunks):
+            if self._closed:
+                return False
+            try:
+                part = os.read(self._reader.fileno(), _CHUNK)
+            except BlockingIOError:
+                return True
+            if not part:
+                return False
+            self._first += part[: PART - len(self._first)]
+            self._last = (self._last + part[-PART:])[-PART:]
+            self._seen += len(part)
+        return True
+
+
+class _Emptier:
+    """The thread that empties the pipes of all children; it sleeps while nobody prints."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._selector: selectors.BaseSelector | None = None
+
+    def add(self, log: Log) -> None:
+        with self._lock:
+            if self._selector is None:
+                self._selector = selectors.DefaultSelector()
+                threading.Thread(target=self._run, args=(self._selector,), daemon=True, name="child output").start()
+            self._selector.register(log, selectors.EVENT_READ, log)
+
+    def remove(self, log: Log) -> None:
+        with self._lock:
+            assert self._selector is not None
+            self._selector.unregister(log)
+
+    def _run(self, selector: selectors.BaseSelector) -> None:
+        while True:
+            for key, _ in selector.select():
+                key.data.empty()
+
+
+_emptier = _Emptier()

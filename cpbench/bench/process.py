@@ -1,24 +1,29 @@
-"""One child process with hard limits: own process group, memory limit, output kept, killed with all its children.
+"""One child process with hard limits: apart from all others, its memory limited, its output kept, killed with all
+that it started.
 
-Children come from a forkserver that has the numerical packages loaded, so that a respawn costs milliseconds.
-They die with the runner: the forkserver ends when the runner does, and the kernel then kills its children.
+On Linux children come from a forkserver that has the numerical packages loaded, so that a respawn costs
+milliseconds, and every one has its guard (`guard`). What else holds where is said by `isolation`.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import multiprocessing as mp
 import os
-import resource
+import selectors
 import signal
-import sys
+import socket
 import time
-from collections.abc import Callable, Sequence
-from multiprocessing.connection import Connection, wait
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from typing import Any
 
+import psutil
+
+from cpbench.bench import channel, guard, isolation
+from cpbench.bench.cgroup import Cgroup, join
+from cpbench.bench.isolation import Isolation
 from cpbench.bench.log import Log
 
 THREAD_VARIABLES = (
@@ -31,9 +36,12 @@ THREAD_VARIABLES = (
     "RAYON_NUM_THREADS",
 )
 PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.worker"]
-LOOK = 0.1
-"""Seconds between two looks at the size of what a child prints."""
-_PR_SET_PDEATHSIG = 1
+LOOK = 0.05
+"""Seconds between two looks at a child that says nothing."""
+LAST_WORDS = 0.5
+"""Seconds that a child has to end after it closed its connection."""
+LISTENING = 30.0
+"""Seconds within which a child takes a message."""
 
 
 class TimedOut(Exception):
@@ -43,132 +51,269 @@ class TimedOut(Exception):
 class Died(Exception):
     """The child ended: `signal` (a number) or `code`, and what it printed (first and last part)."""
 
-    def __init__(self, code: int | None, output: str) -> None:
+    def __init__(self, code: int | None, output: str, *, reason: str = "", out_of_memory: bool = False) -> None:
         self.signal = -code if code is not None and code < 0 else None
         self.code, self.output = code, output
+        self._reason, self._out_of_memory = reason, out_of_memory
         super().__init__(self.cause)
 
     @property
     def cause(self) -> str:
+        if self._reason:
+            return self._reason
         if self.signal is not None:
-            return f"killed by {signal.Signals(self.signal).name}"
+            return f"killed by {_signal_name(self.signal)}"
         return f"exited with code {self.code}"
 
     @property
     def out_of_memory(self) -> bool:
-        """Whether its last words were of an allocation that failed."""
-        return "bad_alloc" in self.output or "MemoryError" in self.output
+        """Whether it was killed for its memory, or its last words were of an allocation that failed."""
+        return self._out_of_memory or "bad_alloc" in self.output or "MemoryError" in self.output
 
 
-def context(threads: int) -> Any:
-    """The forkserver context; thread counts are set before anything numerical is imported."""
+@dataclass(frozen=True)
+class Context:
+    """How processes of a run are made: by `start`, a context of multiprocessing, with these means of isolation."""
+
+    start: Any
+    isolation: Isolation
+
+
+def context(threads: int, asked: str | None = None) -> Context:
+    """The means of this system; thread counts are set before anything numerical is imported."""
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
-    ctx = mp.get_context("forkserver")
-    ctx.set_forkserver_preload(PRELOAD)
-    return ctx
+    found = isolation.detect(asked)
+    ctx = mp.get_context(found.start)
+    if found.forks:
+        ctx.set_forkserver_preload(PRELOAD)
+    return Context(ctx, found)
 
 
 class Child:
-    """A process running `target(connection, *args)` in its own session; what it prints goes to a `Log` in `folder`."""
+    """A process running `target(channel, *args)`, apart from all others.
+
+    Parameters
+    ----------
+    cpus : cores it is tied to, () for none.
+    memory : bytes by which it may grow after its first message, where that is watched from outside; where it is
+    not (`rlimit`), the target limits itself by `limit_memory`.
+    """
 
     def __init__(
         self,
-        ctx: Any,
-        folder: Path,
+        ctx: Context,
         target: Callable[..., None],
         args: tuple[Any, ...],
+        *,
         cpus: Sequence[int] = (),
+        memory: int = 0,
     ) -> None:
-        self._log = Log(folder)
-        self._connection, theirs = ctx.Pipe()
-        self._process = ctx.Process(target=_enter, args=(target, theirs, self._log.path, args, cpus), daemon=True)
+        self._isolation, self._memory = ctx.isolation, memory
+        self._ceiling = 0
+        self._heard = False
+        self._log = Log(ctx.start) if ctx.isolation.output else None
+        self._cgroup = _cgroup(ctx.isolation)
+        self._channel, theirs = channel.pair()
+        writer = self._log.writer if self._log is not None else None
+        group = str(self._cgroup.path) if self._cgroup is not None else ""
+        start = _Start(theirs, writer, group, tuple(cpus), ctx.isolation)
+        self._process = ctx.start.Process(target=_enter, args=(start, target, args), daemon=True)
         self._process.start()
         theirs.close()
+        if self._log is not None:
+            self._log.started()
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._channel, selectors.EVENT_READ)
+        if os.name == "posix":
+            self._selector.register(self._process.sentinel, selectors.EVENT_READ)
 
     @property
     def pid(self) -> int:
         return int(self._process.pid or 0)
 
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs: one may die while nobody asks it anything."""
+        return self._process.exitcode is None
+
     def send(self, message: bytes) -> None:
-        """Raises Died when nobody listens any more."""
+        """A new request. Raises Died when nobody listens any more, TimedOut when nobody reads."""
         try:
-            self._connection.send_bytes(message)
-        except (BrokenPipeError, ConnectionError, OSError):
+            self._channel.send(message, LISTENING)
+        except TimeoutError:
+            raise TimedOut from None
+        except OSError:
             raise self._death() from None
 
     def receive(self, seconds: float) -> bytes:
-        """The next message; raises TimedOut after `seconds`, Died when the child has ended.
+        """The next message about the last request; raises TimedOut, Died, or WireError when it is none.
 
-        The end of the process is waited for beside the pipe, which children of its own may hold open after it.
+        The end of the process is waited for beside the channel, which children of its own may hold open after it.
+        What it sent before it died still counts.
         """
-        sources = [self._connection, self._process.sentinel]
         deadline = time.monotonic() + seconds
+        ended = False
         while True:
-            left = max(deadline - time.monotonic(), 0.0)
             try:
-                ready = wait(sources, min(left, LOOK))
-                if ready and self._connection.poll():  # what it sent before it died still counts
-                    return self._connection.recv_bytes()
-            except (EOFError, ConnectionError, OSError):
+                message = self._channel.receive_nowait()
+            except EOFError:
                 raise self._death() from None
-            self._log.trim()
-            if ready:
+            if message is not None:
+                self._hear()
+                return message
+            if ended:
                 raise self._death()
-            if left == 0.0:
+            left = deadline - time.monotonic()
+            if left <= 0.0:
                 raise TimedOut
+            ready = [key.fileobj for key, _ in self._selector.select(min(left, LOOK))]
+            ended = self._process.sentinel in ready or (not ready and not self.alive)
+            if self._ceiling and self._resident() > self._ceiling:
+                self.strike()
+                raise Died(None, self.output(), reason=f"over {self._memory} bytes", out_of_memory=True)
 
     def output(self) -> str:
         """What the child printed since the last call, first and last part."""
-        return self._log.take()
+        return self._log.take() if self._log is not None else ""
 
     def strike(self) -> None:
-        """SIGKILL to the whole process group; who waits for its messages learns of the death."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.pid, signal.SIGKILL)
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.kill(self.pid, signal.SIGKILL)
+        """SIGKILL to the child and all that it started, until nobody is left.
+
+        Whoever waits for its messages learns of the death.
+        """
+        if self._cgroup is not None:
+            self._cgroup.kill()
+        deadline = time.monotonic() + guard.PATIENCE
+        while time.monotonic() < deadline:
+            family = list(self._family())
+            if not family:
+                return
+            for process in family:
+                with contextlib.suppress(psutil.Error):
+                    process.kill()
+            time.sleep(0.001)
 
     def kill(self) -> None:
-        """SIGKILL to the whole process group, reaped; the log is removed."""
+        """`strike`, and bury."""
         self.strike()
-        self._process.join(10.0)
-        self._connection.close()
-        self._log.close()
+        self._process.join(guard.PATIENCE)
+        self._selector.close()
+        self._channel.close()
+        if self._log is not None:
+            self._log.close()
+        if self._cgroup is not None:
+            self._cgroup.remove()
+
+    # ------------------------------------------------------------------------------------------- within
+
+    def _family(self) -> Iterator[psutil.Process]:
+        """The living among the child, its descendants, and (where there are sessions) who is in its session."""
+        members: dict[int, psutil.Process] = {}
+        with contextlib.suppress(psutil.Error):
+            first = psutil.Process(self.pid)
+            if self.alive:
+                members = {p.pid: p for p in (*first.children(recursive=True), first)}
+        if os.name == "posix":
+            for pid in psutil.pids():
+                with contextlib.suppress(OSError, psutil.Error):
+                    if os.getsid(pid) == self.pid:
+                        members.setdefault(pid, psutil.Process(pid))
+        for process in members.values():
+            with contextlib.suppress(psutil.Error):
+                if process.status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD):
+                    yield process
+
+    def _hear(self) -> None:
+        """With its first message a child is warm: from here on its growth counts."""
+        if self._heard:
+            return
+        self._heard = True
+        if self._memory > 0 and self._isolation.memory == "cgroup" and self._cgroup is not None:
+            self._cgroup.limit_memory(self._memory)
+        elif self._memory > 0 and self._isolation.memory == "watch":
+            self._ceiling = self._resident() + self._memory
+
+    def _resident(self) -> int:
+        """Bytes of resident memory of the child and its descendants."""
+        total = 0
+        with contextlib.suppress(psutil.Error):
+            first = psutil.Process(self.pid)
+            for process in (first, *first.children(recursive=True)):
+                with contextlib.suppress(psutil.Error):
+                    total += int(process.memory_info().rss)
+        return total
 
     def _death(self) -> Died:
-        deadline = time.monotonic() + 5.0
-        while self._process.exitcode is None and time.monotonic() < deadline:
-            self._process.join(0.05)
-        return Died(self._process.exitcode, self.output())
+        """Why it ended; one that goes on without its connection is killed."""
+        deadline = time.monotonic() + LAST_WORDS
+        while self.alive and time.monotonic() < deadline:
+            self._process.join(LOOK)
+        reason = "closed its connection" if self.alive else ""
+        if reason:
+            self.strike()
+        full = self._cgroup is not None and self._cgroup.out_of_memory
+        return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)
 
 
-def _enter(
-    target: Callable[..., None], connection: Connection, log: str, args: tuple[Any, ...], cpus: Sequence[int]
-) -> None:
-    """First steps of every child: a session of its own, its cores, death with its parent, output into the log."""
-    os.setsid()
-    if cpus:
-        os.sched_setaffinity(0, cpus)
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+@dataclass(frozen=True)
+class _Start:
+    """What a new process gets on its way."""
+
+    connection: socket.socket
+    output: Connection | None
+    cgroup: str
+    cpus: tuple[int, ...]
+    isolation: Isolation
+
+
+_here: Isolation | None = None
+"""The means by which this process was started, None in the runner."""
+
+
+def _enter(start: _Start, target: Callable[..., None], args: tuple[Any, ...]) -> None:
+    """First steps of every child: its group, its session, its cores, its guard; its output into the log."""
+    global _here
+    _here = start.isolation
+    if start.cgroup:
+        join(start.cgroup)
+    if hasattr(os, "setsid"):
+        os.setsid()
+    isolation.pin(start.cpus)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to handle
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    descriptor = os.open(log, os.O_WRONLY | os.O_APPEND)
-    os.dup2(descriptor, 1)
-    os.dup2(descriptor, 2)
-    target(connection, *args)
+    isolation.no_core_dumps()
+    if start.output is not None:
+        for descriptor in (1, 2):
+            os.dup2(start.output.fileno(), descriptor)
+        start.output.close()
+    if not start.isolation.guard:
+        target(channel.Channel(start.connection), *args)
+        return
+    guard.stand(start.cgroup, start.connection.close)
+    guard.finish(lambda: target(channel.Channel(start.connection), *args))
 
 
 def limit_memory(growth: int) -> None:
-    """Let the address space grow by at most `growth` bytes from what it is now (0: no limit)."""
-    if growth > 0 and sys.platform == "linux":
-        limit = address_space() + growth
-        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    """Let this process grow by at most `growth` bytes (0: no limit), where it is not limited from outside."""
+    if growth > 0 and _here is not None and _here.memory == "rlimit":
+        isolation.limit_address_space(growth)
 
 
-def address_space() -> int:
-    """Bytes of this process's address space, what RLIMIT_AS counts (0 where the system does not say)."""
-    if sys.platform != "linux":
-        return 0
-    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+def forks() -> bool:
+    """Whether this process, started by a runner, may fork."""
+    return _here is not None and _here.forks
+
+
+def _cgroup(means: Isolation) -> Cgroup | None:
+    """A new control group where there are any; without one, the family is killed one by one."""
+    if means.cgroups:
+        with contextlib.suppress(OSError):
+            return Cgroup(means.cgroups)
+    return None
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time signal
+        return f"signal {number}"

@@ -15,7 +15,6 @@ import time
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ import numpy as np
 
 from cpbench import graph, storage, verification
 from cpbench.bench import starts, wire
+from cpbench.bench.channel import Channel
 from cpbench.bench.features import features
 from cpbench.bench.history import Trail, coarse_to_fine
 from cpbench.bench.process import limit_memory
@@ -34,7 +34,7 @@ HISTORY_SECONDS = 30.0
 """Seconds after which no further iterate of a history is judged; those that were are spread over the whole."""
 
 
-def main(connection: Connection, scratch: str, memory: int) -> None:
+def main(connection: Channel, scratch: str, memory: int) -> None:
     """Serve `survey`, `open`, `prepare` and `judge` until the runner closes the pipe, within `memory` bytes."""
     limit_memory(memory)
     referee = Referee(Path(scratch))

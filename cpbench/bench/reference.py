@@ -35,7 +35,7 @@ class Reference:
         storage.save(problem, self._path, compress=False)
         arguments = (SOLVER, 0, False)
         ctx = context(setting.threads)
-        self._child = Child(ctx, self._scratch.folder, worker_process.main, arguments, cpus=setting.cpus)
+        self._child = Child(ctx, worker_process.main, arguments, cpus=setting.cpus)
         self._child.receive(STARTUP)
 
     def __enter__(self) -> Reference:

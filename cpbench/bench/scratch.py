@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+import platform
 import shutil
 import tempfile
 from pathlib import Path
 
 import psutil
 
-_PREFIX = "cpbench-run-"
+_PREFIX = f"cpbench-run-{platform.node()}-"
+"""With the name of the machine: the folder of temporary files may be common to several."""
 
 
 class Scratch:
-    """A folder named after the process that owns it."""
+    """A folder named after the machine and the process that own it."""
 
     def __init__(self) -> None:
         remove_abandoned()

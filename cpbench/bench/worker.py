@@ -1,31 +1,47 @@
 """The process that runs one solver. It loads, warms up, solves and reports; it judges nothing.
 
-Messages in: `solve` (path of the problem, budget, options). Messages out: `ready`, then for every solve
-`loaded`, `result` and, for short solves, `repeats`. The limit of the runner counts from `loaded`.
+Messages in: the path of a problem, budget, options. Messages out: `ready`, then for every request `loaded`,
+`result`, and where they are asked for `repeats` and `history`; or one that says why not: `unsupported`, `error`,
+`memory`. The limit of the runner counts from `loaded`.
 """
 
 from __future__ import annotations
 
+import errno
 import gc
+import operator
 import os
 import time
 import traceback
-from multiprocessing.connection import Connection
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import numpy as np
 
 from cpbench import storage
 from cpbench.bench import wire
+from cpbench.bench.apart import apart, settle
+from cpbench.bench.channel import Channel
 from cpbench.bench.history import recorded
-from cpbench.bench.process import address_space, limit_memory
+from cpbench.bench.meter import Meter, checksum
+from cpbench.bench.process import forks, limit_memory
 from cpbench.formulations.base import Problem
-from cpbench.solvers.base import Budget, Solver, SolverOutput, solvers
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
 
 SHORT = 1.0
 """Solves below this many seconds are repeated."""
+WORDS = 2000
+"""Characters of a message of a solver that are passed on."""
 
 
-def main(connection: Connection, solver_name: str, memory: int, fresh: bool = False) -> None:
-    """Serve solves of one solver until the runner closes the pipe."""
+def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False) -> None:
+    """Serve solves of one solver until the runner closes the connection.
+
+    With `fresh` every solve has a process of its own: forked from this one, or, where that is not safe (no fork on
+    this system, or threads that a fork would not take along), this one, which then serves a single request and says
+    so: `single`.
+    """
     solver = solvers.get(solver_name)
     available = solver.availability()
     if not available.ok:
@@ -35,78 +51,134 @@ def main(connection: Connection, solver_name: str, memory: int, fresh: bool = Fa
     solver.warmup()
     version = solver.version()
     limit_memory(memory)
-    warm = address_space()
-    connection.send_bytes(
-        wire.pack({"event": "ready", "version": version, "seconds": time.perf_counter() - started, "pid": os.getpid()})
-    )
-    cached: tuple[str, Problem] | None = None
+    bench = Bench(connection, solver)
+    forked = fresh and forks() and bench.meter.threads == 1
+    if forked:
+        settle()
+    seconds = time.perf_counter() - started
+    bench.tell(event="ready", version=version, seconds=seconds, pid=os.getpid(), single=fresh and not forked)
     while True:
         try:
-            header, start = wire.unpack(connection.recv_bytes())
+            request = wire.unpack(connection.recv_bytes())
         except EOFError:
             return
+        bench.serve(*request, apart if forked else _here)
+        if fresh and not forked:
+            return
+
+
+class Bench:
+    """One solver, one problem at a time, one request at a time; each of its steps may run in another process."""
+
+    def __init__(self, connection: Channel, solver: Solver) -> None:
+        self._connection, self._solver = connection, solver
+        self._path, self._problem, self._checksum = "", None, 0
+        self._header: Mapping[str, Any] = {}
+        self._start: Mapping[str, Any] = {}
+        self.meter = Meter()
+
+    def serve(self, header: Mapping[str, Any], start: Mapping[str, Any], run: Callable[..., Any]) -> None:
+        """Answer a request; `run` takes each step of it, here or in a process of its own."""
+        self._header, self._start = header, start
+        result = run(lambda: self._safely(self._answer))
+        if result is None:
+            return
+        if header["repeats"] > 1 and result["short"] and not result["wrote"]:
+            times: list[Any] = []
+            for _ in range(header["repeats"] - 1):
+                times.append(run(lambda: self._safely(self._repeat)))
+                if times[-1] is None:
+                    return
+            self.tell(event="repeats", times=times)
+        if header.get("history"):
+            run(lambda: self._safely(self._record))
+
+    def tell(self, vectors: Mapping[str, Any] | None = None, **header: Any) -> None:
+        self._connection.send_bytes(wire.pack(header, vectors))
+
+    def _safely(self, step: Callable[[], Any]) -> Any:
+        """What `step` returns; None when it raised, and the runner has been told. SystemExit ends the process."""
+        me = os.getpid()
         try:
-            begun = time.perf_counter()
-            if cached is None or cached[0] != header["path"]:
-                cached = (header["path"], storage.load(header["path"]))
-            problem = cached[1]
-            connection.send_bytes(wire.pack({"event": "loaded", "load": time.perf_counter() - begun}))
-            _solve(connection, solver, problem, header, start, warm)
-        except MemoryError:
-            cached = None
-            gc.collect()
-            connection.send_bytes(wire.pack({"event": "memory"}))
-        except Exception as error:
-            connection.send_bytes(
-                wire.pack({"event": "error", "message": f"{type(error).__name__}: {error}"[:2000], "trace": _trace()})
-            )
+            return step()
+        except SystemExit:
+            raise
+        except BaseException as error:
+            _end_unless(me)
+            if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+                self._path, self._problem = "", None
+                gc.collect()
+                self.tell(event="memory")
+            else:
+                self.tell(event="error", message=_told(error))
+            return None
 
+    # --------------------------------------------------------------------------------------------- steps
 
-def _solve(
-    connection: Connection,
-    solver: Solver,
-    problem: Problem,
-    header: dict[str, Any],
-    start: dict[str, Any],
-    warm: int,
-) -> None:
-    budget = Budget(**header["budget"])
-    options = solver.spec.options(**header["options"])
-    why = solver.obstacle(problem)
-    if why is not None:
-        connection.send_bytes(wire.pack({"event": "unsupported", "message": why}))
-        return
-    first = problem.point_type(**start) if start else None
-    output, setup, solve, cpu = _timed(solver, problem, budget, options, first)
-    vectors = output.point.arrays() if output.point is not None else {}
-    if output.certificate is not None:
-        vectors = {**vectors, "certificate": output.certificate}
-    connection.send_bytes(
-        wire.pack(
-            {
-                "event": "result",
-                "claim": str(output.claim),
-                "answered": output.point is not None,
-                "message": output.message[:2000],
-                "counters": {k: int(v) for k, v in output.counters.items()},
-                "setup": setup,
-                "solve": solve,
-                "cpu": cpu,
-                "grown": address_space() - warm,
-            },
+    def _answer(self) -> dict[str, Any] | None:
+        begun = time.perf_counter()
+        problem = self._loaded()
+        self.tell(event="loaded", load=time.perf_counter() - begun)
+        why = self._solver.obstacle(problem)
+        if why is not None:
+            self.tell(event="unsupported", message=why)
+            return None
+        asked = self._asked(problem)
+        self.meter.begin()
+        output, setup, solve, cpu = _timed(self._solver, problem, *asked)
+        used = self.meter.end(setup + solve, cpu)
+        vectors, counters, notes = _checked(output, problem)
+        wrote = checksum(problem) != self._checksum
+        if wrote:
+            self._path, self._problem = "", None
+        self.tell(
             vectors,
+            event="result",
+            claim=str(output.claim),
+            answered=output.point is not None,
+            message="; ".join(filter(None, (str(output.message)[:WORDS], *notes))),
+            counters=counters,
+            setup=setup,
+            solve=solve,
+            cpu=cpu,
+            wrote=wrote,
+            **used,
         )
-    )
-    if header["repeats"] > 1 and setup + solve < SHORT:
-        times = [_timed(solver, problem, budget, options, first)[1:] for _ in range(header["repeats"] - 1)]
-        connection.send_bytes(wire.pack({"event": "repeats", "times": times}))
-    if header.get("history"):
-        connection.send_bytes(recorded(solver, problem, budget, options, first))
+        return {"short": setup + solve < SHORT, "wrote": wrote}
+
+    def _repeat(self) -> tuple[float, float, float]:
+        problem = self._loaded()
+        return _timed(self._solver, problem, *self._asked(problem))[1:]
+
+    def _record(self) -> bool:
+        me, problem = os.getpid(), self._loaded()
+        message = recorded(self._solver, problem, *self._asked(problem))
+        _end_unless(me)
+        self._connection.send_bytes(message)
+        return True
+
+    def _loaded(self) -> Problem:
+        path = self._header["path"]
+        if self._problem is None or self._path != path:
+            self._problem = None  # two problems at a time might not fit
+            self._problem = storage.load(path)
+            self._path, self._checksum = path, checksum(self._problem)
+        return self._problem
+
+    def _asked(self, problem: Problem) -> tuple[Budget, Any, Any]:
+        """Budget, options and starting point of the request."""
+        first = problem.point_type(**self._start) if self._start else None
+        return Budget(**self._header["budget"]), self._solver.spec.options(**self._header["options"]), first
+
+
+def _here(step: Callable[[], Any]) -> Any:
+    return step()
 
 
 def _timed(
     solver: Solver, problem: Problem, budget: Budget, options: Any, start: Any
 ) -> tuple[SolverOutput, float, float, float]:
+    me = os.getpid()
     gc.collect(0)
     cpu = time.process_time()
     begun = time.perf_counter()
@@ -114,11 +186,52 @@ def _timed(
     between = time.perf_counter()
     output = solver.solve(prepared, budget, options, start)
     ended = time.perf_counter()
-    return output, between - begun, ended - between, time.process_time() - cpu
+    seconds = time.process_time() - cpu
+    _end_unless(me)
+    return output, between - begun, ended - between, seconds
 
 
-def _trace() -> str:
-    return traceback.format_exc(limit=-6)[-4000:]
+def _end_unless(me: int) -> None:
+    """End a process that a solver forked and let come back to us: it would speak with the runner as if it were us."""
+    if os.getpid() != me:
+        os._exit(0)
+
+
+def _checked(output: Any, problem: Problem) -> tuple[dict[str, Vector], dict[str, int], list[str]]:
+    """Vectors, counters and remarks of what a solver returned; raises TypeError when it is no answer at all."""
+    if not isinstance(output, SolverOutput):
+        raise TypeError(f"returned a {type(output).__name__}, not a SolverOutput")
+    if not isinstance(output.claim, Claim):
+        raise TypeError(f"claims {output.claim!r:.100}, which is no Claim")
+    vectors: dict[str, Any] = {}
+    if output.point is not None:
+        if not isinstance(output.point, problem.point_type):
+            raise TypeError(f"answered with a {type(output.point).__name__}, not a {problem.point_type.__name__}")
+        vectors |= output.point.arrays()
+    if output.certificate is not None:
+        vectors["certificate"] = output.certificate
+    for name, vector in vectors.items():
+        kind = np.asarray(vector).dtype
+        if kind.kind not in "fiub":
+            raise TypeError(f"answered with a {name} of type {kind}, not of real numbers")
+    counters: dict[str, int] = {}
+    notes: list[str] = []
+    for name, value in output.counters.items():
+        try:
+            counters[str(name)] = operator.index(value)
+        except TypeError:
+            notes.append(f"the counter {name} is no integer: {value!r:.50}")
+    return vectors, counters, notes
+
+
+def _told(error: BaseException) -> str:
+    """One line and the last lines of the trace; an exception that cannot even say what it is has its class."""
+    name = type(error).__name__
+    try:
+        return f"{name}: {error}"[:WORDS]
+    except BaseException:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return f"{name}, without a message (its __str__ raised), in {where.name}, line {where.lineno}"
 
 
 solvers.discover()  # in the forkserver's preload: every worker inherits the imported specs

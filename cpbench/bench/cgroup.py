@@ -1,0 +1,133 @@
+"""Control groups of Linux, version 2: one for every process of a run, killed and limited as one.
+
+The mount is read from /proc/mounts and our place in it from /proc/self/cgroup. A group is made beside our own where
+that is allowed, because version 2 limits nothing in a group that itself holds processes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+PREFIX = "cpbench-"
+_numbers = itertools.count()
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder in which groups can be made, and whether they can limit memory."""
+
+    path: Path
+    memory: bool
+
+
+class Cgroup:
+    """A group of its own in the folder `parent`; processes join it by themselves."""
+
+    def __init__(self, parent: str | Path) -> None:
+        self.path = Path(parent) / f"{PREFIX}{os.getpid()}-{next(_numbers)}"
+        self.path.mkdir()
+
+    def limit_memory(self, growth: int) -> None:
+        """Let the memory of the whole group grow by at most `growth` bytes from what it is now, without swap."""
+        limit = int((self.path / "memory.current").read_text()) + growth
+        with contextlib.suppress(FileNotFoundError, PermissionError):  # where there is no swap at all
+            (self.path / "memory.swap.max").write_text("0")
+        (self.path / "memory.oom.group").write_text("1")
+        (self.path / "memory.max").write_text(str(limit))
+
+    @property
+    def out_of_memory(self) -> bool:
+        """Whether the system has killed a process of the group for its memory."""
+        try:
+            return _counters(self.path / "memory.events").get("oom_kill", 0) > 0
+        except OSError:
+            return False
+
+    def kill(self) -> None:
+        """SIGKILL to every process in the group, new ones too."""
+        with contextlib.suppress(OSError):
+            (self.path / "cgroup.kill").write_text("1")
+
+    def remove(self, seconds: float = 2.0) -> None:
+        """Remove the group when its last process is gone, or leave it to the next run after `seconds`."""
+        deadline = time.monotonic() + seconds
+        while self.path.exists():
+            try:
+                self.path.rmdir()
+            except OSError:
+                if time.monotonic() > deadline:
+                    return
+                time.sleep(0.002)
+
+
+def join(path: str | Path) -> bool:
+    """Put this process into a group; False where that is not allowed."""
+    try:
+        (Path(path) / "cgroup.procs").write_text("0")
+    except OSError:
+        return False
+    return True
+
+
+def writable() -> Place | None:
+    """The folder for groups: where they can limit memory if there is one, else where they can be killed as one."""
+    found: Place | None = None
+    for folder in _ours():
+        place = _tried(folder)
+        if place is not None and place.memory:
+            return place
+        found = found or place
+    return found
+
+
+def remove_abandoned(parent: str | Path) -> None:
+    """Remove the empty groups of runs that no longer live."""
+    for path in Path(parent).glob(f"{PREFIX}*-*"):
+        owner = path.name.removeprefix(PREFIX).partition("-")[0]
+        if owner.isdigit() and not psutil.pid_exists(int(owner)):
+            with contextlib.suppress(OSError):  # not empty: not ours to judge
+                path.rmdir()
+
+
+def _ours() -> list[Path]:
+    """Our own group and those above it, up to the mount."""
+    try:
+        mounts = [line.split() for line in Path("/proc/mounts").read_text().splitlines()]
+        lines = Path("/proc/self/cgroup").read_text().splitlines()
+    except OSError:
+        return []
+    roots = [Path(fields[1]) for fields in mounts if len(fields) > 2 and fields[2] == "cgroup2"]
+    inside = [line.removeprefix("0::").strip("/") for line in lines if line.startswith("0::")]
+    if not roots or not inside or ".." in inside[0]:
+        return []
+    own = roots[0] / inside[0]
+    return [own, *(p for p in own.parents if p == roots[0] or roots[0] in p.parents)]
+
+
+def _tried(folder: Path) -> Place | None:
+    """What a group made in `folder` could do, None when none can be made or processes could not be moved there."""
+    if not os.access(folder / "cgroup.procs", os.W_OK):
+        return None
+    trial = folder / f"{PREFIX}{os.getpid()}-trial{next(_numbers)}"
+    try:
+        trial.mkdir()
+    except OSError:
+        return None
+    try:
+        if not (trial / "cgroup.kill").exists():  # Linux before 5.14
+            return None
+        return Place(folder, memory=(trial / "memory.max").exists())
+    finally:
+        with contextlib.suppress(OSError):
+            trial.rmdir()
+
+
+def _counters(path: Path) -> dict[str, int]:
+    return {name: int(value) for name, value in (line.split() for line in path.read_text().splitlines())}

@@ -1,0 +1,129 @@
+"""Messages over a socket, with deadlines: what comes from a process that ran foreign code may be anything.
+
+A message is a mark, the number of the request it answers, its length and its bytes. No read waits longer than it
+was told to, no length is believed before the bytes are there, and what was sent for an earlier request is dropped.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+
+from cpbench.bench.wire import WireError
+
+MOST = 2**30
+"""Bytes of the largest message that is taken."""
+_HEAD = struct.Struct("<4sIQ")
+_MARK = b"cpb1"
+_PART = 2**20
+
+
+class Channel:
+    """One end of a pair of sockets.
+
+    The end of the runner uses `send` and `receive_nowait`; that of a child `recv_bytes` and `send_bytes`, which
+    wait and answer the request that came last.
+    """
+
+    def __init__(self, end: socket.socket, most: int = MOST) -> None:
+        self._socket, self._most = end, most
+        self._turn = 0
+        self._buffer = bytearray()
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        self._socket.close()
+
+    # ------------------------------------------------------------------------------------ the runner's end
+
+    def send(self, message: bytes, seconds: float) -> None:
+        """A new request; raises OSError when nobody listens, TimeoutError when nobody reads for `seconds`."""
+        self._turn = (self._turn + 1) % 2**32
+        rest = memoryview(_HEAD.pack(_MARK, self._turn, len(message)) + message)
+        deadline = time.monotonic() + seconds
+        while rest:
+            self._socket.settimeout(max(deadline - time.monotonic(), 1e-3))
+            rest = rest[self._socket.send(rest) :]
+
+    def receive_nowait(self) -> bytes | None:
+        """A whole message if it has come, else None.
+
+        Raises EOFError when the other end is closed, WireError when what came is no message.
+        """
+        message = self._taken()
+        while message is None:
+            wanted = min(max(self._wanted(), 4096), _PART)
+            try:
+                self._socket.setblocking(False)
+                part = self._socket.recv(wanted)
+            except (BlockingIOError, InterruptedError):
+                return None
+            except OSError:
+                raise EOFError from None
+            if not part:
+                raise EOFError
+            self._buffer += part
+            message = self._taken()
+        return message
+
+    # ------------------------------------------------------------------------------------- a child's end
+
+    def recv_bytes(self) -> bytes:
+        """Wait for the next request; raises EOFError when the runner is gone."""
+        head = self._exactly(_HEAD.size)
+        _, self._turn, size = _HEAD.unpack(head)
+        return self._exactly(size)
+
+    def send_bytes(self, message: bytes) -> None:
+        """Send an answer to the last request; waits until it is taken."""
+        self._socket.setblocking(True)
+        self._socket.sendall(_HEAD.pack(_MARK, self._turn, len(message)))
+        self._socket.sendall(message)
+
+    def _exactly(self, size: int) -> bytes:
+        self._socket.setblocking(True)
+        got = bytearray()
+        while len(got) < size:
+            part = self._socket.recv(min(size - len(got), _PART))
+            if not part:
+                raise EOFError
+            got += part
+        return bytes(got)
+
+    # -------------------------------------------------------------------------------------------- frames
+
+    def _wanted(self) -> int:
+        """Bytes that are missing of the message at the head of the buffer."""
+        if len(self._buffer) < _HEAD.size:
+            return _HEAD.size - len(self._buffer)
+        return _HEAD.size + self._head()[1] - len(self._buffer)
+
+    def _head(self) -> tuple[int, int]:
+        mark, turn, size = _HEAD.unpack_from(self._buffer)
+        if mark != _MARK:
+            raise WireError(f"no message: it begins with {bytes(self._buffer[:16])!r}")
+        if size > self._most:
+            raise WireError(f"a message of {size} bytes, over the limit of {self._most}")
+        return turn, size
+
+    def _taken(self) -> bytes | None:
+        """The message at the head of the buffer when it is whole; those that answer an earlier request are dropped."""
+        while len(self._buffer) >= _HEAD.size:
+            turn, size = self._head()
+            end = _HEAD.size + size
+            if len(self._buffer) < end:
+                return None
+            message = bytes(memoryview(self._buffer)[_HEAD.size : end])
+            del self._buffer[:end]
+            if turn == self._turn:
+                return message
+        return None
+
+
+def pair() -> tuple[Channel, socket.socket]:
+    """The runner's end, and the socket that becomes a child's `Channel`."""
+    ours, theirs = socket.socketpair()
+    return Channel(ours), theirs

@@ -1,0 +1,157 @@
+"""What this system offers to keep solvers apart: how processes start, are killed, and are held to their memory.
+
+Linux has it all. Elsewhere processes are spawned, killed as a tree and watched from outside; the same way can be
+asked for on Linux (`CPBENCH_ISOLATION=spawn`), which is how it is tested. `CPBENCH_ISOLATION=group` is Linux
+without control groups, as on a machine where they belong to the administrator.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing as mp
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cpbench.bench import cgroup
+from cpbench.errors import CpbenchError, UnknownName
+
+VARIABLE = "CPBENCH_ISOLATION"
+CHOICES = ("", "group", "spawn")
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """The means of this system.
+
+    Attributes
+    ----------
+    start : `forkserver` or `spawn`.
+    kill : `cgroup` (cgroup.kill of cgroup v2), `group` (session and descendants) or `tree` (descendants).
+    memory : `cgroup` (memory.max), `rlimit` (RLIMIT_AS) or `watch` (resident memory looked at from outside).
+    guard : whether a process stands between runner and worker that adopts orphans and dies with the runner.
+    affinity : whether a process can be tied to cores. output : whether what it prints is kept.
+    cgroups : the folder in which control groups are made, "" for none.
+    """
+
+    start: str
+    kill: str
+    memory: str
+    guard: bool
+    affinity: bool
+    output: bool
+    cgroups: str = ""
+
+    @property
+    def forks(self) -> bool:
+        """Whether a warmed-up process may fork one for every solve."""
+        return self.start == "forkserver"
+
+    def told(self) -> list[tuple[str, str]]:
+        """What holds here, and what it means, line by line."""
+        return [(what, _MEANING[what][str(getattr(self, what))]) for what in _MEANING]
+
+
+_MEANING = {
+    "start": {
+        "forkserver": "forkserver: a process starts in milliseconds, with the numerical packages loaded",
+        "spawn": "spawn (no safe fork here): a new process imports everything anew, which takes seconds",
+    },
+    "kill": {
+        "cgroup": "cgroup.kill (cgroup v2): a solver and all it started die at once, daemons too",
+        "group": "session and descendants (no writable cgroup v2 here): repeated until nobody is left",
+        "tree": "descendants, one by one: a child whose parent has ended is not found",
+    },
+    "memory": {
+        "cgroup": "memory.max of cgroup v2: what is really used, of a solver and all it started",
+        "rlimit": "RLIMIT_AS (no memory controller of cgroup v2 here): address space, of every process by itself",
+        "watch": "resident memory, looked at from outside 20 times a second: a sudden burst gets beyond the limit",
+    },
+    "guard": {
+        "True": "orphans stay findable (child subreaper), and nobody outlives the runner (parent-death signal)",
+        "False": "none: children of a solver whose parent ended, and those of a killed runner, may live on",
+    },
+    "affinity": {
+        "True": "workers can be tied to cores",
+        "False": "workers cannot be tied to cores: timings are noisier",
+    },
+    "output": {
+        "True": "both ends of what a solver prints are kept, through a pipe that the runner empties",
+        "False": "what a solver prints is not kept",
+    },
+}
+
+
+def detect(asked: str | None = None) -> Isolation:
+    """The best that works here, or what is asked for by `asked` or the environment; raises UnknownName."""
+    asked = os.environ.get(VARIABLE, "") if asked is None else asked
+    if asked not in CHOICES:
+        raise UnknownName(f"isolation in {VARIABLE}", asked, [c for c in CHOICES if c])
+    posix = os.name == "posix"
+    affinity = hasattr(os, "sched_setaffinity")
+    if asked == "spawn" or sys.platform != "linux" or "forkserver" not in mp.get_all_start_methods():
+        return Isolation("spawn", "tree", "watch", guard=False, affinity=affinity, output=posix)
+    folder = None if asked == "group" else cgroup.writable()
+    memory = "cgroup" if folder is not None and folder.memory else "rlimit"
+    return Isolation(
+        "forkserver",
+        "cgroup" if folder is not None else "group",
+        memory,
+        guard=True,
+        affinity=affinity,
+        output=posix,
+        cgroups=str(folder.path) if folder is not None else "",
+    )
+
+
+# --------------------------------------------------------------------------- what a process does to itself
+
+
+def pin(cpus: Sequence[int]) -> None:
+    """Tie this process and all it starts to cores; raises CpbenchError where that cannot be done."""
+    if not cpus:
+        return
+    if not hasattr(os, "sched_setaffinity"):
+        raise CpbenchError(f"this system cannot tie processes to cores ({list(cpus)}): run without --cpus")
+    os.sched_setaffinity(0, cpus)
+
+
+def die_with_parent(by: signal.Signals) -> None:
+    """Linux: get this signal when the thread that forked this process ends."""
+    _prctl(_PR_SET_PDEATHSIG, int(by))
+
+
+def adopt_orphans() -> None:
+    """Linux: become the parent of every descendant whose parent ends."""
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+
+
+def address_space() -> int:
+    """Bytes of this process's address space, what RLIMIT_AS counts (0 where the system does not say)."""
+    if sys.platform != "linux":
+        return 0
+    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def limit_address_space(growth: int) -> None:
+    """Let the address space grow by at most `growth` bytes from what it is now."""
+    import resource
+
+    limit = address_space() + growth
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def no_core_dumps() -> None:
+    if os.name == "posix":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _prctl(option: int, value: int) -> None:
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
