@@ -47,6 +47,33 @@ class Block:
     def solvers(self) -> list[str]:
         return sorted({pair.entry.solver for pair in self.pairs})
 
+    @property
+    def chained(self) -> bool:
+        """Whether its pairs start from one another, so that they cannot be run apart."""
+        return any(map(_follows, self.pairs))
+
+    def rest(self, endings: Mapping[str, Ending]) -> Block | None:
+        """What is left when some of its pairs have ended, by key; None when all have."""
+        left = tuple(pair for pair in self.pairs if pair.key not in endings)
+        return self._only(left, {**self.known, **endings}) if left else None
+
+    def cut(self, count: int) -> tuple[Block, Block | None]:
+        """Its first pairs, at least `count` and at least one, and the others; a history answers for all its pairs.
+
+        Where it is chained, the others cannot be run before it is known how the first ones end (`rest`).
+        """
+        count = max(count, 1)
+        while 0 < count < len(self.pairs) and variant(self.pairs[count]) == variant(self.pairs[count - 1]):
+            count += 1
+        first, others = self.pairs[:count], self.pairs[count:]
+        return self._only(first, self.known), self._only(others, self.known) if others else None
+
+    def _only(self, pairs: tuple[Pair, ...], known: Mapping[str, Ending]) -> Block:
+        keys = {pair.key for pair in pairs}
+        before = {key: pair for key, pair in self.before.items() if key in keys}
+        wanted = {pair.key for pair in before.values()} - keys
+        return Block(pairs, before, {key: known[key] for key in wanted if key in known})
+
 
 def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callable[[str], Ending]) -> list[Block]:
     """The pending pairs in blocks, in a seeded random order that does not depend on the order of the files.
@@ -66,8 +93,8 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
     for name in names:
         members = grouped[name]
         draw.shuffle(members)
-        place = {_variant(p): k for k, p in enumerate(members)}
-        members.sort(key=lambda p: (p.step if _follows(p) else 0, place[_variant(p)], p.tolerance))
+        place = {variant(p): k for k, p in enumerate(members)}
+        members.sort(key=lambda p: (p.step if _follows(p) else 0, place[variant(p)], p.tolerance))
         todo = tuple(p for p in members if p.key in pending)
         if todo:
             keys = {p.key for p in todo}
@@ -115,12 +142,12 @@ def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Ou
     """Outcomes, by key, of pairs that ask for less and that the history of this one answers."""
     if outcome.history is None:
         return {}
-    wanted = {p.tolerance: p.key for p in pairs if p.tolerance > pair.tolerance and _variant(p) == _variant(pair)}
+    wanted = {p.tolerance: p.key for p in pairs if p.tolerance > pair.tolerance and variant(p) == variant(pair)}
     rows = derived_rows(outcome.row, History.unpack(outcome.history), wanted)
     return {wanted[tolerance]: Outcome(row) for tolerance, row in rows.items()}
 
 
-def _variant(pair: Pair) -> tuple[Any, ...]:
+def variant(pair: Pair) -> tuple[Any, ...]:
     """Pairs of one variant differ by their tolerance; told apart only where a history makes one of them enough."""
     if not pair.limits.history:
         return (pair.key,)

@@ -1,14 +1,14 @@
-"""Runs a plan: blocks of pairs on one lane, or on several side by side, and every pair a row in the store."""
+"""Runs a plan: a crew works blocks of pairs off, and every pair becomes a row in the store."""
 
 from __future__ import annotations
 
 import platform
 import queue
 import threading
-from collections.abc import Generator, Sequence
-from contextlib import closing
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 from cpbench.bench import block as blocks
 from cpbench.bench import machine
@@ -36,8 +36,48 @@ def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Settin
     return [replace(common, cpus=tuple(cpus), lanes=jobs) for cpus in taken]
 
 
+class Crew(Protocol):
+    """Who works blocks off: lanes of this machine, or the machines of a cluster."""
+
+    @property
+    def reference(self) -> Setting | None:
+        """Under which the reference is solved here during the run; None where others do the work."""
+        ...
+
+    @property
+    def machines(self) -> Mapping[str, Mapping[str, Any]]:
+        """What each machine is, by host, before the first outcome from there."""
+        ...
+
+    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome, str]]:
+        """What comes of every pair, and the host that it was run on. Who closes the generator stops the work."""
+        ...
+
+
+class Lanes:
+    """The crew of this machine: one lane at work in this thread, or several in threads of their own."""
+
+    def __init__(self, lanes: Sequence[Lane]) -> None:
+        self._lanes = lanes
+        self._host = platform.node()
+        self.machines = {self._host: machine.describe()}
+
+    @property
+    def reference(self) -> Setting:
+        return self._lanes[0].setting
+
+    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome, str]]:
+        if len(self._lanes) > 1:
+            ended = _side_by_side(self._lanes, todo, notice)
+        else:
+            ended = (done for block in todo for done in blocks.run(self._lanes[0], block, notice))
+        with closing(ended):
+            for pair, outcome in ended:
+                yield pair, outcome, self._host
+
+
 def execute(
-    lanes: Sequence[Lane], store: Store, planned: Sequence[Pair], seed: int = 0, notice: Notice = silent
+    crew: Crew | Sequence[Lane], store: Store, planned: Sequence[Pair], seed: int = 0, notice: Notice = silent
 ) -> None:
     """Run every planned pair that the store has not run yet.
 
@@ -46,23 +86,21 @@ def execute(
     todo = blocks.blocks(planned, store.pending(), seed, store.ending)
     if not todo:
         return
-    host = platform.node()
-    with Reference(lanes[0].setting) as reference, closing(_outcomes(lanes, todo, notice)) as outcomes:
-        store.add_reference(0, *reference.measure())
-        for done, (pair, outcome) in enumerate(outcomes, 1):
+    crew = Lanes(crew) if isinstance(crew, Sequence) else crew
+    hosts = set[str]()
+    with ExitStack() as stack:
+        reference = stack.enter_context(Reference(crew.reference)) if crew.reference else None
+        outcomes = stack.enter_context(closing(crew.outcomes(todo, notice)))
+        if reference:
+            store.add_reference(0, *reference.measure())
+        for done, (pair, outcome, host) in enumerate(outcomes, 1):
+            if host not in hosts:
+                store.note_machine(host, crew.machines[host])
+                hosts.add(host)
             store.finish(pair.key, {**outcome.row, "host": host}, outcome.answer, outcome.history)
             notice("done", pair, outcome.row)
-            if done % REFERENCE_EVERY == 0:
+            if reference and done % REFERENCE_EVERY == 0:
                 store.add_reference(done, *reference.measure())
-
-
-def _outcomes(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
-    """What comes of every block, in this thread for one lane."""
-    if len(lanes) > 1:
-        yield from _side_by_side(lanes, todo, notice)
-        return
-    for block in todo:
-        yield from blocks.run(lanes[0], block, notice)
 
 
 def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
