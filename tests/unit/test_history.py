@@ -1,0 +1,360 @@
+"""Histories: what is kept of a solve, how it is judged, and what looser tolerances take from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cpbench import graph, storage
+from cpbench.bench import history as histories
+from cpbench.bench import plan, wire
+from cpbench.bench.history import History, Recorder, coarse_to_fine, derived_rows, recorded
+from cpbench.bench.lane import Lane
+from cpbench.bench.referee import Referee
+from cpbench.errors import PointError, StoreError
+from cpbench.formulations import LCP, FrictionContact, LCPPoint
+from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.testing import planted, planted_conic
+from cpbench.verification import judge
+
+
+class Clock:
+    """Seconds that pass only when they are told to."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def perf_counter(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(histories, "time", clock)
+    return clock
+
+
+def _point(value: float) -> LCPPoint:
+    return LCPPoint(z=np.array([value]))
+
+
+def _finish(recorder: Recorder, iterations: int = 0) -> tuple[dict[str, Any], dict[str, Any]]:
+    output = SolverOutput(claim=Claim.SOLVED, point=_point(-1.0), counters={"iterations": iterations})
+    return wire.unpack(recorder.finish(output))
+
+
+# ---------------------------------------------------------------------------------------------------- recording
+
+
+@pytest.mark.parametrize("step", [1e-6, 1e-3, 1.0])
+def test_the_kept_iterates_lie_apart_by_a_factor(clock: Clock, step: float) -> None:
+    """100,000 iterations at a steady pace: few are kept, no gap is wide, each is the iterate of its time."""
+    recorder = Recorder()
+    for k in range(100_000):
+        clock.now += step
+        recorder(k, 1.0 / (k + 1), lambda k=k: _point(float(k)))
+    clock.now += step
+    header, found = _finish(recorder, 100_000)
+    time = found["time"]
+    assert 40 <= header["count"] == time.size <= 65
+    assert header["calls"] == 100_000
+    late = time > 10 * max(step, histories.FINEST)  # before, steps and the finest time are too long for a factor
+    assert (time[1:] / time[:-1])[late[1:]].max() < 1.5
+    np.testing.assert_allclose(found["iteration"][:-1], np.round(time[:-1] / step) - 1)
+    np.testing.assert_array_equal(found["iterates"][:-1], found["iteration"][:-1])
+    np.testing.assert_allclose(found["told"][:-1], 1.0 / (found["iteration"][:-1] + 1))
+
+
+def test_few_iterates_are_all_kept_and_the_answer_is_last(clock: Clock) -> None:
+    recorder = Recorder()
+    for k in range(20):
+        recorder(k, 1.0, lambda k=k: _point(float(k)))
+        clock.now += 1e-7
+    _, found = _finish(recorder, 20)
+    assert found["iteration"].tolist() == list(range(21))
+    assert found["iterates"].tolist() == [*range(20), -1.0]
+    assert math.isnan(found["told"][-1])
+
+
+def test_the_clock_stands_while_an_iterate_is_kept(clock: Clock) -> None:
+    def slow() -> LCPPoint:
+        clock.now += 5.0
+        return _point(0.0)
+
+    recorder = Recorder()
+    for k in range(10):
+        clock.now += 1.0
+        recorder(k, 1.0, slow)
+    clock.now += 1.0
+    header, found = _finish(recorder)
+    np.testing.assert_allclose(found["time"], np.arange(1.0, 12.0))
+    assert header["solve"] == pytest.approx(11.0)
+    assert header["cost"] == pytest.approx(50.0)
+
+
+def test_large_iterates_are_fewer() -> None:
+    class Counts(Solver):
+        """Records its own steps."""
+
+        spec = SolverSpec(name="counts", node="lcp", summary="", method="")
+
+        def solve(self, prepared: Any, budget: Any, options: Any, start: Any = None, record: Any = None) -> Any:
+            for k in range(100):
+                record(k, 1.0, lambda: LCPPoint(z=np.zeros(prepared.q.size)))
+            return SolverOutput(claim=Claim.FAILED)
+
+    n = int(histories.BYTES / 8 / 10)
+    large: Any = SimpleNamespace(q=np.zeros(n), point_sizes={"z": n})
+    header, found = wire.unpack(recorded(Counts(), large, Budget(), None, None))
+    assert histories.LEAST <= header["count"] <= 10
+    assert found["iterates"].size == header["count"] * n
+    larger: Any = SimpleNamespace(q=np.zeros(3), point_sizes={"z": 10 * int(histories.BYTES)})
+    header, _ = wire.unpack(recorded(Counts(), larger, Budget(), None, None))
+    assert header["count"] <= histories.LEAST
+
+
+# ------------------------------------------------------------------------------------------------------ judging
+
+
+class Scene:
+    """A problem in a file, and a referee who judges histories of it at a node."""
+
+    def __init__(self, folder: Path, problem: Any, node: str) -> None:
+        self.problem = problem
+        path = folder / f"{problem.fingerprint}.h5"
+        storage.save(problem, path)
+        self.referee = Referee(folder)
+        self.asked: dict[str, Any] = {
+            "address": str(path),
+            "format": None,
+            "fingerprint": problem.fingerprint,
+            "node": node,
+            "request": plan.exact().header(),
+            "tolerance": 1e-10,
+        }
+
+    def judged(self, message: bytes, **given: Any) -> History:
+        trail, vectors = wire.unpack(message)
+        reply, found = wire.unpack(self.referee.judge_history(vectors, **self.asked, trail=trail, **given))
+        assert reply["event"] == "history"
+        return History.unpack(found["history"])
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Callable[[Any, str], Scene]:
+    return lambda problem, node: Scene(tmp_path, problem, node)
+
+
+def test_errors_are_those_of_the_iterates(scene: Any, rng: np.random.Generator) -> None:
+    """PGS on a planted LCP, its iterates judged here one by one."""
+    problem, _ = planted.lcp(rng, 30, "positive definite")
+    budget, seen = Budget(tolerance=1e-10), list[Any]()
+    output = solvers.get("pgs").run(problem, budget, record=lambda k, e, point: seen.append((k, e, point())))
+    history = scene(problem, "lcp").judged(
+        recorded(solvers.get("pgs"), problem, budget, solvers.get("pgs").spec.options(), None)
+    )
+    errors = [judge(problem, point, 1e-10).error for *_, point in seen]
+    assert output.claim is Claim.SOLVED
+    assert history.iteration[:-1].tolist() == [k for k, *_ in seen]
+    np.testing.assert_array_equal(history.error[:-1], errors)
+    np.testing.assert_allclose(history.told[:-1], errors, rtol=1e-6, atol=1e-15)
+    assert history.error[-1] == history.error[-2] <= 1e-10
+
+
+def test_errors_are_of_the_problem_that_was_asked(scene: Any, rng: np.random.Generator) -> None:
+    """A mixed LCP solved as an LCP: the errors are those of the lifted iterates."""
+    problem, _ = planted.mlcp(rng, 4, 20, "positive definite")
+    at = scene(problem, "lcp")
+    converted = graph.arrive(problem, "lcp").problem
+    message = recorded(solvers.get("pgs"), converted, Budget(tolerance=1e-10), solvers.get("pgs").spec.options(), None)
+    history = at.judged(message)
+    _, vectors = wire.unpack(message)
+    for x, error in zip(vectors["iterates"].reshape(history.error.size, -1), history.error, strict=True):
+        assert error == judge(problem, graph.lift(converted, converted.point_from_vector(x)), 1e-10).error
+    assert history.error[0] > 1e-3
+    assert history.time_to(1e-8) < math.inf
+
+
+def test_time_to_a_tolerance() -> None:
+    history = History(
+        time=np.array([0.1, 0.2, 0.4, 0.8]),
+        iteration=np.arange(4.0),
+        told=np.zeros(4),
+        error=np.array([1.0, 1e-3, 1e-2, math.inf]),
+        flags=("", "", "", ""),
+        solve=0.9,
+    )
+    assert [history.time_to(t) for t in (1.0, 0.5, 1e-3, 9e-4, 0.0)] == [0.1, 0.2, 0.2, math.inf, math.inf]
+
+
+class Liar(Solver):
+    """Tells residual 0 of iterates that solve nothing."""
+
+    spec = SolverSpec(name="liar", node="lcp", summary="", method="")
+
+    def solve(self, prepared: Any, budget: Any, options: Any, start: Any = None, record: Any = None) -> SolverOutput:
+        for k in range(5):
+            record(k, 0.0, lambda k=k: LCPPoint(z=np.full(prepared.q.size, float(k))))
+        return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z=np.full(prepared.q.size, math.nan)))
+
+
+def test_a_liar_gets_its_true_errors(scene: Any) -> None:
+    """M = 1, q = -2: z = 2 is the solution, and of the iterates 0, 1, 2, 3, 4 only the third is one."""
+    problem = LCP(M=np.eye(1), q=np.array([-2.0]))
+    history = scene(problem, "lcp").judged(recorded(Liar(), problem, Budget(), None, None))
+    assert history.told[:-1].tolist() == [0.0] * 5
+    np.testing.assert_allclose(history.error[[0, 1, 2]], [1.0, 0.5, 0.0])
+    assert (history.error[[3, 4]] > 0.1).all()
+    assert history.error[5] == math.inf
+    assert history.time_to(1e-10) == history.time[2]
+    wrong = LCP(M=np.eye(1), q=np.array([-2.5]))
+    history = scene(wrong, "lcp").judged(recorded(Liar(), wrong, Budget(), None, None))
+    assert history.time_to(1e-2) == math.inf
+    assert derived_rows({"solve": 1.0}, history, [1e-2, 1e-4]) == {}
+
+
+def test_messages_that_do_not_hold_together_are_refused(scene: Any) -> None:
+    problem = LCP(M=np.eye(2), q=-np.ones(2))
+    at = scene(problem, "lcp")
+    fine = {"time": [0.0, 1.0], "iteration": [0.0, 1.0], "told": [1.0, 0.0], "iterates": np.ones(4)}
+    header = {"count": 2, "solve": 1.0, "cost": 0.0, "calls": 2}
+    assert at.judged(wire.pack(header, fine)).error.tolist() == [0.0, 0.0]
+    for wrong in (
+        {"iterates": np.ones(5)},
+        {"iterates": np.ones(2)},
+        {"time": [1.0, 0.0]},
+        {"time": [0.0, math.nan]},
+        {"time": [-1.0, 0.0]},
+        {"told": [1.0]},
+    ):
+        with pytest.raises(PointError, match="recorded iterates"):
+            at.judged(wire.pack(header, {**fine, **wrong}))
+    for missing in header:
+        with pytest.raises(PointError, match="recorded iterates"):
+            at.judged(wire.pack({k: v for k, v in header.items() if k != missing}, fine))
+
+
+def test_judging_ends_in_time_with_the_answer_first(scene: Any, rng: np.random.Generator) -> None:
+    problem, _ = planted.lcp(rng, 10, "positive definite")
+    message = recorded(solvers.get("pgs"), problem, Budget(tolerance=1e-10), solvers.get("pgs").spec.options(), None)
+    at = scene(problem, "lcp")
+    whole, cut = at.judged(message), at.judged(message, seconds=-1.0)
+    assert cut.error.tolist() == [whole.error[-1]]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 64, 65])
+def test_cut_anywhere_the_judged_iterates_are_spread(count: int) -> None:
+    order = coarse_to_fine(count)
+    assert sorted(order) == list(range(count))
+    for done in range(2, count):
+        gaps = np.diff(sorted(order[:done]))
+        assert gaps.max() <= 2 * gaps.min() + 2
+
+
+# ------------------------------------------------------------------------------------------- storage, looser rows
+
+
+def test_packed_and_unpacked() -> None:
+    history = History(
+        time=np.array([0.5, 1.0]),
+        iteration=np.array([0.0, 9.0]),
+        told=np.array([1.0, math.nan]),
+        error=np.array([math.inf, 1e-9]),
+        flags=("", "stationary,direction"),
+        solve=1.25,
+        cost=0.125,
+        calls=9,
+    )
+    blob = history.pack()
+    again = History.unpack(blob)
+    for name in histories.COLUMNS:
+        np.testing.assert_array_equal(getattr(again, name), getattr(history, name))
+    assert (again.flags, again.solve, again.cost, again.calls) == (history.flags, 1.25, 0.125, 9)
+    for broken in (b"", blob[:-9], blob[9:], b"x" * 40):
+        with pytest.raises(StoreError, match="history"):
+            History.unpack(broken)
+    found = histories.table({"k2": blob, "k1": blob})
+    assert found["key"].tolist() == ["k1", "k1", "k2", "k2"]
+    np.testing.assert_allclose(found["share"], [0.4, 0.8, 0.4, 0.8])
+    assert list(histories.table({}).columns) == list(found.columns)
+
+
+def test_looser_rows_are_read_off() -> None:
+    history = History(
+        time=np.array([0.0, 1.0, 2.0, 4.0]),
+        iteration=np.array([0.0, 3.0, 6.0, 12.0]),
+        told=np.full(4, math.nan),
+        error=np.array([1.0, 1e-3, 1e-5, 1e-9]),
+        flags=("", "", "stationary", "stationary"),
+        solve=4.0,
+    )
+    row = {
+        "status": "timeout", "solve": 2.0, "setup": 0.25, "convert": 0.5, "lift": 0.125, "route": "direct",
+        "claim": "solved", "flags": "repeat", "samples": "[2.0]", "repeats": 3,
+        "solve_iqr": 0.1, "message": "killed", "cpu": 9.0,
+    }  # fmt: skip
+    rows = derived_rows(row, history, [1e-2, 1e-4, 1e-12])
+    assert sorted(rows) == [1e-4, 1e-2]
+    loose, tight = rows[1e-2], rows[1e-4]
+    assert (loose["status"], loose["error"], loose["flags"], loose["solve"]) == ("solved", 1e-3, "history", 0.5)
+    assert (tight["status"], tight["error"], tight["flags"]) == ("stationary", 1e-5, "stationary,history")
+    assert (tight["solve"], tight["setup"], tight["convert"], tight["lift"]) == (1.0, 0.25, 0.5, 0.125)
+    assert tight["counters"] == '{"iterations": 6}'
+    assert (tight["samples"], tight["repeats"], tight["solve_iqr"], tight["cpu"]) == ("[]", 0, None, None)
+    assert "0.5 to 1 s" in tight["message"]
+    assert tight["claim"] == ""
+
+
+def _easy(rng: np.random.Generator, node: str) -> Any:
+    """A problem on which sweeps converge in a few dozen iterations."""
+    if node == "lcp":
+        return planted.lcp(rng, 40, "positive definite")[0]
+    if node == "fc":
+        A = rng.standard_normal((36, 36))
+        W = A @ A.T / 36 + np.eye(36)
+        return FrictionContact(W=W, q=rng.standard_normal(36), mu=np.full(12, 0.5), dimension=3)
+    return (planted_conic.soclcp if node == "soclcp" else planted_conic.plain_coneqp)(rng)[0]
+
+
+@pytest.mark.parametrize("solver", ["pgs", "psor", "nsgs", "apgd", "newton-cone"])
+def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.Generator, solver: str) -> None:
+    """Iterations of runs at three tolerances, against the history of one run: a quarter and two off at most."""
+    chosen = solvers.get(solver)
+    problem = _easy(rng, chosen.spec.node)
+    tight = Budget(tolerance=1e-10)
+    history = scene(problem, problem.node).judged(recorded(chosen, problem, tight, chosen.spec.options(), None))
+    for tolerance in (1e-2, 1e-4, 1e-6):
+        alone = chosen.run(problem, Budget(tolerance=tolerance)).counters["iterations"]
+        k = history.first(tolerance)
+        assert k is not None
+        assert abs(history.iteration[k] - alone) <= 2 + alone / 4, tolerance
+
+
+def test_a_lane_returns_the_history_of_a_solver_that_records(tmp_path: Path, rng: np.random.Generator) -> None:
+    problem, _ = planted.lcp(rng, 20, "positive definite")
+    path = tmp_path / "p.h5"
+    storage.save(problem, path)
+    limits = plan.Limits(seconds=20.0, repeats=2, history=True)
+    with Lane() as lane:
+        survey = lane.survey(str(path), [plan.exact()])
+        entries = [plan.Entry("pgs"), plan.Entry("lemke")]
+        outcomes = {
+            pair.entry.solver: lane.run(pair, lane.prepare(pair))
+            for pair in plan.pairs([survey], entries, [plan.exact()], 1e-10, limits, relaxations=False)
+        }
+    assert {solver: outcome.row["status"] for solver, outcome in outcomes.items()} == {
+        "pgs": "solved",
+        "lemke": "solved",
+    }
+    assert outcomes["lemke"].history is None
+    assert outcomes["pgs"].history is not None
+    history = History.unpack(outcomes["pgs"].history)
+    assert history.error[-1] == outcomes["pgs"].row["error"]
+    assert 0.0 < history.time_to(1e-3) <= history.time_to(1e-10) <= history.solve
