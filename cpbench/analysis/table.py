@@ -1,7 +1,8 @@
 """The table of results: one row a planned pair, and what every other analysis asks of it.
 
 A table is a pandas DataFrame with (at least) the columns below; rows may come in any order. A *group* is what can
-be compared: the rows of one formulation at one tolerance, start and number of threads. Within a group a pair is
+be compared: the rows of one formulation in one set of a plan, by one measure at one tolerance, with one start and
+number of threads. Within a group a pair is
 known by its fingerprint (the problem's mathematics) and its label (solver, options, route request).
 """
 
@@ -19,11 +20,13 @@ from cpbench.verification import Status
 
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
-    "start", "status", "route", "kind", "claim", "flags", "message", "parts", "counters", "version",
+    "start", "set", "measure", "sequence", "status", "route", "kind", "claim", "flags", "message", "parts", "counters",
+    "version", "samples", "started", "host", "finished",
 )  # fmt: skip
 NUMBERS = (
-    "tolerance", "threads", "error", "load", "convert", "setup", "solve", "lift", "verify", "repeats", "solve_min",
-    "solve_iqr", "signal",
+    "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "load", "convert", "setup", "solve",
+    "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr", "signal", "code", "jobs",
+    "attempts", "loadavg",
 )  # fmt: skip
 SOLVED = (str(Status.SOLVED), str(Status.STATIONARY))
 """Statuses of an answer that meets the tolerance on the problem that was asked."""
@@ -41,6 +44,8 @@ class Group:
     tolerance: float
     start: str
     threads: int
+    set: str = ""
+    measure: str = ""
 
 
 def normalised(table: pd.DataFrame) -> pd.DataFrame:
@@ -81,9 +86,18 @@ def with_time(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def groups(table: pd.DataFrame) -> list[tuple[Group, pd.DataFrame]]:
-    """The comparable parts of a table, in order of formulation, tolerance, start, threads."""
-    parts = table.groupby(["node", "tolerance", "start", "threads"], dropna=False, sort=True)
-    return [(Group(str(n), float(t), str(s), int(k)), rows) for (n, t, s, k), rows in parts]  # type: ignore[misc]
+    """The comparable parts of a table, in order of formulation, tolerance, start, threads, set, measure."""
+    parts = table.groupby(["node", "tolerance", "start", "threads", "set", "measure"], dropna=False, sort=True)
+    return [
+        (Group(str(n), float(t), str(s), int(k), str(part), str(m)), rows)
+        for (n, t, s, k, part, m), rows in parts  # type: ignore[misc]
+    ]
+
+
+def limit(table: pd.DataFrame) -> float:
+    """The longest a solve of these rows could take [s]; ∞ where none is known."""
+    known = table["seconds"].dropna()
+    return float(known.max()) if len(known) else math.inf
 
 
 def problem_names(table: pd.DataFrame) -> pd.Series[str]:

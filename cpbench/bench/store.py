@@ -361,9 +361,11 @@ class Store:
     # -------------------------------------------------------------------------------------------- read
 
     def meta(self) -> dict[str, Any]:
-        """Facts of the run by name, with the refused files under `refused`."""
+        """Facts of the run by name, with the refused files under `refused`, the solves that tell the machine's drift
+        under `references`."""
         values = {name: json.loads(value) for name, value in self._read("SELECT name, value FROM meta")}
         values["refused"] = self._read("SELECT address, reason FROM refused ORDER BY address")
+        values["references"] = self.references()
         return values
 
     def machines(self) -> dict[str, dict[str, Any]]:

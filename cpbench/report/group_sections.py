@@ -24,7 +24,8 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) ->
     problems = rows["fingerprint"].nunique()
     times = rows_of.times(rows)
     shift = summary.default_shift(times)
-    penalty = run.timeout if math.isfinite(run.timeout) else math.nan  # without a limit, a mean is of full solvers only
+    most = rows_of.limit(rows)
+    penalty = most if math.isfinite(most) else math.nan  # without a limit, a mean is of full solvers only
     counts = summary.solve_counts(rows, penalty, shift)
     labels = [str(label) for label in counts["label"]]
     yield f"## {group_name(run, group)}"
@@ -82,8 +83,10 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
     kinds = rows_of.label_kinds(rows)
     slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
     if several:
-        slug += f"-{group.tolerance:g}-{re.sub(r'[^a-z0-9]+', '-', group.start.lower())}-{group.threads}"
-    limit = f"limit {run.timeout:g} s" if math.isfinite(run.timeout) else "no limit"
+        told = (f"{group.tolerance:g}", group.start, str(group.threads), group.set, group.measure)
+        slug = "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in told if part)])
+    most = rows_of.limit(rows)
+    limit = f"limit {most:g} s" if math.isfinite(most) else "no limit"
     title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}, {limit}"
     yield "### Performance profile"
     name = f"profile-{slug}"

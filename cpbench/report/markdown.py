@@ -79,9 +79,10 @@ def _facts(run: Run) -> str:
     tolerances = sorted(set(run.rows["tolerance"]))
     facts = {
         "tolerance": ", ".join(f"{t:g}" for t in tolerances),
-        "limit": f"{run.timeout:g} s a solve" if math.isfinite(run.timeout) else "none",
-        "threads": meta.get("threads", ""),
-        "repeats": f"{meta['repeats']} of short solves" if meta.get("repeats") else "",
+        "limit": _all_of(run, "seconds", "{:g} s a solve"),
+        "threads": _all_of(run, "threads", "{:g}"),
+        "repeats": _all_of(run, "repeats_asked", "{:g} of short solves"),
+        "start": ", ".join(sorted(set(run.rows["start"]) - {"", "cold"})),
         "run on": meta.get("date", ""),
         "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
         "rows": "`results.csv`, one a pair" if len(run.rows) else "",
@@ -89,6 +90,12 @@ def _facts(run: Run) -> str:
     lines = [f"- {name}: {value}" for name, value in facts.items() if str(value)]
     command = str(meta.get("command", "")).replace(str(Path.cwd()) + os.sep, "")
     return "\n".join([*lines, f"- command: {code(command)}"])
+
+
+def _all_of(run: Run, column: str, form: str) -> str:
+    """The values of a limit over all rows; "none" stands for an infinite one."""
+    values = sorted(set(run.rows[column].dropna()))
+    return ", ".join(form.format(v) if math.isfinite(v) else "none" for v in values)
 
 
 def _overview(run: Run) -> Iterator[str]:

@@ -31,6 +31,10 @@ all must pass.
 **Flags.** *scale*: the natural residual passes and the energy norm does not (inaccurate). *direction*: accepted, but
 some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *absolute*: a scale was
 0, so the error is absolute. *repeat*: a repeat of the timing failed after the first answer, which stands.
+*children*: the solver left processes behind; *threads*: it used more threads than it was given; *wrote*: it wrote to
+the problem's data; *clock*: its answer came much later than its own clock says. After the first three its process
+was replaced. *history*: not run, but read off the iterates of a run at a tighter tolerance. *mixed*: merged from runs
+with other limits, machines or versions.
 
 **Claim and verdict.** What a solver says of its answer (the claim) is recorded and never believed. Claimed and not
 within the tolerance is *inaccurate* up to {INACCURATE_FACTOR:g} times the tolerance, *wrong* beyond; both are claims
@@ -40,6 +44,17 @@ its claim may be true there and its answer still be off, so these are counted ap
 **Routes.** *Equivalent* and *one-way* conversions are exact: every answer of the converted problem is one of the
 problem asked. *Necessary*, *approximate* (facets) and *relaxation* promise less; where a solver took such a route it
 is marked, and its answers are judged on the exact law like all others.
+
+**Start.** Cold: none is given. *file*: the first guess of the problem's file. *perturbed:σ*: the file's solution, if it
+is one, with Gaussian noise of relative size σ in every block. *previous*: the solver's own verified answer to the step
+before of a recorded sequence, with contacts matched by their persistent identities, tangential parts turned into the
+new frames, and new contacts at 0; where that step was not solved the start is cold, and the row says so. Sequences
+are recorded trajectories: each step is the same problem for all solvers, and no solver's answer moves the bodies.
+A solver that takes no starting point is *unsupported* there.
+
+**Histories.** The iterates of one more solve, kept at growing intervals of time and judged like answers on the
+problem that was asked; what a solver tells of its own residual is recorded beside them and not used. The time to a
+tolerance is that of the first kept iterate that meets it: an upper bound.
 
 **Time.** Conversion + set-up + solve + carrying back, wall clock, in a warmed-up process; the median of the repeats
 of a short solve. Reading the file and judging are not in it. A pair that is not solved has no time: it is ∞, however

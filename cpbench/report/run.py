@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +22,6 @@ class Run:
     meta: Mapping[str, Any]
     folder: Path
 
-    @property
-    def timeout(self) -> float:
-        value = self.meta.get("timeout")
-        return math.inf if value is None else float(value)
-
 
 def group_name(run: Run, group: Group) -> str:
     """The formulation, with what tells it from other groups of the same formulation."""
@@ -39,6 +33,10 @@ def group_name(run: Run, group: Group) -> str:
         parts.append(f"{plain(group.start)} start")
     if len({g.threads for g in others}) > 1:
         parts.append(counted(group.threads, "thread"))
+    if len({g.set for g in others}) > 1 and group.set:
+        parts.insert(1, f"set {plain(group.set)}")
+    if len({g.measure for g in others}) > 1:
+        parts.append(f"judged by {plain(group.measure)}" if group.measure else "judged by all measures")
     return ", ".join(parts)
 
 

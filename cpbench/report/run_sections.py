@@ -9,11 +9,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cpbench.analysis import summary
+from cpbench.analysis import starts, summary
 from cpbench.analysis import table as rows_of
 from cpbench.report.run import Run, each
-from cpbench.report.text import code, cut, listed, number, plain, solve_command, table
+from cpbench.report.text import code, counted, cut, listed, number, plain, seconds, solve_command, table
 
+DRIFT = 1.1
+"""A machine that was this many times slower at one time than at another spoils ratios."""
 LISTED = 40
 """The most rows of a list of pairs; the rest is counted, and is in the CSV."""
 
@@ -24,6 +26,7 @@ def run_sections(run: Run) -> Iterator[str]:
         _false_claims,
         _directions,
         _inexact,
+        _starts,
         _failures,
         _not_started,
         _refused,
@@ -54,7 +57,7 @@ def _false_claims(run: Run) -> Iterator[str]:
                 plain(row["status"]),
                 number(row["error"]),
                 f"{row['tolerance']:g}",
-                code(solve_command(row, run.timeout)),
+                code(solve_command(row)),
             ]
             for _, row in found.head(LISTED).iterrows()
         ),
@@ -78,7 +81,7 @@ def _directions(run: Run) -> Iterator[str]:
                 plain(row["status"]),
                 number(row["error"]),
                 number(_part(row["parts"], "slip_angle [deg]")),
-                code(solve_command(row, run.timeout)),
+                code(solve_command(row)),
             ]
             for _, row in found.head(LISTED).iterrows()
         ),
@@ -126,7 +129,7 @@ def _failures(run: Run) -> Iterator[str]:
         yield "Every pair that was started was solved."
         return
     yield "Messages that differ in numbers only are one line; the command runs its first pair again."
-    yield _reasons(reasons, run)
+    yield _reasons(reasons)
 
 
 def _not_started(run: Run) -> Iterator[str]:
@@ -135,10 +138,10 @@ def _not_started(run: Run) -> Iterator[str]:
         return
     yield "## Never started"
     yield "Pairs whose solver cannot take the problem, is not installed, or was not reached before the run ended."
-    yield _reasons(reasons, run)
+    yield _reasons(reasons)
 
 
-def _reasons(reasons: Sequence[summary.Reason], run: Run) -> str:
+def _reasons(reasons: Sequence[summary.Reason]) -> str:
     return table(
         ["outcome", "pairs", "solvers", "message of the first", "first pair again"],
         (
@@ -147,7 +150,7 @@ def _reasons(reasons: Sequence[summary.Reason], run: Run) -> str:
                 str(reason.count),
                 listed([f"{label} {count}" for label, count in reason.labels.items()], 4),
                 plain(cut(reason.message)) or "—",
-                code(solve_command(reason.example, run.timeout)),
+                code(solve_command(reason.example)),
             ]
             for reason in reasons
         ),
@@ -191,13 +194,68 @@ def _solvers(run: Run) -> Iterator[str]:
     yield table(head, (rows[name] for name in sorted(rows)))
 
 
+def _starts(run: Run) -> Iterator[str]:
+    found = starts.paired(run.rows)
+    if not len(found):
+        return
+    yield "## Warm against cold"
+    yield (
+        "The same solver, problem and tolerance from two starts, pair by pair. Below 1, the warm start is ahead. "
+        "*Fell back*: there was nothing to start from, so that the solve was a cold one."
+    )
+    yield table(
+        ["formulation", "solver", "start", "pairs", "solved warm", "solved cold", "fell back", "time", "iterations"],
+        (
+            [
+                plain(r.node),
+                code(r.label),
+                code(r.start),
+                str(r.pairs),
+                str(r.warm),
+                str(r.cold),
+                str(r.fell_back),
+                number(r.time),
+                number(r.iterations),
+            ]
+            for r in each(found)
+        ),
+        right=range(3, 9),
+    )
+    yield "Time and iterations: geometric mean of warm over cold, over the pairs that both solved."
+
+
 def _machine(run: Run) -> Iterator[str]:
     yield "## Machine and versions"
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
-    memory = run.meta.get("memory")
-    if memory is not None:
-        facts["memory limit of a solve"] = f"{memory} bytes" if memory else "none"
-    if run.meta.get("jobs") is not None:
-        facts["solves at a time"] = run.meta["jobs"]
+    memory = sorted(set(run.rows["memory"].dropna()))
+    if memory:
+        facts["memory limit of a solve"] = ", ".join(f"{m:.0f} bytes" if m else "none" for m in memory)
+    hosts = sorted(set(run.rows["host"]) - {""})
+    if hosts:
+        facts["hosts"] = ", ".join(hosts)
     facts |= {f"{name} (package)": version for name, version in sorted((run.meta.get("versions") or {}).items())}
     yield "\n".join(f"- {plain(name)}: {plain(value)}" for name, value in facts.items()) or "Not recorded."
+    yield from _quiet(run)
+
+
+def _quiet(run: Run) -> Iterator[str]:
+    """Whether the machine was fit for measuring."""
+    jobs = run.rows["jobs"].dropna()
+    shared = int((jobs > 1).sum())
+    if shared:
+        side = f"while up to {jobs.max():.0f} solves ran side by side"
+        yield (
+            f"**{counted(shared, 'time was', 'times were')} taken {side}** (column `jobs`): they share caches and "
+            "memory, and are longer and less certain than times of one at a time."
+        )
+    took = [float(r["seconds"]) for r in run.meta.get("references") or [] if r["seconds"] == r["seconds"]]
+    if len(took) > 1:
+        spread = max(took) / min(took)
+        yield (
+            f"A solve that is always the same was repeated {len(took)} times during the run: it took "
+            f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}"
+            + (f". **Ratios of times nearer to 1 than {spread:.2g} are the machine's.**" if spread > DRIFT else ".")
+        )
+    loads = run.rows["loadavg"].dropna()
+    if len(loads):
+        yield f"Load of the machine during the run: median {loads.median():.2f}, at most {loads.max():.2f}."

@@ -108,19 +108,24 @@ def listed(labels: Sequence[str], most: int = 6) -> str:
     return f"{shown} and {len(labels) - most} more" if len(labels) > most else shown
 
 
-def solve_command(row: Any, timeout: float | None = None) -> str:
+def solve_command(row: Any) -> str:
     """The command that runs one row of a table again.
 
     >>> solve_command({"address": "a b.h5", "label": "lemke@inner8", "solver": "lemke", "request": "inner8",
-    ...                "tolerance": 1e-6}, 10.0)
+    ...                "tolerance": 1e-6, "seconds": 10.0, "start": "cold"})
     "cpbench solve 'a b.h5' -s lemke --via inner --facets 8 --tolerance 1e-06 --timeout 10s"
     """
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
     words = ["cpbench", "solve", one_line(row["address"]), "-s", solver, *_route_options(request)]
     words += ["--tolerance", f"{row['tolerance']:g}"]
-    if timeout is not None and math.isfinite(timeout):
-        words += ["--timeout", f"{timeout:g}s"]
+    if math.isfinite(row["seconds"]):
+        words += ["--timeout", f"{row['seconds']:g}s"]
+    if row["start"] == "previous":  # one step needs those before it
+        file = one_line(row["address"]).partition("::")[0]
+        words[1:3] = ["run", file]
+    if row["start"] != "cold":
+        words += ["--start", row["start"]]
     return shlex.join(words)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -168,7 +169,7 @@ def test_small_and_sad_tables(rows: pd.DataFrame, tmp_path: Path) -> None:
 
 
 def test_facts_may_be_missing(tmp_path: Path) -> None:
-    path = write_report(suite(3, 3), {}, tmp_path, "t")
+    path = write_report(suite(3, 3).assign(seconds=math.inf), {}, tmp_path, "t")
     assert "limit: none" in path.read_text()
 
 
@@ -218,12 +219,14 @@ def test_an_order_that_a_third_solver_decides_is_told(tmp_path: Path) -> None:
 
 
 def test_commands_name_the_route() -> None:
-    base = {"address": "p.h5", "tolerance": 1e-8, "solver": "lemke"}
+    base = {"address": "p.h5", "tolerance": 1e-8, "solver": "lemke", "seconds": math.inf, "start": "cold"}
 
     def command(label: str, request: str) -> str:
         return solve_command({**base, "label": label, "request": request})
 
     assert command("lemke[rule=x]", "exact") == "cpbench solve p.h5 -s 'lemke[rule=x]' --tolerance 1e-08"
+    warm = {**base, "address": "s.h5::3", "label": "nsgs", "request": "exact", "start": "previous"}
+    assert solve_command(warm) == "cpbench run s.h5 -s nsgs --tolerance 1e-08 --start previous"
     assert command("lemke@outer8-mlcp", "outer8-mlcp") == (
         "cpbench solve p.h5 -s lemke --via fc-mlcp-outer --facets 8 --tolerance 1e-08"
     )
@@ -234,3 +237,24 @@ def test_commands_name_the_route() -> None:
         "cpbench solve p.h5 -s lemke --via gfc-fc --via fc-lcp-inner --tolerance 1e-08"
     )
     assert command("lemke@necessary", "necessary") == "cpbench solve p.h5 -s lemke --routes all --tolerance 1e-08"
+
+
+def test_times_of_a_busy_or_drifting_machine_are_marked(tmp_path: Path) -> None:
+    rows = suite(3, 3)
+    references = [{"at": "t", "pairs": k, "seconds": s, "loadavg": 0.5} for k, s in enumerate((1e-3, 2e-3, math.nan))]
+    quiet = report(rows, tmp_path)
+    assert "side by side**" not in quiet
+    assert "drift" not in quiet
+    busy = report(rows.assign(jobs=2.0, loadavg=1.5), tmp_path, references=references)
+    check_whole(busy, tmp_path)
+    assert "taken while up to 2 solves ran side by side**" in busy
+    assert "it took 1 ms to 2 ms, a drift of the machine by a factor 2.00. **Ratios" in busy
+    assert "median 1.50, at most 1.50" in busy
+
+
+def test_warm_starts_are_set_beside_cold_ones(tmp_path: Path) -> None:
+    cold = [row(f"p-{i}", "s", "solved", 2.0) for i in range(4)]
+    warm = [row(f"p-{i}", "s", "solved", 1.0, start="previous", started="previous") for i in range(4)]
+    text = report(table(*cold, *warm), tmp_path)
+    assert "| lcp | `s` | `previous` | 4 | 4 | 4 | 0 | 0.5 | — |" in text
+    assert "## Warm against cold" not in report(table(*cold), tmp_path)
