@@ -14,18 +14,24 @@ from cpbench.generators.collection import builtin_folder, write_collections
 
 @click.command()
 @click.argument("folder", required=False, type=click.Path(path_type=Path, file_okay=False))
+@click.option("--collection", "names", multiple=True, metavar="NAME", help="Write this one; needs FOLDER. Repeatable.")
 @click.option("--check", is_flag=True, help="Write nothing; exit with 1 unless the files are the same bit for bit.")
-def command(folder: Path | None, check: bool) -> None:
-    """Write the built-in problems again from their formulas (default: into the shipped folder)."""
+def command(folder: Path | None, names: tuple[str, ...], check: bool) -> None:
+    """Write the built-in problems again from their formulas (default: into the shipped folder).
+
+    The scenes contact-sequence and contact-sequence-global are written when they are named.
+    """
+    if names and folder is None:
+        raise click.UsageError("--collection needs a FOLDER to write to: the shipped one holds the built-in problems")
     target = folder or builtin_folder()
     if not check:
-        for path in write_collections(target):
+        for path in write_collections(target, names):
             click.echo(str(path))
         return
     with tempfile.TemporaryDirectory() as fresh:
         different = [
             str(path.relative_to(fresh))
-            for path in write_collections(Path(fresh))
+            for path in write_collections(Path(fresh), names)
             if not (target / path.relative_to(fresh)).exists()
             or not filecmp.cmp(path, target / path.relative_to(fresh), shallow=False)
         ]

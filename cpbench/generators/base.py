@@ -22,8 +22,8 @@ class Instance:
     Attributes
     ----------
     solution : a solution, None where none is known in closed form.
-    known : how it is known: `planted` (the data were made for it), `published`, `closed form`, `infeasible`
-        (then `certificate` proves it), or `nothing`.
+    known : how it is known: `planted` (the data were made for it; `planted to rounding` where the sums are not
+        exact), `published`, `closed form`, `infeasible` (then `certificate` proves it), or `nothing`.
     """
 
     problem: Problem
@@ -39,13 +39,17 @@ class Instance:
 
 @dataclass(frozen=True)
 class Collection:
-    """One family: a registered generator. `build` is deterministic and takes no argument."""
+    """One family: a registered generator. `build` is deterministic and takes no argument.
+
+    `builtin` : its files are shipped, for they come out bit for bit alike on every machine.
+    """
 
     name: str
     node: str
     summary: str
     citation: str
     build: Callable[[], list[Instance]]
+    builtin: bool = True
 
     def instances(self) -> list[Instance]:
         """The instances, with family, source, licence and citation in their info."""
@@ -66,11 +70,13 @@ class Collection:
 generators: Registry[Collection] = Registry("generator", "cpbench.generators")
 
 
-def collection(name: str, node: str, summary: str, citation: str) -> Callable[[Callable[[], list[Instance]]], Any]:
+def collection(
+    name: str, node: str, summary: str, citation: str, *, builtin: bool = True
+) -> Callable[[Callable[[], list[Instance]]], Any]:
     """Decorator: register a function that builds instances as a collection."""
 
     def register(build: Callable[[], list[Instance]]) -> Callable[[], list[Instance]]:
-        generators.add(name, Collection(name, node, summary, citation, build))
+        generators.add(name, Collection(name, node, summary, citation, build, builtin))
         return build
 
     return register

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from cpbench import storage
@@ -20,12 +20,13 @@ def builtin_folder() -> Path:
     raise CpbenchError("the built-in problems are not installed; write them with: cpbench generate FOLDER")
 
 
-def write_collections(folder: str | Path) -> Iterator[Path]:
-    """Write every registered collection below `folder`, replacing what is there; yields the files.
+def write_collections(folder: str | Path, names: Sequence[str] = ()) -> Iterator[Path]:
+    """Write the collections `names` below `folder` (none: all that are shipped), replacing what is there.
 
-    Not compressed: zlib and zlib-ng, which h5py's wheels carry in turn, deflate the same numbers to other bytes.
+    Yields the files; raises UnknownName. Not compressed: zlib and zlib-ng, which h5py's wheels carry in turn, deflate
+    the same numbers to other bytes.
     """
-    for collection in generators:
+    for collection in [generators.get(name) for name in names] or [c for c in generators if c.builtin]:
         place = Path(folder) / collection.node
         place.mkdir(parents=True, exist_ok=True)
         instances = collection.instances()

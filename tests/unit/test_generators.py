@@ -14,7 +14,7 @@ from cpbench.generators import Instance, generators
 from cpbench.generators.collection import builtin_folder, write_collections
 from cpbench.solvers import Budget, solvers
 
-INSTANCES = {f"{c.name}-{i.name}": i for c in generators for i in c.instances()}
+INSTANCES = {f"{c.name}-{i.name}": i for c in generators if c.builtin for i in c.instances()}
 EXACT = {"planted", "published", "closed form"}
 
 

@@ -13,7 +13,7 @@ from cpbench import matrices
 from cpbench.generators import Instance, generators
 from cpbench.product_cones import Cone
 
-INSTANCES = {f"{c.name}-{i.name}": i for c in generators for i in c.instances()}
+INSTANCES = {f"{c.name}-{i.name}": i for c in generators if c.builtin for i in c.instances()}
 SOLVED = [name for name, i in INSTANCES.items() if i.solution is not None]
 
 Numbers = list[Fraction]

@@ -1,0 +1,169 @@
+"""The recorded scene: every step has its answer, obeys Newton's law from the step before, and its contacts keep ids."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from cpbench import graph, matrices, storage
+from cpbench.cli.generate_command import command
+from cpbench.formulations.transfer import BY_ID, transfer
+from cpbench.generators import generators
+from cpbench.generators.contact_global import GRAVITY
+from cpbench.generators.contact_sequence import DT, SPIN, scene
+from cpbench.solvers import Budget, solvers
+from cpbench.verification import judge
+
+LOCAL = generators.get("contact-sequence").instances()
+GLOBAL = generators.get("contact-sequence-global").instances()
+SPHERES = 18
+
+
+def test_every_step_has_its_answer() -> None:
+    assert len(LOCAL) == len(GLOBAL) == 32
+    for instance in (*LOCAL, *GLOBAL):
+        verdict = judge(instance.problem, instance.solution, 1e-13)
+        assert verdict.solved, (instance.name, verdict)
+        assert verdict.flags == ()
+
+
+def test_local_and_global_form_are_one_problem() -> None:
+    for one, other in zip(LOCAL[::8], GLOBAL[::8], strict=True):
+        condensed = graph.arrive(other.problem, "fc").problem
+        size = matrices.max_abs(one.problem.W)
+        assert matrices.max_abs(condensed.W - one.problem.W) < 1e-13 * size
+        np.testing.assert_allclose(condensed.q, one.problem.q, atol=1e-13)
+        np.testing.assert_array_equal(one.solution.r, other.solution.r)
+
+
+def test_momentum_changes_by_gravity_and_reactions() -> None:
+    """M(v_k − v_{k−1}) = h f + Hr with f = −mg e_z, from the problems and their answers alone."""
+    for before, after in pairwise(GLOBAL):
+        M = after.problem.M.diagonal()
+        gained = after.problem.f - M * before.solution.v
+        weight = np.zeros((SPHERES, 6))
+        weight[:, 2] = -GRAVITY * DT * M.reshape(SPHERES, 6)[:, 2]
+        np.testing.assert_allclose(gained, weight.ravel(), atol=1e-14 * np.abs(after.problem.f).max())
+        new = M * (after.solution.v - before.solution.v)
+        np.testing.assert_allclose(new, weight.ravel() + after.problem.H @ after.solution.r, atol=1e-14)
+
+
+def test_matrices_are_the_geometry() -> None:
+    """Forces act along the frame, on two spheres oppositely, and a normal force turns no sphere."""
+    for instance in GLOBAL:
+        where = instance.problem.contacts
+        H = matrices.dense(instance.problem.H).reshape(SPHERES, 6, -1, 3)
+        np.testing.assert_allclose(H[:, 3:, :, 0], 0.0, atol=1e-15)
+        for c, (first, second) in enumerate(where.bodies):
+            np.testing.assert_array_equal(H[first, :3, c], where.frame[c].T)
+            if second < SPHERES:
+                np.testing.assert_array_equal(H[second, :3, c], -where.frame[c].T)
+        touched = np.abs(H).sum(axis=(1, 3)) > 0
+        expected = [2 if second < SPHERES else 1 for _, second in where.bodies]
+        np.testing.assert_array_equal(touched.sum(axis=0), expected)
+
+
+def test_spheres_do_not_sink_in() -> None:
+    """Gaps, which are h·w_N where no wall moves, stay above a thousandth of a radius."""
+    for instance in GLOBAL:
+        between = instance.problem.contacts.bodies[:, 1] < SPHERES
+        w = instance.problem.w.reshape(-1, 3)[between]
+        assert (w[:, 0] * DT).min() > -3e-4
+        assert np.abs(w[:, 1:]).max() < 1e-5, "more than rounding went into w to make the step for its answer"
+
+
+def test_contacts_come_go_and_keep_their_ids() -> None:
+    came = went = jumped = 0
+    for before, after in pairwise(LOCAL):
+        old, new = before.problem.contacts, after.problem.contacts
+        assert 10 <= after.problem.nc <= 40
+        common, i, j = np.intersect1d(old.id, new.id, return_indices=True)
+        came, went = came + len(new.id) - len(common), went + len(old.id) - len(common)
+        np.testing.assert_array_equal(old.bodies[i], new.bodies[j])
+        np.testing.assert_allclose(
+            np.einsum("cik,cjk->cij", new.frame, new.frame), np.tile(np.eye(3), (len(new.id), 1, 1)), atol=1e-15
+        )
+        walls = old.bodies[i, 1] >= SPHERES
+        turn = np.einsum("cik,cik->c", old.frame[i], new.frame[j])[walls]  # tr(F'Fᵀ) = 1 + 2 cos of the angle
+        np.testing.assert_allclose(turn, 1 + 2 * np.cos(SPIN * DT), atol=1e-14)
+        jumped += int((np.einsum("ck,ck->c", old.frame[i, 1], new.frame[j, 1])[~walls] < 0.9).sum())
+    assert came >= 5
+    assert went >= 5
+    assert jumped >= 1, "no tangent of two spheres jumps: the scene does not test the turning of frames"
+    states = [i.properties for i in LOCAL]
+    assert all(0 < s["sliding"] < s["pushing"] < s["contacts"] for s in states)
+    assert {bool(matrices.rank(i.problem.W) < 3 * i.problem.nc) for i in LOCAL[::31]} == {True}
+
+
+def test_steps_are_chained() -> None:
+    for instances in (LOCAL, GLOBAL):
+        assert len({i.problem.sequence.name for i in instances}) == 1
+        for k, instance in enumerate(instances):
+            place = instance.problem.sequence
+            assert (instance.name, place.step, place.dt) == (f"step-{k:03d}", k, DT)
+            assert place.previous == (instances[k - 1].problem.fingerprint if k else "")
+            assert k == 0 or place.time - instances[k - 1].problem.sequence.time == DT
+    assert LOCAL[0].problem.sequence.name != GLOBAL[0].problem.sequence.name
+
+
+def test_a_second_run_gives_the_same() -> None:
+    for one, other in zip(scene(), scene.__wrapped__(), strict=True):
+        np.testing.assert_array_equal(one.r, other.r)
+        np.testing.assert_array_equal(one.w, other.w)
+
+
+def test_written_as_a_pack_and_read_again(tmp_path: Path) -> None:
+    run = CliRunner().invoke(command, [str(tmp_path), "--collection", "contact-sequence"])
+    assert run.exit_code == 0, run.output
+    pack = tmp_path / "fc" / "contact-sequence.h5"
+    assert storage.problem_files([pack]) == [f"{pack}::step-{k:03d}" for k in range(32)]
+    for k in (0, 31):
+        problem = storage.load(f"{pack}::step-{k:03d}")
+        assert problem.fingerprint == LOCAL[k].problem.fingerprint
+        assert problem.sequence == LOCAL[k].problem.sequence
+        for part in ("id", "bodies", "position", "frame"):
+            np.testing.assert_array_equal(getattr(problem.contacts, part), getattr(LOCAL[k].problem.contacts, part))
+        found = storage.solution(f"{pack}::step-{k:03d}")
+        assert found is not None
+        np.testing.assert_array_equal(found[0].r, LOCAL[k].solution.r)
+
+
+def test_the_scene_is_not_shipped(tmp_path: Path) -> None:
+    assert not generators.get("contact-sequence").builtin
+    refused = CliRunner().invoke(command, ["--collection", "contact-sequence"])
+    assert refused.exit_code == 2
+    assert "needs a FOLDER" in refused.output
+
+
+@pytest.mark.parametrize("instances", [LOCAL, GLOBAL], ids=["fc", "gfc"])
+def test_the_answer_of_a_step_is_near_that_of_the_next(instances: list) -> None:
+    warm, cold = [], []
+    for before, after in pairwise(instances):
+        start = transfer(before.problem.contacts, before.solution, after.problem)
+        assert start.how == BY_ID
+        assert start.matched >= 20
+        warm.append(after.problem.residuals(start.point).judged["energy"])
+        cold.append(after.problem.residuals(after.problem.zero_point()).judged["energy"])
+    assert np.median(np.array(warm) / np.array(cold)) < 0.7
+
+
+def test_warm_starts_save_sweeps() -> None:
+    """nsgs from its own last answer against nsgs from 0, step by step."""
+    nsgs, budget = solvers.get("nsgs"), Budget(tolerance=1e-6)
+    last, saved = None, 0
+    warm_sweeps = cold_sweeps = 0
+    for instance in LOCAL:
+        problem = instance.problem
+        start = None if last is None else transfer(last[0], last[1], problem).point
+        warm, cold = nsgs.run(problem, budget, start=start), nsgs.run(problem, budget)
+        for output in (warm, cold):
+            assert judge(problem, output.point, 1e-6).solved
+        last = problem.contacts, warm.point
+        warm_sweeps, cold_sweeps = warm_sweeps + warm.counters["iterations"], cold_sweeps + cold.counters["iterations"]
+        saved += warm.counters["iterations"] < cold.counters["iterations"]
+    assert warm_sweeps < 0.9 * cold_sweeps
+    assert saved >= 20
