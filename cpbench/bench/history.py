@@ -267,12 +267,12 @@ OWN = ("solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "cod
 """Columns of a row that hold for the run that made it and for nothing that is read off its history."""
 
 
-def table(histories: Mapping[str, bytes]) -> pd.DataFrame:
-    """Packed histories as one long table: key of the row, columns of `History`, share of `solve` that is over."""
+def table(histories: Iterable[tuple[str, bytes]]) -> pd.DataFrame:
+    """Packed histories by key as one long table: key, the columns of `History`, and the share of `solve` that is over."""
     import pandas as pd
 
     parts: list[pd.DataFrame] = []
-    for key, blob in sorted(histories.items()):
+    for key, blob in histories:
         history = History.unpack(blob)
         share = history.time / history.solve if history.solve > 0 else np.ones_like(history.time)
         columns = {name: getattr(history, name) for name in COLUMNS}

@@ -15,12 +15,17 @@ from cpbench.bench.store import Store
 @click.option("--title", help="Title of the report (default: name of the results file).")
 def command(results: Path, output: Path | None, title: str | None) -> None:
     """Write the report of a results file: Markdown, figures, CSV."""
+    from cpbench.bench import history
     from cpbench.report.markdown import write_report
 
     store = Store(results)
     try:
         path = write_report(
-            store.table(), store.meta(), output or Path("reports") / results.stem, title or results.stem
+            store.table(),
+            store.meta(),
+            output or Path("reports") / results.stem,
+            title or results.stem,
+            history.table(store.histories()),
         )
     finally:
         store.close()

@@ -37,9 +37,9 @@ def guide(problems: int) -> str:
     )
 
 
-def section(run: Run, rows: pd.DataFrame, paths: pd.DataFrame, title: str, name: str) -> Iterator[str]:
+def section(run: Run, rows: pd.DataFrame, title: str, name: str) -> Iterator[str]:
     """The figure, saved under `name`, and the table; nothing for a group without histories."""
-    found = histories.work_precision(rows, paths)
+    found = histories.work_precision(rows, run.histories)
     if not len(found):
         return
     problems = int(rows["fingerprint"].nunique())

@@ -11,7 +11,7 @@ import pandas as pd
 from cpbench.analysis import profiles, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
-from cpbench.report import figures
+from cpbench.report import convergence, figures
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.run import Run, each, group_name
 from cpbench.report.text import code, counted, listed, number, plain, seconds, table
@@ -107,6 +107,7 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
         figures.save(figures.panels_figure(profile, f"{title}, each solver apart", kinds), run.folder, name)
         yield f"[![Each solver's curve, {plain(title)}]({name}.png)]({name}.svg)"
         yield f"*{figures.panels_guide()}*"
+    yield from convergence.section(run, rows, title, f"errors-{slug}")
 
 
 def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:

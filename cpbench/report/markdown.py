@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +24,25 @@ from cpbench.report.text import code, counted, listed, plain
 from cpbench.report.text import table as text_table
 
 
-def write_report(table: pd.DataFrame, meta: Mapping[str, Any], folder: str | Path, title: str) -> Path:
+def write_report(
+    table: pd.DataFrame,
+    meta: Mapping[str, Any],
+    folder: str | Path,
+    title: str,
+    histories: pd.DataFrame | None = None,
+) -> Path:
     """Write `folder`/report.md with its figures and results.csv; gives the path of the Markdown file.
 
     Parameters
     ----------
     table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
+    histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     run = Run(_without_folders(rows_of.normalised(table)), meta, folder)
+    if histories is not None:
+        run = replace(run, histories=histories)
     rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *_overview(run)]
     several = len(rows_of.groups(run.rows)) > run.rows["node"].nunique()

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.table import Group
 from cpbench.report.text import counted, plain
 
 
 @dataclass(frozen=True)
 class Run:
-    """The rows of a run, in fixed order, with the facts of the run and where the report goes."""
+    """The rows of a run, in fixed order, with the facts of the run, where the report goes, and judged iterates
+    (`analysis.histories`) of the solves that were recorded."""
 
     rows: pd.DataFrame
     meta: Mapping[str, Any]
     folder: Path
+    histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
 
 
 def group_name(run: Run, group: Group) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,6 +12,8 @@ from synthetic_results import row, table
 
 from cpbench.analysis import histories
 from cpbench.report import convergence, figures
+from cpbench.report.markdown import write_report
+from cpbench.report.run import Run
 
 
 def _path(key: str, *steps: tuple[float, float]) -> pd.DataFrame:
@@ -42,6 +42,10 @@ PATHS = pd.concat(
 )
 
 
+def _run(folder: Path, paths: pd.DataFrame) -> Run:
+    return Run(ROWS, {}, folder, paths)
+
+
 def test_times_are_shares_of_the_timed_solve_with_what_comes_before_and_after() -> None:
     times = histories.times_to(ROWS, PATHS, 1e-2)
     assert times.loc["f-p"].to_dict() == {"fast": 1.0, "slow": 0.5 * 8.0 + 1.75}
@@ -52,7 +56,7 @@ def test_without_any_history_there_is_nothing() -> None:
     none = PATHS.iloc[:0]
     assert histories.times_to(ROWS, none, 1e-2).shape == (2, 0)
     assert not len(histories.work_precision(ROWS, none))
-    assert not list(convergence.section(SimpleNamespace(folder=Path()), ROWS, none, "", ""))  # type: ignore[arg-type]
+    assert not list(convergence.section(_run(Path(), none), ROWS, "", ""))
 
 
 def test_medians_count_what_was_not_reached() -> None:
@@ -67,8 +71,7 @@ def test_medians_count_what_was_not_reached() -> None:
 
 
 def test_the_section_has_a_figure_and_a_table(tmp_path: Path) -> None:
-    run: Any = SimpleNamespace(folder=tmp_path)
-    text = "\n".join(convergence.section(run, ROWS, PATHS, "lcp", "errors-lcp"))
+    text = "\n".join(convergence.section(_run(tmp_path, PATHS), ROWS, "lcp", "errors-lcp"))
     assert "| `fast` | 2 s | 3 s | 4 s |" in text
     assert "| `slow` | ∞ (1) | ∞ (1) | ∞ (1) |" in text
     assert (tmp_path / "errors-lcp.png").stat().st_size > 10_000
@@ -81,3 +84,11 @@ def test_any_number_of_curves_can_be_drawn(tmp_path: Path, solvers: int) -> None
     paths = pd.concat([_path(f"p/s{k}", (0.1, 1.0), (1.0, 1e-3), (4.0, 1e-7)) for k in range(solvers)])
     found = histories.work_precision(rows, paths)
     assert figures.save(convergence.figure(found, 1, "title"), tmp_path, "f")[0].exists()
+
+
+def test_a_report_shows_the_histories_it_is_given(tmp_path: Path) -> None:
+    with_figure = write_report(ROWS, {}, tmp_path / "with", "t", PATHS).read_text()
+    without = write_report(ROWS, {}, tmp_path / "without", "t").read_text()
+    assert "[![Error against time" in with_figure
+    assert (tmp_path / "with" / "errors-lcp.svg").exists()
+    assert "Error against time" not in without

@@ -280,10 +280,10 @@ def test_packed_and_unpacked() -> None:
     for broken in (b"", blob[:-9], blob[9:], b"x" * 40):
         with pytest.raises(StoreError, match="history"):
             History.unpack(broken)
-    found = histories.table({"k2": blob, "k1": blob})
+    found = histories.table([("k1", blob), ("k2", blob)])
     assert found["key"].tolist() == ["k1", "k1", "k2", "k2"]
     np.testing.assert_allclose(found["share"], [0.4, 0.8, 0.4, 0.8])
-    assert list(histories.table({}).columns) == list(found.columns)
+    assert list(histories.table([]).columns) == list(found.columns)
 
 
 def test_looser_rows_are_read_off() -> None:
