@@ -157,6 +157,8 @@ def verdicts(group: pd.DataFrame) -> pd.DataFrame:
 def claims(group: pd.DataFrame) -> pd.DataFrame:
     """Claim against verdict, one row a label, of the pairs where the solver came back within its limits.
 
+    Rows that were read off a history have no claim, and are left out.
+
     Columns: true (claimed solved, is), false (claimed, is not), modest (not claimed, is), honest (neither),
     correct (fraction of claims that hold, NaN without claims).
 
@@ -165,7 +167,7 @@ def claims(group: pd.DataFrame) -> pd.DataFrame:
     >>> claims(rows).loc["a"].tolist()
     [1.0, 1.0, 1.0, 1.0, 0.5]
     """
-    judged = group[group["status"].isin(JUDGED)]
+    judged = group[group["status"].isin(JUDGED) & (group["claim"] != "")]
     said, done = judged["claim"] == CLAIMED, rows_of.solved(judged)
     labels = sorted(set(group["label"]))
 
