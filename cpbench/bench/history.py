@@ -268,7 +268,7 @@ OWN = ("solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "cod
 
 
 def table(histories: Iterable[tuple[str, bytes]]) -> pd.DataFrame:
-    """Packed histories by key as one long table: key, the columns of `History`, and the share of `solve` that is over."""
+    """Packed histories by key as one long table: key, the columns of `History`, the share of `solve` that is over."""
     import pandas as pd
 
     parts: list[pd.DataFrame] = []
