@@ -1,4 +1,4 @@
-"""Durations and sizes as people write them, in options and in plan files."""
+"""Durations, sizes and counts as people write them, in options and in plan files."""
 
 from __future__ import annotations
 
@@ -37,6 +37,13 @@ def size(text: str) -> int:
     if not found:
         raise CpbenchError(f"'{text}' is no size; write 512M, 4G or none")
     return int(float(found[1]) * 1024 ** _PREFIXES.index((found[2] or " ").upper()))
+
+
+def facet_count(number: int) -> int:
+    """A number of facets, even and at least 4; raises CpbenchError."""
+    if number < 4 or number % 2:
+        raise CpbenchError(f"{number} facets: the number must be even and at least 4")
+    return number
 
 
 def duration(value: float) -> str:

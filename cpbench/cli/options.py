@@ -2,39 +2,41 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import click
 
+from cpbench.bench import quantities
+from cpbench.errors import CpbenchError
+
 
 class Duration(click.ParamType):
-    """`30s`, `10m`, `3h`, or a number of seconds."""
+    """`30s`, `10m`, `3h`, a number of seconds, or `none`."""
 
     name = "duration"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         if isinstance(value, (int, float)):
             return float(value)
-        found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(ms|s|m|h)?", str(value).strip())
-        if not found or float(found[1]) <= 0:
-            self.fail(f"'{value}' is no duration; write 500ms, 10s, 5m or 2h", param, ctx)
-        return float(found[1]) * {"ms": 1e-3, "s": 1.0, None: 1.0, "m": 60.0, "h": 3600.0}[found[2]]
+        try:
+            return quantities.seconds(str(value))
+        except CpbenchError as cause:
+            self.fail(str(cause), param, ctx)
 
 
 class Memory(click.ParamType):
-    """`512M`, `4G`, or a number of bytes; `0` for no limit."""
+    """`512M`, `4G`, or a number of bytes; `0` or `none` for no limit."""
 
     name = "size"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
         if isinstance(value, int):
             return value
-        found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?", str(value).strip(), re.IGNORECASE)
-        if not found:
-            self.fail(f"'{value}' is no size; write 512M or 4G", param, ctx)
-        return int(float(found[1]) * 1024 ** " KMGT".index((found[2] or " ").upper()))
+        try:
+            return quantities.size(str(value))
+        except CpbenchError as cause:
+            self.fail(str(cause), param, ctx)
 
 
 class Counts(click.ParamType):
@@ -46,13 +48,58 @@ class Counts(click.ParamType):
         if isinstance(value, tuple):
             return tuple(int(v) for v in value)
         try:
-            counts = tuple(int(part) for part in str(value).split(","))
+            return tuple(quantities.facet_count(int(part)) for part in str(value).split(","))
         except ValueError:
             self.fail(f"'{value}' is no list of numbers; write 8 or 8,16", param, ctx)
-        for count in counts:
-            if count < 4 or count % 2:
-                self.fail(f"{count} facets: the number must be even and at least 4", param, ctx)
-        return counts
+        except CpbenchError as cause:
+            self.fail(str(cause), param, ctx)
+
+
+class Numbers(click.ParamType):
+    """`1e-6` or `1e-4,1e-6`."""
+
+    name = "numbers"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        if isinstance(value, tuple):
+            return tuple(float(v) for v in value)
+        try:
+            return tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"'{value}' is no list of numbers; write 1e-6 or 1e-4,1e-6", param, ctx)
+
+
+class Names(click.ParamType):
+    """`wrong` or `wrong,crash`."""
+
+    name = "names"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
+        return value if isinstance(value, tuple) else tuple(part.strip() for part in str(value).split(","))
+
+
+class Sections(click.Command):
+    """A command with many options: its help shows them in `sections`, title -> names of their parameters."""
+
+    def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]], examples: Sequence[str] = (), **kwargs: Any):
+        super().__init__(*args, **kwargs)
+        self._sections, self._examples = sections, examples
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the sections; an option that none of them names stands in the last."""
+        options = [p for p in self.get_params(ctx) if isinstance(p, click.Option)]
+        records = {p.name: r for p in options if (r := p.get_help_record(ctx)) is not None}
+        named = {name for names in self._sections.values() for name in names}
+        rest = [name for name in records if name not in named]
+        last = list(self._sections)[-1]
+        for title, names in self._sections.items():
+            rows = [records[name] for name in (*names, *(rest if title == last else ())) if name in records]
+            with formatter.section(title):
+                formatter.write_dl(rows)
+        if self._examples:
+            with formatter.section("Examples"):
+                for example in self._examples:
+                    formatter.write_text(example)
 
 
 def tolerance_option(f: Callable[..., Any]) -> Callable[..., Any]:
@@ -75,10 +122,14 @@ def limit_options(f: Callable[..., Any]) -> Callable[..., Any]:
         type=Memory(),
         default="4G",
         show_default=True,
-        help="What a solve may add to a warmed-up worker; conversions have twice that, 2G at least; 0: no limit.",
+        help="What a solve may add to a warmed-up worker; conversions have twice that, 2G at least; none: no limit.",
     )(f)
     return click.option(
-        "--timeout", type=Duration(), default="10s", show_default=True, help="Wall-clock limit of a solve (30s, 5m)."
+        "--timeout",
+        type=Duration(),
+        default="10s",
+        show_default=True,
+        help="Wall-clock limit of a solve (30s, 5m, none).",
     )(f)
 
 

@@ -4,248 +4,238 @@ from __future__ import annotations
 
 import shlex
 import sys
-import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from cpbench.bench import machine, plan
+from cpbench.bench import campaign, dry_run, plan_file, run_plan
+from cpbench.bench.assembly import Assembly, assemble
 from cpbench.bench.lane import Lane, Setting
-from cpbench.bench.plan import Limits
-from cpbench.bench.runner import execute, settings
+from cpbench.bench.run_plan import RUN_KEYS, SET_KEYS, RunPlan
+from cpbench.bench.runner import settings
 from cpbench.bench.store import KEEP, Store
-from cpbench.cli.options import Counts, format_option, limit_options, tolerance_option
+from cpbench.cli.options import Counts, Names, Numbers, Sections, format_option, limit_options
 from cpbench.cli.progress import Display
-from cpbench.errors import CpbenchError, NoRoute, StoreError
+from cpbench.errors import CpbenchError, StoreError
 
-FROZEN = ("timeout", "memory", "threads", "repeats")
-"""Limits that all rows of one results file share."""
+SECTIONS = {
+    "Plan": ["plan_path", "only_sets"],
+    "Problems": ["keyword", "family", "where", "max_problems", "shard", "file_format"],
+    "Solvers and routes": ["solvers", "routes", "facets", "via", "start"],
+    "Accuracy": ["tolerance", "measure", "history"],
+    "Limits": ["timeout", "memory", "threads", "repeats", "isolate"],
+    "Order and machines": ["seed", "jobs", "affinity", "dask", "cluster"],
+    "Results": ["output", "no_resume", "rerun", "retry", "keep", "report", "no_report", "fail_on"],
+    "What is shown": ["dry_run", "quiet", "verbose", "log", "help"],
+}
+EXAMPLES = (
+    "cpbench run",
+    "cpbench run scenes/ -s nsgs -s 'newton-*' -t 1e-4,1e-8 --timeout 1m",
+    "cpbench run 'scenes/*.hdf5' -s 'nsgs[omega=0.8:1.4:0.2,shuffle=true|false]' --where 'nc > 100' --dry-run",
+    "cpbench run --shard 1/4 -o part1.sqlite",
+)
 
 
-@click.command()
-@click.argument("problems", nargs=-1, metavar="[PROBLEM|FOLDER]...")
-@click.option("-s", "--solver", "solvers", multiple=True, metavar="NAME[opt=value]", help="Only these solvers.")
+@click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)
+@click.argument("problems", nargs=-1, metavar="[PROBLEM|FOLDER|GLOB]...")
+@click.option(
+    "--plan", "plan_path", metavar="FILE", help="Plan file (TOML); default cpbench.toml here, if any. none: no file."
+)
+@click.option("--set", "only_sets", multiple=True, metavar="NAME", help="Only this [[set]] of the plan. Repeatable.")
+@click.option(
+    "-k", "--keyword", metavar="WORDS", help="Problems with these words in path, name, family or node: 'a and not b'."
+)
+@click.option("--family", multiple=True, metavar="NAME", help="Problems of this family (a glob). Repeatable.")
+@click.option(
+    "--where",
+    metavar="CONDITION",
+    help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. A fact that a problem lacks selects nothing.",
+)
+@click.option("--max-problems", type=int, metavar="N", help="At most N different problems of a set, drawn by --seed.")
+@click.option("--shard", metavar="I/N", help="The I-th of N parts; each machine decides alone. See: cpbench merge.")
+@format_option
+@click.option(
+    "-s",
+    "--solver",
+    "solvers",
+    multiple=True,
+    metavar="NAME[opt=value]",
+    help="Only these solvers: names, globs, and grids as nsgs[omega=0.8:1.4:0.2,shuffle=true|false]. Repeatable.",
+)
 @click.option(
     "--routes",
-    type=click.Choice(["exact", "facets", "all"]),
+    type=click.Choice(plan_file.ROUTES),
     help="Which conversions may be used; facets adds inner facets, all adds outer ones, relaxations and "
     "merely necessary conversions. Default: exact; for the built-in suite: facets.",
 )
 @click.option("--facets", type=Counts(), default="8,16", show_default=True, help="Facets of approximate routes.")
-@click.option("--via", multiple=True, metavar="CONVERSION", help="Only routes through this conversion.")
-@tolerance_option
+@click.option("--via", multiple=True, metavar="CONVERSION", help="Only routes through this conversion. Repeatable.")
+@click.option(
+    "--start",
+    default="cold",
+    show_default=True,
+    metavar="POLICY",
+    help="Where solvers start: cold, file, previous (the step before of a sequence) or perturbed:σ.",
+)
+@click.option(
+    "-t",
+    "--tolerance",
+    type=Numbers(),
+    default="1e-6",
+    show_default=True,
+    help="An answer solves the problem when its measured error is at most this; a row each for 1e-4,1e-8.",
+)
+@click.option("--measure", metavar="NAME", help="The one number that decides; default: all of them.")
+@click.option("--history/--no-history", help="Solve once more while the iterates are kept, where a solver can.")
 @limit_options
-@click.option("--repeats", type=click.IntRange(min=1), default=3, show_default=True, help="Of solves below 1 s.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the random order.")
-@click.option("--keep", type=click.Choice(KEEP), default="all", show_default=True, help="Answers to keep.")
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Results file (SQLite).")
-@click.option("--report", "report_folder", type=click.Path(path_type=Path), help="Folder of the report.")
-@click.option("--no-report", is_flag=True, help="Write no report.")
+@click.option("--repeats", type=int, default=3, show_default=True, help="Solves of a pair that takes less than 1 s.")
+@click.option(
+    "--isolate",
+    type=click.Choice(plan_file.ISOLATE),
+    default="worker",
+    show_default=True,
+    help="A process a solver, or a fresh one a solve.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random order and of --max-problems.")
+@click.option("-j", "--jobs", type=int, default=1, show_default=True, help="Lanes side by side; times are marked.")
+@click.option("--affinity/--no-affinity", default=True, show_default=True, help="Give each lane cores of its own.")
+@click.option("--dask", metavar="ADDRESS", help="Run on the workers of this Dask scheduler.")
+@click.option("--cluster", metavar="KIND|FILE", help="Start workers: local, slurm, pbs, or as a file says.")
+@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Results file (SQLite).")
 @click.option("--no-resume", is_flag=True, help="Start again: refuse an existing results file.")
-@click.option("--dry-run", is_flag=True, help="Print what would be run.")
+@click.option(
+    "--rerun",
+    type=click.Choice(["failed", "timeouts", "all"]),
+    help="Run rows of an old file again; failed is everything but solved, stationary, infeasible and unsupported.",
+)
+@click.option("--retry", type=int, default=0, show_default=True, help="Times a crash, timeout or memout is run again.")
+@click.option("--keep", type=click.Choice(KEEP), default="all", show_default=True, help="Answers to keep.")
+@click.option("--report", type=click.Path(file_okay=False), help="Folder of the report.")
+@click.option("--no-report", is_flag=True, help="Write no report.")
+@click.option("--fail-on", type=Names(), metavar="STATUSES", help="End with 1 when a pair is wrong,crash,...")
+@click.option("--dry-run", is_flag=True, help="Print what would be run, and how long at most. Writes nothing.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress.")
-@format_option
+@click.option("-v", "--verbose", is_flag=True, help="A line an event on stderr.")
+@click.option("--log", type=click.Path(path_type=Path, dir_okay=False), help="The same lines in this file.")
+@click.pass_context
 def command(
-    problems: tuple[str, ...],
-    solvers: tuple[str, ...],
-    routes: str | None,
-    facets: tuple[int, ...],
-    via: tuple[str, ...],
-    tolerance: float,
-    timeout: float,
-    memory: int,
-    threads: int,
-    repeats: int,
-    seed: int,
-    keep: str,
-    output: Path | None,
-    report_folder: Path | None,
-    no_report: bool,
+    context: click.Context,
+    plan_path: str | None,
+    only_sets: tuple[str, ...],
     no_resume: bool,
+    no_report: bool,
     dry_run: bool,
     quiet: bool,
-    file_format: str | None,
+    verbose: bool,
+    log: Path | None,
+    **_: Any,
 ) -> None:
     """Run every reachable solver on every problem, judge every answer on the problem that was asked, and report.
 
-    Problems are files, packs (FILE::NAME) or folders; without any, the built-in suite is run. The same command
-    after an interruption resumes.
+    Problems are files, packs (FILE::NAME), folders, globs or the word builtin; without any, those of the plan file,
+    or the built-in suite. The same command after an interruption resumes. What is said here wins over the file.
+
+    Ends with 0 when every pair has its row, whatever is in it; 1 for --fail-on; 2 for bad input; 130 when
+    interrupted, with a file that can be resumed.
     """
-    from cpbench import storage
-    from cpbench.solvers.base import solvers as registry
-
-    builtin = not problems
-    if builtin:
-        from cpbench.generators.collection import builtin_folder
-
-        problems = (str(builtin_folder()),)
-    addresses = storage.problem_files(problems)
-    if not addresses:
-        raise CpbenchError(f"no problem file in {', '.join(problems)}; see cpbench list formats")
-    entries = [plan.parse_entry(s) for s in solvers] or [plan.Entry(name) for name in registry.names()]
-    routes = routes or ("facets" if builtin else "exact")
-    asked = [plan.pinned(via, {"facets": facets[0]})] if via else plan.requests(routes, facets)
-    name = "builtin" if builtin else "run"
-    output = output or Path(f"{name}.sqlite")
-    if no_resume and output.exists():
-        raise StoreError(f"{output}: exists; remove it or leave --no-resume out to go on with it")
-    limits = Limits(timeout, memory, threads, repeats)
-    display = Display(quiet)
-    if output.exists() and not dry_run:
-        _same_limits(output, limits)
+    file = _plan_file(plan_path, quiet)
+    given = _given(context)
+    if no_report:
+        given["report"] = None
+    asked = run_plan.make(given, *((file.top, file.sets) if file is not None else ({}, [])), only=only_sets)
+    if no_resume and asked.results.exists():
+        raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
+    display = Display(quiet, verbose, log)
     try:
-        (setting,) = settings(Setting(threads, memory))
-        with Lane(setting) as lane:
-            surveys, refused = _survey(lane, addresses, asked, file_format, display)
-            _tell_twins(surveys)
-            planned = plan.pairs(surveys, entries, asked, tolerance, limits, relaxations=routes == "all")
+        with ExitStack() as stack:
+            common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
+            lanes = [stack.enter_context(Lane(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]
+            assembly = assemble(asked, lanes[0], _builtin_folder, display.reading)
+            _tell(assembly)
             if dry_run:
-                _print_plan(planned, refused, limits)
+                _print_plan(asked, assembly)
                 return
-            _require_pairs(planned, surveys, refused)
-            store = Store(output, create=True, keep=keep)
-            try:
-                before = store.meta()
-                read = [survey["address"] for survey in surveys]
-                store.note_files(read, refused)
-                store.plan(planned)
-                store.set_meta(
-                    command=shlex.join(["cpbench", *sys.argv[1:]]),
-                    cpbench=machine.versions().get("cpbench", ""),
-                    date=time.strftime("%Y-%m-%d %H:%M"),
-                    seed=seed,
-                    machine=machine.describe(),
-                    versions=machine.versions(),
-                    jobs=1,
-                    builtin=builtin,
-                    formats=_formats(before.get("formats", {}), read, file_format),
-                    **_frozen(limits),
-                )
-                display.begin(planned, store.pending())
-                try:
-                    execute([lane], store, planned, seed, display.progress)
-                finally:
-                    display.end()
-                    store.set_meta(solvers=_solver_sheets(before.get("solvers", {}), planned, lane.versions))
-                _finish(store, output, report_folder, no_report, builtin, refused)
-            finally:
-                store.close()
+            assembly.require_pairs()
+            store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
+            campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))
+            campaign.work(lanes, store, asked, assembly.pairs, display)
+            _finish(store, asked, assembly)
     except KeyboardInterrupt:
-        click.echo(f"cpbench: interrupted; {output} has what was done, the same command goes on", err=True)
+        how = "the same command without --rerun" if asked.rerun else "the same command"
+        click.echo(f"cpbench: interrupted; {asked.results} has what was done, {how} goes on", err=True)
         sys.exit(130)
 
 
-def _frozen(limits: Limits) -> dict[str, float]:
-    return dict(zip(FROZEN, (limits.seconds, limits.memory, limits.threads, limits.repeats), strict=True))
+def _plan_file(path: str | None, quiet: bool) -> plan_file.PlanFile | None:
+    found = plan_file.find() if path is None else Path(path)
+    if found is None or path == "none":
+        return None
+    file = plan_file.read(found)
+    if not quiet:
+        click.echo(f"plan: {found}", err=True)
+    return file
 
 
-def _same_limits(output: Path, limits: Limits) -> None:
-    """Refuse to mix limits in an old file, before anything is done."""
-    store = Store(output, create=True)
-    try:
-        before = store.meta()
-    finally:
-        store.close()
-    for name, mine in _frozen(limits).items():
-        if name in before and before[name] != mine:
-            raise StoreError(
-                f"{output}: was made with {name} {before[name]:g}, now {mine:g}; results of other limits "
-                "do not mix: use another file with -o"
-            )
-
-
-def _require_pairs(planned: list[plan.Pair], surveys: list[dict[str, Any]], refused: list[tuple[str, str]]) -> None:
-    """Nothing to run is bad input, and nothing is written for it."""
-    if planned:
-        return
-    if not surveys:
-        more = f" (and {len(refused) - 1} more files refused)" if len(refused) > 1 else ""
-        raise CpbenchError(f"{refused[0][1]}{more}")
-    raise NoRoute(
-        f"no route leads from {surveys[0]['address']} to any of the solvers asked for; "
-        f"see: cpbench route {surveys[0]['address']} --explain"
-    )
-
-
-def _survey(
-    lane: Lane, addresses: list[str], asked: list[plan.Request], file_format: str | None, display: Display
-) -> tuple[list[dict[str, Any]], list[tuple[str, str]]]:
-    surveys: list[dict[str, Any]] = []
-    refused: list[tuple[str, str]] = []
-    for address in display.reading(addresses):
+def _given(context: click.Context) -> dict[str, Any]:
+    """The values that were said on the command line, by the keys of a plan, checked as those of a file are."""
+    given: dict[str, Any] = {}
+    for name, value in context.params.items():
+        key = "format" if name == "file_format" else name
+        said = context.get_parameter_source(name) is not ParameterSource.DEFAULT
+        if not said or key not in (*SET_KEYS, *RUN_KEYS) or (key == "problems" and not value):
+            continue
         try:
-            surveys.append(lane.survey(address, asked, file_format))
-        except CpbenchError as reason:
-            refused.append((address, str(reason)))
-    return surveys, refused
+            given[key] = plan_file.check(key, value)
+        except CpbenchError as cause:
+            flag = {"solvers": "--solver", "problems": "PROBLEM"}.get(key, f"--{key.replace('_', '-')}")
+            raise CpbenchError(f"{flag}: {cause}") from None
+    return given
 
 
-def _tell_twins(surveys: list[dict[str, Any]]) -> None:
-    """Say which files hold the same problem: it is run once, under the first one's name."""
-    first: dict[str, str] = {}
-    for survey in surveys:
-        twin = first.setdefault(survey["fingerprint"], survey["address"])
-        if twin != survey["address"]:
-            click.echo(f"same problem, run once: {survey['address']} is {twin}", err=True)
+def _builtin_folder() -> Path:
+    from cpbench.generators.collection import builtin_folder
+
+    return builtin_folder()
 
 
-def _formats(before: Mapping[str, str], read: list[str], file_format: str | None) -> dict[str, str]:
-    """The `--format` by which each file of the results was read, where one was given."""
-    now = set(read)
-    kept = {address: name for address, name in before.items() if address not in now}
-    return kept if file_format is None else kept | dict.fromkeys(read, file_format)
+def _tell(assembly: Assembly) -> None:
+    """What a reader of the results should know before they are there."""
+    for address, twin in assembly.twins:
+        click.echo(f"same problem, run once: {address} is {twin}", err=True)
+    if assembly.pairs and assembly.idle:
+        click.echo(f"no route leads to {', '.join(assembly.idle)}: no row", err=True)
 
 
-def _solver_sheets(
-    before: Mapping[str, Mapping[str, Any]], planned: list[plan.Pair], versions: Mapping[str, str]
-) -> dict[str, Any]:
-    """What the results say of each solver in them: those of earlier commands stay, and so does the version of one
-    that had nothing left to do."""
-    from cpbench.solvers.base import solvers as registry
-
-    sheets: dict[str, Any] = dict(before)
-    for pair in planned:
-        spec = registry.get(pair.entry.solver).spec
-        sheets[pair.label] = {
-            "name": spec.name,
-            "node": spec.node,
-            "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
-            "licence": spec.licence,
-            "publishing": spec.publishing,
-            "summary": spec.summary,
-            "citation": spec.citation,
-        }
-    return sheets
+def _print_plan(asked: RunPlan, assembly: Assembly) -> None:
+    for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results)):
+        click.echo(line)
+    _tell_refused(assembly.refused)
 
 
-def _print_plan(planned: list[plan.Pair], refused: list[tuple[str, str]], limits: Limits) -> None:
-    for pair in planned:
-        click.echo(f"{pair.address}\t{pair.label}\t{pair.node} -> {pair.target}")
-    for address, reason in refused:
-        click.echo(f"refused: {address}: {reason}", err=True)
-    worst = len(planned) * limits.seconds * max(1, limits.repeats)
-    click.echo(f"{len(planned)} pairs, {len(refused)} files refused, at most {worst / 3600:.1f} h", err=True)
-
-
-def _finish(
-    store: Store,
-    output: Path,
-    report_folder: Path | None,
-    no_report: bool,
-    builtin: bool,
-    refused: list[tuple[str, str]],
-) -> None:
+def _tell_refused(refused: Sequence[tuple[str, str]]) -> None:
     for address, reason in refused:
         click.echo(f"refused: {reason if address in reason else f'{address}: {reason}'}", err=True)
+
+
+def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
+    _tell_refused(assembly.refused)
     counts = store.counts()
-    summary = ", ".join(f"{counts[s]} {s}" for s in sorted(counts, key=lambda s: -counts[s]))
-    click.echo(f"{sum(counts.values())} pairs: {summary}")
-    click.echo(f"results: {output}")
-    if not no_report:
+    click.echo(f"{sum(counts.values())} pairs: {_summary(counts)}")
+    click.echo(f"results: {asked.results}")
+    if asked.report_folder is not None:
         from cpbench.report.markdown import write_report
 
-        folder = report_folder or Path("reports") / ("builtin" if builtin else output.stem)
-        path = write_report(store.table(), store.meta(), folder, "The built-in suite" if builtin else output.stem)
-        click.echo(f"report: {path}")
+        title = "The built-in suite" if asked.builtin else asked.results.stem
+        click.echo(f"report: {write_report(store.table(), store.meta(), asked.report_folder, title)}")
+    failed = campaign.failures(store, asked, assembly.pairs)
+    if failed:
+        click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)
+        sys.exit(1)
+
+
+def _summary(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{counts[status]} {status}" for status in sorted(counts, key=lambda s: -counts[s]))

@@ -300,7 +300,7 @@ def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
     monkeypatch.chdir(lcp.parent)
     before = set(lcp.parent.iterdir())
     assert cpbench(monkeypatch, "run", "deudeu.h5", "-s", "lemke", "-s", "pgs", "--dry-run") == 0
-    assert capsys.readouterr().out.count("\n") == 2
+    assert "2 pairs to run" in capsys.readouterr().out
     assert set(lcp.parent.iterdir()) == before
 
 

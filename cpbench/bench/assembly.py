@@ -1,0 +1,171 @@
+"""From a plan to its pairs: every problem is surveyed once, every set takes its own, no pair is planned twice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cpbench.bench import grids, plan, selection
+from cpbench.bench.lane import Lane
+from cpbench.bench.plan import Entry, Pair, Request
+from cpbench.bench.run_plan import ProblemSet, RunPlan
+from cpbench.errors import CpbenchError, NoRoute
+from cpbench.solvers.base import solvers
+
+Reading = Callable[[Sequence[str]], Iterable[str]]
+"""Shows how far the reading of files has come."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a set of the plan came to: its problems by fingerprint (address), its solvers, its pairs."""
+
+    asked: ProblemSet
+    problems: Mapping[str, str]
+    entries: Sequence[Entry]
+    pairs: Sequence[Pair]
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """The pairs of a plan, and what was found on the way.
+
+    `read`, `refused` : addresses of files that are problems, and of those that are none, with the reason.
+    `twins` : (address, address of the same problem before it). `surveys` : facts of problems, in their order.
+    """
+
+    parts: Sequence[Part]
+    pairs: Sequence[Pair]
+    read: Mapping[str, str | None]
+    refused: Sequence[tuple[str, str]]
+    twins: Sequence[tuple[str, str]]
+    surveys: Sequence[Mapping[str, Any]] = field(repr=False)
+
+    @property
+    def found(self) -> dict[str, list[str]]:
+        """Fingerprints of the problems of every set."""
+        return {part.asked.name: list(part.problems) for part in self.parts}
+
+    @property
+    def idle(self) -> list[str]:
+        """Solvers that were asked for by name and that no route leads to from any problem."""
+        busy = {pair.entry.solver for part in self.parts for pair in part.pairs}
+        asked = [entry.solver for part in self.parts if part.asked.solvers for entry in part.entries]
+        return [name for name in dict.fromkeys(asked) if name not in busy]
+
+    def require_pairs(self) -> None:
+        """Nothing to run is bad input, and nothing is written for it: raises CpbenchError, NoRoute."""
+        if self.pairs:
+            return
+        if not self.surveys:
+            more = f" (and {len(self.refused) - 1} more files refused)" if len(self.refused) > 1 else ""
+            raise CpbenchError(f"{self.refused[0][1]}{more}")
+        first = next((address for part in self.parts for address in part.problems.values()), None)
+        if first is None:
+            raise CpbenchError(f"none of {len(self.surveys)} problems is what the plan selects")
+        if any(part.pairs for part in self.parts):
+            raise CpbenchError("no pair falls into this shard")
+        raise NoRoute(
+            f"no route leads from {first} to any of the solvers asked for; see: cpbench route {first} --explain"
+        )
+
+
+def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: Reading = list) -> Assembly:
+    """The pairs of a plan; `builtin` is called for the folder of the built-in problems if a set names it.
+
+    Raises CpbenchError when the sets contradict each other, or name what is not there.
+    """
+    entries = [_entries(part) for part in asked.sets]
+    requests = [_requests(part) for part in asked.sets]
+    places = [selection.addresses(part.problems, builtin) for part in asked.sets]
+    wanted: dict[tuple[str, str | None], dict[str, Request]] = {}
+    for part, asks, addresses in zip(asked.sets, requests, places, strict=True):
+        for address in addresses:
+            wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
+    surveys, refused = _survey(lane, wanted, reading)
+    parts: list[Part] = []
+    planned: dict[str, Pair] = {}
+    for part, solvers_, asks, addresses in zip(asked.sets, entries, requests, places, strict=True):
+        here = [surveys[a, part.format] for a in addresses if (a, part.format) in surveys]
+        chosen = selection.select(part, here) if here else []
+        made = _pairs(part, chosen, solvers_, asks, asked.threads)
+        for pair in made:
+            _require_same(planned.setdefault(pair.key, pair), pair)
+        parts.append(Part(part, {s["fingerprint"]: s["address"] for s in reversed(chosen)}, solvers_, made))
+    return Assembly(
+        parts,
+        selection.shard(planned.values(), *asked.shard),
+        dict(surveys.keys()),
+        refused,
+        _twins(surveys.values()),
+        list(surveys.values()),
+    )
+
+
+def _entries(part: ProblemSet) -> list[Entry]:
+    return grids.entries(part.solvers) or [Entry(name) for name in solvers.names()]
+
+
+def _requests(part: ProblemSet) -> list[Request]:
+    if part.via:
+        return [plan.pinned(part.via, {"facets": part.facets[0]})]
+    return plan.requests(part.allowed_routes, part.facets)
+
+
+def _pairs(
+    part: ProblemSet,
+    chosen: Sequence[Mapping[str, Any]],
+    entries: Sequence[Entry],
+    requests: Sequence[Request],
+    threads: int,
+) -> list[Pair]:
+    return [
+        pair
+        for tolerance in part.tolerance
+        for pair in plan.pairs(
+            chosen,
+            entries,
+            requests,
+            tolerance,
+            part.limits(threads),
+            relaxations=part.allowed_routes == "all",
+            start=part.start,
+            set=part.name,
+            measure=part.measure,
+        )
+    ]
+
+
+def _survey(
+    lane: Lane, wanted: Mapping[tuple[str, str | None], Mapping[str, Request]], reading: Reading
+) -> tuple[dict[tuple[str, str | None], dict[str, Any]], list[tuple[str, str]]]:
+    formats: dict[str, list[str | None]] = {}
+    for address, format in wanted:
+        formats.setdefault(address, []).append(format)
+    found: dict[tuple[str, str | None], dict[str, Any]] = {}
+    refused: list[tuple[str, str]] = []
+    for address in reading(list(formats)):
+        for format in formats[address]:
+            try:
+                found[address, format] = lane.survey(address, list(wanted[address, format].values()), format)
+            except CpbenchError as reason:
+                refused.append((address, str(reason)))
+    return found, refused
+
+
+def _twins(surveys: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """Files that hold the same problem: it is run once, under the first one's name."""
+    first: dict[str, str] = {}
+    twins = [(s["address"], first.setdefault(s["fingerprint"], s["address"])) for s in surveys]
+    return [(address, before) for address, before in twins if address != before]
+
+
+def _require_same(first: Pair, again: Pair) -> None:
+    """Two sets may meet in a pair, but not with different limits: one row has one limit."""
+    if first.limits != again.limits:
+        raise CpbenchError(
+            f"sets '{first.set}' and '{again.set}' both ask for {again.label} on {again.address}, with other limits: "
+            f"{first.limits} and {again.limits}"
+        )

@@ -1,0 +1,124 @@
+"""Carries a plan out: its pairs into the results file, what it was made with beside them, retries, and the verdict."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from cpbench.bench import machine
+from cpbench.bench.assembly import Assembly
+from cpbench.bench.lane import Lane
+from cpbench.bench.plan import Pair
+from cpbench.bench.run_plan import RunPlan
+from cpbench.bench.runner import Crew, execute
+from cpbench.bench.selection import RERUN, RETRIED
+from cpbench.bench.store import Store
+from cpbench.solvers.base import solvers
+
+
+class Watcher(Protocol):
+    """Who is told how a run goes."""
+
+    def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
+        """The run, or another round of it, begins."""
+        ...
+
+    def progress(self, event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
+        """An event of the runner."""
+        ...
+
+    def end(self) -> None:
+        """The round ended, whatever the reason."""
+        ...
+
+
+def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> None:
+    """Put the plan into the results: its rows, its files, what is to be run again, and how it was asked for.
+
+    Raises StoreError, with the rows as they were, when the file was made with other limits.
+    """
+    before = store.meta()
+    store.plan(assembly.pairs)
+    if asked.rerun:
+        store.reset(RERUN[asked.rerun], [pair.key for pair in assembly.pairs])
+    store.note_files(assembly.read, assembly.refused)
+    store.set_meta(
+        command=command,
+        cpbench=machine.versions().get("cpbench", ""),
+        date=time.strftime("%Y-%m-%d %H:%M"),
+        seed=asked.seed,
+        machine=machine.describe(),
+        versions=machine.versions(),
+        jobs=asked.jobs,
+        builtin=asked.builtin,
+        formats=_formats(before.get("formats", {}), assembly.read),
+        plan=asked.effective(assembly.found),
+    )
+
+
+def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Sequence[Pair], watcher: Watcher) -> None:
+    """Run what is pending, then again what crashed or ran out of time, as often as the plan says."""
+    mine = store.pending() & {pair.key for pair in planned}
+    versions: dict[str, str] = {}
+
+    def notice(event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
+        if event == "done" and pair is not None and row.get("version"):
+            versions[pair.entry.solver] = str(row["version"])
+        watcher.progress(event, pair, row)
+
+    try:
+        for attempt in range(1 + asked.retry):
+            if attempt and not store.reset(RETRIED, mine):
+                break
+            watcher.begin(planned, store.pending())
+            try:
+                execute(crew, store, planned, asked.seed, notice)
+            finally:
+                watcher.end()
+    finally:
+        store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions))
+
+
+def statuses(path: Path) -> dict[str, str]:
+    """Status of every row of a results file by key; of none where there is no such file."""
+    if not path.exists():
+        return {}
+    with Store(path) as store:
+        return {str(row["key"]): str(row["status"]) for row in store.rows()}
+
+
+def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[str]:
+    """How many of the planned pairs ended in a status that the plan calls a failure."""
+    if not asked.fail_on:
+        return Counter()
+    keys = {pair.key for pair in planned}
+    return Counter(row["status"] for row in store.rows() if row["key"] in keys and row["status"] in asked.fail_on)
+
+
+def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[str, str]:
+    """The format by which each file of the results was read, where one was said."""
+    kept = {address: name for address, name in before.items() if address not in read}
+    return kept | {address: name for address, name in read.items() if name is not None}
+
+
+def _sheets(
+    before: Mapping[str, Mapping[str, Any]], planned: Sequence[Pair], versions: Mapping[str, str]
+) -> dict[str, Any]:
+    """What the results say of each solver in them: those of earlier commands stay, and so does the version of one
+    that had nothing left to do."""
+    sheets: dict[str, Any] = dict(before)
+    for pair in planned:
+        spec = solvers.get(pair.entry.solver).spec
+        sheets[pair.label] = {
+            "name": spec.name,
+            "node": spec.node,
+            "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
+            "licence": spec.licence,
+            "publishing": spec.publishing,
+            "summary": spec.summary,
+            "citation": spec.citation,
+        }
+    return sheets

@@ -1,0 +1,114 @@
+"""What a plan would do, in lines: the matrix of problems and solvers, its sets, what is done, how long at most."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+from cpbench.bench import grids
+from cpbench.bench.assembly import Assembly
+from cpbench.bench.lane import GRACE
+from cpbench.bench.plan import Pair
+from cpbench.bench.quantities import duration
+from cpbench.bench.run_plan import RunPlan
+from cpbench.bench.selection import RERUN
+from cpbench.bench.worker import SHORT
+
+ROWS = 60
+"""Problems that get a row each; more are counted by family."""
+WIDTH = 44
+
+
+def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str]) -> Iterator[str]:
+    """The plan for a reader; `before` has the status of every row that the results file has, by key."""
+    yield from _matrix(assembly.pairs)
+    yield ""
+    yield from _sets(assembly)
+    skipped = _skipped(assembly.pairs, before, asked.rerun)
+    todo = [pair for pair in assembly.pairs if pair.key not in skipped]
+    if asked.shard != (1, 1):
+        whole = len({pair.key for part in assembly.parts for pair in part.pairs})
+        yield f"shard {asked.shard[0]} of {asked.shard[1]}: {len(assembly.pairs)} of {whole} pairs"
+    if before:
+        yield f"{asked.results} has {len(skipped)} of the {len(assembly.pairs)} pairs; {len(todo)} are to be run"
+    yield f"{len(todo)} pairs to run: {_bound(todo, asked)}"
+
+
+def _skipped(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> set[str]:
+    """Keys of the pairs that are done and stay as they are."""
+    again: Collection[str] | None = RERUN[rerun] if rerun else ()
+    done = {pair.key: before[pair.key] for pair in pairs if before.get(pair.key, "not_run") != "not_run"}
+    return {key for key, status in done.items() if again is not None and status not in again}
+
+
+def _matrix(pairs: Sequence[Pair]) -> Iterator[str]:
+    """Pairs of every problem by every solver; solvers have numbers, which are told below."""
+    names = sorted({pair.entry.solver for pair in pairs})
+    single = len({pair.address for pair in pairs}) <= ROWS
+    counts = Counter((_row(pair, single), pair.entry.solver) for pair in pairs)
+    rows = list(
+        dict.fromkeys(_row(pair, single) for pair in sorted(pairs, key=lambda p: (p.node, p.family, p.address)))
+    )
+    width = max(3, *(len(str(n)) for n in counts.values()), 0) + 1
+    problems = Counter({row: len(there) for row, there in _problems(pairs, single).items()})
+    head = "problem" if single else "family"
+    yield f"{head:<{WIDTH}}" + "".join(f"{i:>{width}}" for i in range(1, len(names) + 1)) + f"{'all':>{width + 3}}"
+    for row in rows:
+        told = row if single else f"{row}, {problems[row]} problems"
+        cells = [counts[row, name] for name in names]
+        shown = "".join(f"{count or '.':>{width}}" for count in cells)
+        yield f"{_fitted(told):<{WIDTH}}{shown}{sum(cells):>{width + 3}}"
+    yield "solvers: " + ", ".join(f"{i} {name}" for i, name in enumerate(names, 1))
+
+
+def _row(pair: Pair, single: bool) -> str:
+    return f"{pair.node} {pair.problem or pair.address}" if single else f"{pair.node} {pair.family}".strip()
+
+
+def _problems(pairs: Sequence[Pair], single: bool) -> dict[str, set[str]]:
+    found: dict[str, set[str]] = {}
+    for pair in pairs:
+        found.setdefault(_row(pair, single), set()).add(pair.fingerprint)
+    return found
+
+
+def _fitted(text: str) -> str:
+    return text if len(text) < WIDTH else f"{text[: WIDTH - 2]}…"
+
+
+def _sets(assembly: Assembly) -> Iterator[str]:
+    for part in assembly.parts:
+        name = f"set {part.asked.name}: " if part.asked.name else ""
+        tolerances = ", ".join(f"{tolerance:g}" for tolerance in part.asked.tolerance)
+        yield (
+            f"{name}{len(part.problems)} problems x {len(part.entries)} solvers with options, routes "
+            f"{'+'.join(part.asked.via) or part.asked.allowed_routes}, tolerance {tolerances}: {len(part.pairs)} pairs "
+            "that a route may reach"
+        )
+        for text in part.asked.solvers:
+            entries = grids.grid(text)
+            if len(entries) > 1:
+                names = {entry.label for entry in entries}
+                count = sum(pair.entry.label in names for pair in part.pairs)
+                yield f"  {text}: {len(entries)} entries, {count} pairs"
+
+
+def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
+    """The longest that the solves can take, and what that is made of."""
+    if not todo:
+        return "nothing"
+    first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
+    more = sum(min(SHORT, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo) / asked.jobs
+    again = sum(pair.limits.seconds + GRACE for pair in todo if pair.limits.history) / asked.jobs
+    limits = sorted({pair.limits.seconds for pair in todo})
+    limit = duration(limits[0]) if len(limits) == 1 else f"{duration(limits[0])} to {duration(limits[-1])}"
+    parts = [f"solves to their limit of {limit} and {GRACE:g} s {duration(first)}"]
+    if more:
+        parts.append(f"repeats of those below {SHORT:g} s {duration(more)}")
+    if again:
+        parts.append(f"solves whose history is kept {duration(again)}")
+    if asked.retry:
+        parts.append(f"{asked.retry} retries as much again each")
+    lanes = f" on {asked.jobs} lanes" if asked.jobs > 1 else ""
+    total = (first + more + again) * (1 + asked.retry)
+    return f"at most {duration(total)}{lanes} ({'; '.join(parts)}); conversions and judging come on top"

@@ -1,0 +1,158 @@
+"""The plan of a run as it was asked for: sets of problems and solvers, and what all of them share.
+
+The command line makes one, or a plan file does; where both speak, the command line wins. Everything in it is still
+as it was written (globs, grids, conditions): `assembly` makes the pairs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from cpbench.bench.plan import Limits
+from cpbench.errors import CpbenchError, UnknownName
+
+BUILTIN = "builtin"
+"""What stands for the folder of the built-in problems among the problems of a set."""
+
+
+@dataclass(frozen=True)
+class ProblemSet:
+    """One part of a plan: which problems, by which solvers, how accurately, within which limits.
+
+    Attributes
+    ----------
+    name : marks its rows. problems : files, folders, packs, globs, or `builtin`. solvers : names, globs and grids;
+    none for all. routes : exact, facets or all; empty for exact, and facets where all problems are built in.
+    facets, via : facet counts, pinned conversions. tolerance : one pair each.
+    timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides, None: all.
+    start : start policy. format : of the files. family, where, keyword, max_problems, seed : the selection.
+    """
+
+    name: str = ""
+    problems: tuple[str, ...] = (BUILTIN,)
+    solvers: tuple[str, ...] = ()
+    routes: str = ""
+    facets: tuple[int, ...] = (8, 16)
+    via: tuple[str, ...] = ()
+    tolerance: tuple[float, ...] = (1e-6,)
+    timeout: float = Limits.seconds
+    memory: int = Limits.memory
+    repeats: int = Limits.repeats
+    history: bool = Limits.history
+    measure: str | None = None
+    start: str = "cold"
+    format: str | None = None
+    family: tuple[str, ...] = ()
+    where: str = ""
+    keyword: str = ""
+    max_problems: int | None = None
+    seed: int = 0
+
+    @property
+    def builtin(self) -> bool:
+        return self.problems == (BUILTIN,)
+
+    @property
+    def selects(self) -> bool:
+        return bool(self.family or self.where or self.keyword or self.max_problems)
+
+    @property
+    def allowed_routes(self) -> str:
+        return self.routes or ("facets" if self.builtin else "exact")
+
+    def limits(self, threads: int) -> Limits:
+        return Limits(self.timeout, self.memory, threads, self.repeats, self.history)
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """Everything a run does.
+
+    Attributes
+    ----------
+    sets : the parts. output : results file. report : folder of the report, empty for one named after the results,
+    None for no report. keep : answers to keep. seed : of the random order. threads : of every library.
+    jobs : lanes side by side. isolate : worker or fresh. affinity : whether lanes get cores of their own.
+    dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
+    an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
+    fail_on : statuses that make the command end with 1.
+    """
+
+    sets: tuple[ProblemSet, ...] = (ProblemSet(),)
+    output: str = ""
+    report: str | None = ""
+    keep: str = "all"
+    seed: int = 0
+    threads: int = 1
+    jobs: int = 1
+    isolate: str = "worker"
+    affinity: bool = True
+    dask: str | None = None
+    cluster: str | None = None
+    shard: tuple[int, int] = (1, 1)
+    rerun: str = ""
+    retry: int = 0
+    fail_on: tuple[str, ...] = ()
+
+    @property
+    def builtin(self) -> bool:
+        """Whether it is the built-in suite, all of it and nothing else."""
+        return self.shard == (1, 1) and all(part.builtin and not part.selects for part in self.sets)
+
+    @property
+    def results(self) -> Path:
+        return Path(self.output or ("builtin.sqlite" if self.builtin else "run.sqlite"))
+
+    @property
+    def report_folder(self) -> Path | None:
+        if self.report is None:
+            return None
+        return (
+            Path(self.report) if self.report else Path("reports") / ("builtin" if self.builtin else self.results.stem)
+        )
+
+    @property
+    def memory(self) -> int:
+        """The largest limit of any set, 0 when one has none."""
+        asked = [part.memory for part in self.sets]
+        return 0 if 0 in asked else max(asked)
+
+    def effective(self, found: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+        """What the results keep of the plan; `found` are the fingerprints of the problems of each set."""
+        plan = asdict(self)
+        for part in plan["sets"]:
+            part["timeout"] = part["timeout"] if math.isfinite(part["timeout"]) else "none"
+            part["found"] = list(found[part["name"]])
+        return plan
+
+
+SET_KEYS = tuple(f.name for f in fields(ProblemSet))
+RUN_KEYS = tuple(f.name for f in fields(RunPlan) if f.name != "sets")
+
+
+def make(
+    given: Mapping[str, Any], top: Mapping[str, Any], sets: Sequence[Mapping[str, Any]], only: Sequence[str] = ()
+) -> RunPlan:
+    """The plan of values that were read: `given` on the command line, at the `top` of a file and in its `sets`.
+
+    The command line wins over a set, a set over the top of its file. `only` : names of the sets to take, all for
+    none. Raises UnknownName.
+    """
+    common = {key: value for key, value in top.items() if key in SET_KEYS}
+    mine = {key: value for key, value in given.items() if key in SET_KEYS}
+    parts = [ProblemSet(**{**common, **table, **mine}) for table in (sets or [{}])]
+    if only and not sets:
+        raise CpbenchError(f"no plan file has a set '{only[0]}'; name one with --plan")
+    for name in only:
+        if name not in {part.name for part in parts}:
+            raise UnknownName("set", name, [part.name for part in parts])
+    chosen = tuple(part for part in parts if not only or part.name in only)
+    whole = {key: value for key, value in {**top, **given}.items() if key in RUN_KEYS}
+    plan = RunPlan(sets=chosen, **whole)
+    if plan.dask and plan.cluster:
+        raise CpbenchError(f"--dask {plan.dask} and --cluster {plan.cluster}: a run has one place; leave one out")
+    return plan

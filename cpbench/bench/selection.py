@@ -1,0 +1,143 @@
+"""Which problems: globs and packs become addresses, and conditions on surveyed facts choose among them.
+
+Choices are by fingerprint, not by place: the same problems give the same choice on every machine, in whatever order
+the files come.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import glob
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cpbench import storage
+from cpbench.bench import features, where
+from cpbench.bench.block import PREVIOUS
+from cpbench.bench.plan import Pair
+from cpbench.bench.run_plan import BUILTIN, ProblemSet
+from cpbench.errors import CpbenchError, FormatError, UnknownName
+from cpbench.storage.base import SEPARATOR, split_address
+
+FAILED = ("failed", "max_iter", "inaccurate", "wrong", "timeout", "memout", "crash", "error", "unavailable")
+RERUN: Mapping[str, tuple[str, ...] | None] = {"failed": FAILED, "timeouts": ("timeout",), "all": None}
+"""Statuses that `--rerun` runs again; None for any. An `unsupported` pair stays one until the code changes: `all`."""
+RETRIED = ("crash", "timeout", "memout")
+"""Statuses that may be an accident of the machine, which `--retry` gives another chance."""
+
+_WILD = set("*?[")
+
+
+def addresses(texts: Iterable[str], builtin: Callable[[], Path]) -> list[str]:
+    """Addresses of the problems that are meant by files, packs, folders, globs and `builtin`.
+
+    Raises CpbenchError when one of them is no problem at all.
+    """
+    found: list[str] = []
+    for text in texts:
+        here = storage.problem_files(_expanded(_located(text, builtin)))
+        if not here:
+            raise CpbenchError(f"no problem file in {text}; see cpbench list formats")
+        found += here
+    return list(dict.fromkeys(found))
+
+
+def _located(text: str, builtin: Callable[[], Path]) -> str:
+    head, slash, rest = text.partition("/")
+    head, separator, member = head.partition(SEPARATOR) if not slash else (head, "", "")
+    if head != BUILTIN or os.path.exists(text):
+        return text
+    return f"{builtin()}{slash}{rest}{separator}{member}"
+
+
+def _expanded(text: str) -> list[str]:
+    """The paths and members that a glob means; any other text as it is."""
+    file, separator, member = text.rpartition(SEPARATOR) if SEPARATOR in text else (text, "", "")
+    if os.path.exists(text) or not _WILD & set(text):
+        return [text]
+    files = sorted(glob.glob(file, recursive=True)) if _WILD & set(file) and not os.path.exists(file) else [file]
+    if not separator:
+        found = files
+    else:
+        named = [(f, m) for f in files for m in _members(f) if fnmatch.fnmatchcase(m, member)]
+        found = [f"{f}{SEPARATOR}{m}" if m else f for f, m in named]
+    if not found:
+        raise CpbenchError(f"nothing matches {text}")
+    return found
+
+
+def _members(file: str) -> list[str]:
+    try:
+        return storage.members(file)
+    except FormatError:
+        return []  # no pack, so that nothing in it is meant
+
+
+# ---------------------------------------------------------------------------------------------- by facts
+
+
+def select(part: ProblemSet, surveys: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The surveyed problems that a set is about; raises CpbenchError when a family is none of theirs."""
+    chosen = list(surveys)
+    if part.family:
+        families = {str(survey["family"]) for survey in surveys}
+        for family in part.family:
+            if not any(fnmatch.fnmatchcase(known, family) for known in families):
+                raise UnknownName("family", family, families)
+        chosen = [s for s in chosen if any(fnmatch.fnmatchcase(s["family"], family) for family in part.family)]
+    if part.keyword:
+        words = where.words(part.keyword)
+        above = _above(surveys)
+        chosen = [s for s in chosen if words.holds(_texts(s, above))]
+    if part.where:
+        condition = where.condition(part.where, features.known())
+        chosen = [s for s in chosen if condition.holds(s["features"])]
+    return chosen if part.max_problems is None else _some(chosen, part)
+
+
+def _above(surveys: Sequence[Mapping[str, Any]]) -> str:
+    """The folder that all files are in: its name tells none of them apart."""
+    files = [os.path.abspath(str(split_address(survey["address"])[0])) for survey in surveys]
+    return os.path.commonpath([os.path.dirname(file) for file in files]) if files else ""
+
+
+def _texts(survey: Mapping[str, Any], above: str) -> dict[str, str]:
+    """What words are looked for in: the place in the common folder, name, family and node."""
+    file, member = split_address(survey["address"])
+    place = os.path.relpath(os.path.abspath(str(file)), above)
+    return {"place": place, "member": member, **{key: survey[key] for key in ("problem", "family", "node")}}
+
+
+def _some(surveys: Sequence[Mapping[str, Any]], part: ProblemSet) -> list[Mapping[str, Any]]:
+    """At most `max_problems` different problems, drawn by the seed; of sequences that are followed, first steps."""
+    unique = {str(survey["fingerprint"]): survey for survey in reversed(surveys)}
+
+    def draw(survey: Mapping[str, Any]) -> tuple[str, int]:
+        scene = survey["sequence"] if part.start == PREVIOUS else ""
+        return _hash(f"{part.seed} {scene or survey['fingerprint']}").hex(), int(survey["step"])
+
+    drawn = {str(s["fingerprint"]) for s in sorted(unique.values(), key=draw)[: part.max_problems]}
+    return [survey for survey in surveys if survey["fingerprint"] in drawn]
+
+
+def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
+    """The pairs of one of several parts: what is run in one go stays in one, and each machine decides alone.
+
+    >>> shard([], 1, 4)
+    []
+    """
+    if parts == 1:
+        return list(pairs)
+    return [p for p in pairs if int.from_bytes(_hash(_unit(p))[:8], "big") % parts == part - 1]
+
+
+def _unit(pair: Pair) -> str:
+    followed = pair.start == PREVIOUS and pair.sequence
+    return f"sequence {pair.sequence}" if followed else f"problem {pair.fingerprint}"
+
+
+def _hash(text: str) -> bytes:
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).digest()

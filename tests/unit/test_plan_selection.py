@@ -1,0 +1,201 @@
+"""Which problems a plan is about: globs, conditions, draws and shards."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cpbench import storage
+from cpbench.bench import features, selection
+from cpbench.bench.plan import Entry, Limits, Pair, exact
+from cpbench.bench.run_plan import ProblemSet
+from cpbench.errors import CpbenchError
+from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact, Sequence
+from cpbench.formulations.base import formulations
+from cpbench.generators.collection import builtin_folder
+
+
+def survey(name: str, *, family: str = "", node: str = "lcp", sequence: str = "", step: int = 0, **facts: float) -> Any:
+    return {
+        "address": f"folder/{name}.h5",
+        "problem": name,
+        "family": family,
+        "node": node,
+        "fingerprint": f"{name}-mathematics",
+        "sequence": sequence,
+        "step": step,
+        "features": {"node": node, "family": family, "name": name, **facts},
+    }
+
+
+def names(part: ProblemSet, surveys: list[Mapping[str, Any]]) -> list[str]:
+    return [s["problem"] for s in selection.select(part, surveys)]
+
+
+# ----------------------------------------------------------------------------------------------- places
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> Path:
+    for name in ("box-1", "box-2", "chain"):
+        storage.save(LCP(M=np.eye(2), q=[-1.0, -2.0], name=name), tmp_path / f"{name}.h5")
+    pack = {n: LCP(M=np.eye(2), q=[-1.0, -3.0], name=n) for n in ("murty-4", "murty-8", "cottle")}
+    storage.save_pack(pack, tmp_path / "pack.h5")
+    (tmp_path / "notes.txt").write_text("no problem")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("texts", "found"),
+    [
+        (["box-*.h5"], ["box-1.h5", "box-2.h5"]),
+        (["box-[2].h5", "box-2.h5"], ["box-2.h5"]),
+        (["pack.h5"], ["pack.h5::cottle", "pack.h5::murty-4", "pack.h5::murty-8"]),
+        (["pack.h5::murty-*"], ["pack.h5::murty-4", "pack.h5::murty-8"]),
+        (["*.h5::*-8"], ["pack.h5::murty-8"]),
+        (["c*.h5::*"], ["chain.h5"]),
+        (["**/*a*.h5"], ["chain.h5", "pack.h5::cottle", "pack.h5::murty-4", "pack.h5::murty-8"]),
+    ],
+)
+def test_places(scenes: Path, texts: list[str], found: list[str]) -> None:
+    assert selection.addresses([f"{scenes}/{text}" for text in texts], builtin_folder) == [
+        f"{scenes}/{name}" for name in found
+    ]
+
+
+def test_a_file_whose_name_is_a_glob_is_that_file(scenes: Path) -> None:
+    (scenes / "box-*.h5").write_bytes((scenes / "chain.h5").read_bytes())
+    assert selection.addresses([f"{scenes}/box-*.h5"], builtin_folder) == [f"{scenes}/box-*.h5"]
+
+
+def test_builtin_is_a_place(scenes: Path, monkeypatch) -> None:
+    monkeypatch.chdir(scenes)
+    folder = builtin_folder()
+    everything = storage.problem_files([folder])
+    assert selection.addresses(["builtin"], builtin_folder) == everything
+    assert selection.addresses(["builtin/lcp"], builtin_folder) == storage.problem_files([folder / "lcp"])
+    some = selection.addresses(["builtin/*/lcp-classics.h5::murty*"], builtin_folder)
+    assert some
+    assert set(some) < set(everything)
+
+
+@pytest.mark.parametrize("text", ["*.mat", "box-9*", "pack.h5::zzz*", "chain.h5::a*", "empty"])
+def test_what_matches_nothing_is_said(scenes: Path, text: str) -> None:
+    (scenes / "empty").mkdir()
+    with pytest.raises(CpbenchError, match=r"nothing matches|no problem file"):
+        selection.addresses([f"{scenes}/{text}"], builtin_folder)
+
+
+# ------------------------------------------------------------------------------------------------ facts
+
+
+def test_facts_of_problems() -> None:
+    sparse = np.diag([1.0, 2, 3, 4, 5, 6])
+    local = FrictionContact(W=sparse, q=np.ones(6), mu=[0.5, 0.3], dimension=3, name="two")
+    facts = features.features(local)
+    assert facts | {"nc": 2.0, "m": 6.0, "dimension": 3.0, "nnz": 6.0, "entries": 36.0, "unknowns": 6.0} == facts
+    assert facts["density"] == pytest.approx(1 / 6)
+    assert "ndof" not in facts, "a local problem does not know it"
+    scene = Sequence(name="pile", step=4, time=0.4, dt=0.1)
+    full = GlobalFrictionContact(
+        M=np.eye(4), H=np.eye(4)[:, :3], f=np.ones(4), w=np.ones(3), mu=[0.5], dimension=3, sequence=scene
+    )
+    facts = features.features(full)
+    assert facts | {"ndof": 4.0, "nc": 1.0, "sequence": "pile", "step": 4.0} == facts
+
+
+def test_every_fact_of_every_builtin_problem_is_known_with_its_type() -> None:
+    known = features.known()
+    nodes = set()
+    for address in storage.problem_files([builtin_folder()]):
+        problem = storage.load(address)
+        nodes.add(problem.node)
+        for name, value in features.features(problem).items():
+            assert type(value) is known[name], name
+    assert nodes == set(formulations.names())
+
+
+def test_conditions_choose() -> None:
+    surveys = [
+        survey("a", family="chains", node="gfc", nc=120.0, ndof=300.0),
+        survey("b", family="chains", node="gfc", nc=10.0, ndof=300.0),
+        survey("c", family="classics", node="lcp", n=8.0),
+    ]
+    assert names(ProblemSet(where="nc>100 and 3*nc/ndof>1"), surveys) == ["a"]
+    assert names(ProblemSet(where="not nc > 100"), surveys) == ["b"], "c has no nc: nothing is known of it"
+    assert names(ProblemSet(where="node == 'lcp' or nc > 100"), surveys) == ["a", "c"]
+    assert names(ProblemSet(family=("chains",)), surveys) == ["a", "b"]
+    assert names(ProblemSet(family=("cla*", "chains"), where="n > 1"), surveys) == ["c"]
+    assert names(ProblemSet(keyword="chains and not b"), surveys) == ["a"]
+    assert names(ProblemSet(keyword="folder"), surveys) == [], "the folder of all tells none apart"
+    with pytest.raises(CpbenchError, match="did you mean chains"):
+        selection.select(ProblemSet(family=("chain",)), surveys)
+
+
+def test_a_draw_does_not_depend_on_the_order_of_the_files() -> None:
+    surveys = [survey(f"p{i}") for i in range(50)]
+    twin = {**surveys[3], "address": "elsewhere/p3.h5"}
+    drawn = names(ProblemSet(max_problems=10), surveys)
+    assert len(drawn) == 10
+    shuffled = [*surveys, twin]
+    random.Random(1).shuffle(shuffled)
+    assert set(names(ProblemSet(max_problems=10), shuffled)) == set(drawn), "a twin is the same problem"
+    assert set(names(ProblemSet(max_problems=10, seed=1), surveys)) != set(drawn)
+    assert set(drawn) < set(names(ProblemSet(max_problems=11), surveys)), "a larger draw keeps the smaller"
+    assert len(names(ProblemSet(max_problems=99), surveys)) == 50
+
+
+def test_a_draw_of_followed_sequences_has_first_steps() -> None:
+    surveys = [survey(f"{s}{i}", sequence=s, step=i) for s in "xyz" for i in range(4)]
+    drawn = selection.select(ProblemSet(max_problems=6, start="previous"), surveys)
+    steps: dict[str, list[int]] = {}
+    for found in drawn:
+        steps.setdefault(found["sequence"], []).append(found["step"])
+    assert sorted(steps.values(), key=len) == [[0, 1], [0, 1, 2, 3]]
+
+
+# ----------------------------------------------------------------------------------------------- shards
+
+
+def pair(problem: str, solver: str, sequence: str = "", step: int = 0, start: str = "cold") -> Pair:
+    return Pair(
+        f"{problem}.h5", problem, problem, "lcp", "", {}, exact(), Entry(solver), "lcp", 1e-6, Limits(), start,
+        sequence=sequence, step=step,
+    )  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sets(st.tuples(st.text("abcdefgh", min_size=1, max_size=4), st.sampled_from(["lemke", "pgs"])), max_size=40),
+    st.integers(1, 7),
+    st.randoms(use_true_random=False),
+)
+def test_shards_are_disjoint_and_complete_in_any_order(keys, parts: int, draw: random.Random) -> None:
+    pairs = [pair(problem, solver) for problem, solver in sorted(keys)]
+    shuffled = list(pairs)
+    draw.shuffle(shuffled)
+    shards = [{p.key for p in selection.shard(shuffled, i, parts)} for i in range(1, parts + 1)]
+    assert sum(map(len, shards)) == len(pairs)
+    assert set().union(*shards) == {p.key for p in pairs}
+    of = {p.key: p for p in pairs}
+    for a in range(parts):
+        problems = {of[key].problem for key in shards[a]}
+        assert not any(of[key].problem in problems for b in range(parts) if b != a for key in shards[b])
+
+
+def test_shards_hold_about_as_much_and_keep_sequences_whole() -> None:
+    pairs = [pair(f"p{i}", solver) for i in range(1000) for solver in ("lemke", "pgs")]
+    sizes = [len(selection.shard(pairs, i, 4)) for i in range(1, 5)]
+    assert sum(sizes) == 2000
+    assert max(sizes) < 1.2 * min(sizes)
+    scene = [pair(f"s{i}", "pgs", "pile", i, "previous") for i in range(20)]
+    assert sorted(len(selection.shard(scene, i, 4)) for i in range(1, 5)) == [0, 0, 0, 20]
+    cold = [pair(f"s{i}", "pgs", "pile", i) for i in range(20)]
+    assert max(len(selection.shard(cold, i, 4)) for i in range(1, 5)) < 20
