@@ -1,0 +1,142 @@
+"""A recorded scene of contacts, warm step by step and cold: run, paired, killed in the middle, resumed."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing as mp
+import os
+import signal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cpbench import storage
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.starts import paired
+from cpbench.bench import plan
+from cpbench.bench.lane import Lane
+from cpbench.bench.plan import Pair
+from cpbench.bench.referee import unblob
+from cpbench.bench.runner import execute
+from cpbench.bench.store import Store
+from cpbench.generators.collection import write_collections
+
+LIMITS = plan.Limits(seconds=30.0, repeats=1)
+STEPS = 32
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One pack with the steps of the scene."""
+    folder = tmp_path_factory.mktemp("scene")
+    (path,) = [p for p in write_collections(folder, ("contact-sequence",)) if p.suffix in (".h5", ".hdf5")]
+    return path
+
+
+def _plan(lane: Lane, scene: Path, starts: tuple[str, ...], solvers: tuple[str, ...] = ("nsgs",)) -> list[Pair]:
+    asked = [plan.exact()]
+    surveys = [lane.survey(address, asked) for address in storage.problem_files([str(scene)])]
+    entries = [plan.Entry(name) for name in solvers]
+    return [p for start in starts for p in plan.pairs(surveys, entries, asked, 1e-6, LIMITS, start=start)]
+
+
+def _run(scene: Path, output: Path, starts: tuple[str, ...], solvers: tuple[str, ...] = ("nsgs",)) -> pd.DataFrame:
+    with Lane() as lane, Store(output, create=True) as store:
+        planned = _plan(lane, scene, starts, solvers)
+        store.plan(planned)
+        execute([lane], store, planned)
+        return rows_of.normalised(store.table())
+
+
+def _iterations(rows: pd.DataFrame) -> list[int]:
+    return [json.loads(counters)["iterations"] for counters in rows.sort_values("step")["counters"]]
+
+
+def _run_and_die(scene: Path, output: Path, after: int) -> None:
+    """The runner kills itself, -9, after so many rows."""
+    done = 0
+
+    def notice(event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
+        nonlocal done
+        done += event == "done"
+        if done == after:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with Lane() as lane, Store(output, create=True) as store:
+        planned = _plan(lane, scene, ("previous",))
+        store.plan(planned)
+        execute([lane], store, planned, notice=notice)
+
+
+@pytest.fixture(scope="module")
+def both(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+    return _run(scene, tmp_path_factory.mktemp("both") / "r.sqlite", ("previous", "cold"))
+
+
+def test_every_step_follows_the_one_before(both: pd.DataFrame) -> None:
+    warm = both[both["start"] == "previous"].sort_values("step")
+    assert list(warm["status"]) == ["solved"] * STEPS
+    assert list(warm["started"]) == ["cold: first step"] + ["previous"] * (STEPS - 1)
+    assert warm["finished"].is_monotonic_increasing, "steps are run in their order"
+
+
+def test_warm_and_cold_are_paired_by_step(both: pd.DataFrame) -> None:
+    """The scene rests, nearly: warm starts save sweeps in most steps."""
+    (found,) = paired(both).to_dict("records")
+    assert (found["pairs"], found["warm"], found["cold"], found["fell_back"]) == (STEPS, STEPS, STEPS, 1)
+    assert found["iterations"] < 1.0
+    warm = np.array(_iterations(both[both["start"] == "previous"]))
+    cold = np.array(_iterations(both[both["start"] == "cold"]))
+    assert warm[0] == cold[0], "the first step has nothing before it"
+    assert (warm[1:] < cold[1:]).sum() > 2 * STEPS // 3
+
+
+def test_a_run_that_is_killed_goes_on_from_the_kept_answer(scene: Path, both: pd.DataFrame, tmp_path: Path) -> None:
+    """kill -9 after 13 steps; the same again: every step does what it does in a run that is left alone."""
+    output = tmp_path / "r.sqlite"
+    runner = mp.get_context("spawn").Process(target=_run_and_die, args=(scene, output, 13))
+    runner.start()
+    runner.join(120)
+    assert runner.exitcode == -signal.SIGKILL
+    with Store(output) as store:
+        assert store.counts() == {"solved": 13, "not_run": STEPS - 13}
+        before = dict(store.answers())
+    rows = _run(scene, output, ("previous",)).sort_values("step")
+    calm = both[both["start"] == "previous"].sort_values("step")
+    assert list(rows["started"]) == list(calm["started"])
+    assert _iterations(rows) == _iterations(calm)
+    assert list(rows["error"]) == list(calm["error"])
+    with Store(output) as store:
+        kept = dict(store.answers())
+    assert all(np.array_equal(unblob(kept[key]), unblob(blob)) for key, blob in before.items())
+
+
+def test_a_step_whose_predecessor_failed_starts_cold_and_says_so(scene: Path, tmp_path: Path) -> None:
+    """One iteration is not enough for the first step; the second has nothing to start from, nor has the third."""
+    with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
+        asked = [plan.exact()]
+        addresses = storage.problem_files([str(scene)])[:3]
+        surveys = [lane.survey(address, asked) for address in addresses]
+        entries = [plan.parse_entry("nsgs[max_iterations=1]")]
+        planned = plan.pairs(surveys, entries, asked, 1e-6, LIMITS, start="previous")
+        store.plan(planned)
+        execute([lane], store, planned)
+        rows = store.table().sort_values("step")
+    assert list(rows["status"]) == ["max_iter"] * 3
+    assert list(rows["started"]) == ["cold: first step"] + ["cold: the step before was max_iter"] * 2
+
+
+def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path) -> None:
+    with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
+        asked = [plan.exact(), *plan.facets("inner", 8)]
+        survey = lane.survey(storage.problem_files([str(scene)])[0], asked)
+        planned = plan.pairs([survey], [plan.Entry("lemke")], asked, 1e-6, LIMITS, start="previous")
+        store.plan(planned)
+        execute([lane], store, planned)
+        rows = store.table()
+    assert set(rows["status"]) == {"unsupported"}
+    assert rows["message"].str.contains("takes no starting point").all()
