@@ -14,7 +14,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ALLOWED_SKIPS = ("needs the folder of real files", "does not apply")
-collect_ignore = ["unit/siconos_errors.py", "unit/siconos_read.py", "faults/faulty_solvers.py"]
+collect_ignore = [
+    "unit/siconos_errors.py",
+    "unit/siconos_read.py",
+    "faults/chaos_solvers.py",
+    "faults/faulty_solvers.py",
+]
 _unexpected: list[str] = []
 
 
