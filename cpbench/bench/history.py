@@ -22,7 +22,7 @@ from cpbench.bench import wire
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Solver, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
@@ -53,14 +53,14 @@ class Recorder:
         self._room = room
         self._kept: list[tuple[float, int, float, Any]] = []
         self._apart = 0.0
-        self._due = 0.0
+        self._due = self._last = 0.0
         self.calls, self.cost = 0, 0.0
         self._begun = time.perf_counter()
 
     def __call__(self, iteration: int, residual: float, point: Callable[[], Any]) -> None:
         now = time.perf_counter()
         self.calls += 1
-        elapsed = now - self._begun - self.cost
+        self._last = elapsed = now - self._begun - self.cost
         if elapsed >= self._due:
             self._kept.append((elapsed, iteration, residual, point()))
             if len(self._kept) >= self._room:
@@ -69,9 +69,14 @@ class Recorder:
         self.cost += time.perf_counter() - now
 
     def finish(self, output: SolverOutput) -> bytes:
-        """The message with what was kept and, last, the answer, whatever was recorded."""
+        """The message with what was kept and, last, the answer, whatever was recorded.
+
+        A solve that is done with its last iterate still has to conclude; one that ended with another would have, too,
+        and that time is added to all.
+        """
         total = time.perf_counter() - self._begun - self.cost
-        kept = list(self._kept)
+        tail = total - self._last if output.claim is Claim.SOLVED and self._kept else 0.0
+        kept = [(min(seconds + tail, total), k, told, point) for seconds, k, told, point in self._kept]
         if output.point is not None:
             last = output.counters.get("iterations", kept[-1][1] if kept else 0)
             kept.append((total, last, math.nan, output.point))
@@ -161,10 +166,10 @@ class History:
 
     Attributes
     ----------
-    time : seconds since the solve began, less those of the recorder. iteration : of the solver. told : its residual,
-    NaN where it told none. error : ours, on the problem that was asked, ∞ for no answer. flags : remarks of the
-    verdict at the tolerance that the iterate just meets. solve : seconds of the whole recorded solve. cost : seconds
-    the recorder took on top. calls : of the recorder.
+    time : seconds that a solve which ended with the iterate would have taken, without those of the recorder.
+    iteration : of the solver. told : its residual, NaN where it told none. error : ours, on the problem that was asked,
+    ∞ for no answer. flags : remarks of the verdict at the tolerance that the iterate just meets. solve : seconds of
+    the whole recorded solve. cost : seconds the recorder took on top. calls : of the recorder.
     """
 
     time: Vector

@@ -45,8 +45,10 @@ def _point(value: float) -> LCPPoint:
     return LCPPoint(z=np.array([value]))
 
 
-def _finish(recorder: Recorder, iterations: int = 0) -> tuple[dict[str, Any], dict[str, Any]]:
-    output = SolverOutput(claim=Claim.SOLVED, point=_point(-1.0), counters={"iterations": iterations})
+def _finish(
+    recorder: Recorder, iterations: int = 0, claim: Claim = Claim.MAX_ITER
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    output = SolverOutput(claim=claim, point=_point(-1.0), counters={"iterations": iterations})
     return wire.unpack(recorder.finish(output))
 
 
@@ -97,6 +99,20 @@ def test_the_clock_stands_while_an_iterate_is_kept(clock: Clock) -> None:
     np.testing.assert_allclose(found["time"], np.arange(1.0, 12.0))
     assert header["solve"] == pytest.approx(11.0)
     assert header["cost"] == pytest.approx(50.0)
+
+
+def test_a_solve_that_ended_earlier_would_have_had_to_conclude_too(clock: Clock) -> None:
+    times = {}
+    for claim in (Claim.SOLVED, Claim.FAILED):
+        clock.now = 0.0
+        recorder = Recorder()
+        for k in range(3):
+            recorder(k, 1.0, lambda: _point(0.0))
+            clock.now += 1.0
+        clock.now += 0.5
+        times[claim] = _finish(recorder, claim=claim)[1]["time"].tolist()
+    assert times[Claim.SOLVED] == [1.5, 2.5, 3.5, 3.5]
+    assert times[Claim.FAILED] == [0.0, 1.0, 2.0, 3.5]  # what it did in the end is not known
 
 
 def test_large_iterates_are_fewer() -> None:
