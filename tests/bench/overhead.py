@@ -1,59 +1,214 @@
-"""Overhead of a pair in a warm worker: wall time minus load and solve, over many tiny LCPs.
+"""What the runner adds to a solve: messages, look-ups, lift, verdict, the row and its answer in SQLite.
 
-    python tests/bench/overhead.py [PAIRS]
+    python tests/bench/overhead.py                                               a few minutes
+    python tests/bench/overhead.py --pairs 1000 --tries 1 --problems 100         half a minute
 
-Prints the median and the 95th percentile of what the runner adds to a pair (messages, conversion look-up, lift,
-verdict, the row and its answer in SQLite), and on the last line the median in milliseconds.
+Through `runner.execute` with a store, the overhead of a pair is the time from the end of the pair before it to its
+own end, less the load, setup and solve that its row tells: opening and converting the problem, once for all its
+solvers, and the reference solves of the run are in it. Measured are
+
+1. pairs of tiny LCPs in a warm worker;
+2. the same into files that hold 1,000, 10,000 and 100,000 rows already;
+3. a fresh process for every pair;
+4. the command `cpbench run` beside `benchopt run --no-cache` and `qpbenchmark run` on the same QPs, with the same
+   backends at the same settings: (wall - recorded solves) of a run less that of a run with fewer problems, by the
+   calls that it has more. Ours reads a file a problem, isolates, limits, judges and keeps the answers; theirs make
+   the problems in their own process, which takes less than a file. Of each, the least of interleaved tries.
+
+Times are wall times. `quietest` is the least median of ten consecutive parts: what is left when nothing else is at
+work on the machine. The last line is the median of 1. in milliseconds.
 """
 
 from __future__ import annotations
 
+import argparse
+import itertools
+import sqlite3
 import statistics
-import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import overhead_beside
+from overhead_qps import BACKENDS
 
 from cpbench import storage
-from cpbench.bench import plan
-from cpbench.bench.lane import Lane
+from cpbench.bench import machine, plan
+from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.plan import Pair
+from cpbench.bench.runner import execute
 from cpbench.bench.store import Store
 from cpbench.formulations import LCP
 
+ENTRIES = [plan.Entry("psor", {"omega": round(0.6 + 0.1 * i, 1)}) for i in range(10)]
+LIMITS = plan.Limits(repeats=1)
+ROWS = (1_000, 10_000, 100_000)
+FRESH_PAIRS = 200
+PARTS = ("load", "setup", "solve", "lift", "verify")
 
-def main(pairs: int) -> None:
-    rng = np.random.default_rng(0)
-    with tempfile.TemporaryDirectory() as name, Lane() as lane:
-        folder = Path(name)
-        asked, entries = [plan.exact()], [plan.Entry("lemke")]
-        surveys = []
-        for i in range(50):
-            A = rng.standard_normal((10, 10))
-            path = folder / f"p{i}.h5"
-            storage.save(LCP(M=A @ A.T + np.eye(10), q=rng.standard_normal(10), name=f"p{i}"), path)
-            surveys.append(lane.survey(str(path), asked))
-        planned = plan.pairs(surveys, entries, asked, 1e-8, plan.Limits(repeats=1))
-        store = Store(folder / "r.sqlite", create=True)
+
+@dataclass
+class Clock:
+    """Reads the time at the end of every pair; the first, before which workers start, is left out."""
+
+    rows: list[Mapping[str, Any]] = field(default_factory=list)
+    passed: list[float] = field(default_factory=list)
+    last: float = 0.0
+
+    def __call__(self, event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
+        if event != "done":
+            return
+        now = time.perf_counter()
+        if row["status"] != "solved":
+            raise SystemExit(f"{pair and pair.address}: {row['status']}: {row.get('message')}")
+        if self.last:
+            self.rows.append(row)
+            self.passed.append(now - self.last)
+        self.last = now
+
+    def overheads(self) -> list[float]:
+        """Seconds, in the order of the run."""
+        return [p - r["load"] - r["setup"] - r["solve"] for p, r in zip(self.passed, self.rows, strict=True)]
+
+    def parts(self) -> dict[str, float]:
+        """Medians of what a row tells [s]; `wall` is the lane's part, what is left of a pair is the store's."""
+        told = {name: statistics.median(row[name] for row in self.rows) for name in (*PARTS, "wall")}
+        return {**told, "pair": statistics.median(self.passed)}
+
+
+def tiny_lcps(folder: Path, lane: Lane, count: int, seed: int) -> list[Pair]:
+    """Pairs of strictly monotone LCPs of ten unknowns with every entry."""
+    rng = np.random.default_rng(seed)
+    surveys: list[dict[str, Any]] = []
+    for i in range(count):
+        A = rng.standard_normal((10, 10))
+        path = folder / f"lcp-{seed}-{i}.h5"
+        storage.save(LCP(M=A @ A.T + 10 * np.eye(10), q=rng.standard_normal(10), name=path.stem), path)
+        surveys.append(lane.survey(str(path), [plan.exact()]))
+    return plan.pairs(surveys, ENTRIES, [plan.exact()], 1e-6, LIMITS)
+
+
+def run(lane: Lane, path: Path, planned: Sequence[Pair]) -> Clock:
+    clock = Clock()
+    with Store(path, create=True) as store:
         store.plan(planned)
-        lane.start(["lemke"])
-        overheads = []
-        while len(overheads) < pairs:
-            for pair in planned:
-                prepared = lane.prepare(pair)
-                lane.run(pair, prepared)  # the worker loads the problem
-                begun = time.perf_counter()
-                outcome = lane.run(pair, prepared)
-                store.finish(pair.key, outcome.row, outcome.answer)
-                row = outcome.row
-                overheads.append(time.perf_counter() - begun - row["load"] - row["setup"] - row["solve"])
-                assert row["status"] == "solved", row
-        store.close()
-    p95 = sorted(overheads)[int(0.95 * len(overheads))]
-    print(f"{len(overheads)} pairs: median {statistics.median(overheads) * 1e3:.3f} ms, p95 {p95 * 1e3:.3f} ms")
-    print(f"{statistics.median(overheads) * 1e3:.3f}")
+        execute([lane], store, planned, notice=clock)
+    return clock
+
+
+def fill(path: Path, rows: int) -> None:
+    """Copy the first row and its answer until the file holds `rows` of them."""
+    db = sqlite3.connect(path)
+    for table in ("rows", "answers"):
+        names = [name for _, name, *_ in db.execute(f"PRAGMA table_info({table})")]
+        copied = ", ".join(f'"{name}"' for name in names if name != "key")
+        db.execute(
+            f"WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?) "
+            f"INSERT INTO {table} (key, {copied}) SELECT printf('%032x', (i * 2654435761) % 4294967296), {copied} "
+            f"FROM n, (SELECT * FROM {table} LIMIT 1)",
+            (rows - db.execute(f"SELECT count(*) FROM {table}").fetchone()[0],),
+        )
+    db.commit()
+    db.close()
+
+
+def warm(folder: Path, pairs: int) -> float:
+    """Prints the overhead in a warm worker and where a pair's time goes; the median [s]."""
+    with Lane() as lane:
+        planned = tiny_lcps(folder, lane, pairs // len(ENTRIES), seed=0)
+        clock = run(lane, folder / "warm.sqlite", planned)
+    median = _table("1. warm worker", clock.overheads())
+    told = ", ".join(f"{name} {seconds * 1e3:.3f}" for name, seconds in clock.parts().items())
+    print(f"   medians of a pair [ms]: {told}")
+    return median
+
+
+def growth(folder: Path, pairs: int, tries: int) -> None:
+    """Prints the overhead into files that hold rows already."""
+    medians: dict[int, float] = dict.fromkeys(ROWS, float("inf"))
+    with Lane() as lane:
+        first = tiny_lcps(folder, lane, 1, seed=1)
+        for rows in ROWS:
+            run(lane, folder / f"{rows}.sqlite", first)
+            fill(folder / f"{rows}.sqlite", rows)
+        for i, rows in itertools.product(range(tries), ROWS):
+            planned = tiny_lcps(folder, lane, pairs // len(ENTRIES) // 4, seed=ROWS.index(rows) + 10 * (i + 1))
+            over = run(lane, folder / f"{rows}.sqlite", planned).overheads()
+            medians[rows] = min(medians[rows], _quietest(over))
+    print(f"2. rows there before         {''.join(f'{rows:9,d}' for rows in ROWS)}")
+    print(f"   quietest overhead [ms]    {_ms(*medians.values())}")
+    print(f"   against {ROWS[0]:,d} rows        {''.join(f'{m / medians[ROWS[0]]:9.2f}' for m in medians.values())}")
+
+
+def fresh(folder: Path) -> None:
+    """Prints the overhead with a process for every pair."""
+    with Lane(Setting(fresh=True)) as lane:
+        planned = tiny_lcps(folder, lane, FRESH_PAIRS // len(ENTRIES), seed=2)
+        _table("3. fresh process", run(lane, folder / "fresh.sqlite", planned).overheads())
+
+
+def beside(folder: Path, problems: Sequence[int], tries: int) -> None:
+    """Prints what each harness adds to a call, and to how many of ours that comes."""
+    harnesses = overhead_beside.harnesses(folder)
+    counts = (overhead_beside.FEW, *problems)
+    spent = overhead_beside.measure([h for h in harnesses if h.installed], counts, tries)
+    print(f"4. commands, QPs (n = 20, m = 30) x {len(BACKENDS)} backends: ms a call (against ours)")
+    spans = list(itertools.pairwise(counts))
+    heads = (f"calls {a * len(BACKENDS):,d} to {b * len(BACKENDS):,d}" for a, b in spans)
+    print(f"   {'':17s}{''.join(f'{head:>24s}' for head in heads)}  start-up [s]  solve [ms]")
+    ours = harnesses[0].name
+    for name in (h.name for h in harnesses):
+        if name not in spent:
+            print(f"   {name:17s}  not installed: pip install '.[bench]'")
+            continue
+        calls = [spent[name].call(*span) for span in spans]
+        cells = (
+            f"{f'{call * 1e3:.2f} ({call / spent[ours].call(*span):.2f})':>24s}"
+            for call, span in zip(calls, spans, strict=True)
+        )
+        startup, solve = spent[name].startup(*spans[0]), spent[name].solve(counts[-1])
+        print(f"   {name:17s}{''.join(cells)}{startup:14.2f}{solve * 1e3:12.3f}")
+
+
+def _table(name: str, over: Sequence[float]) -> float:
+    """Prints figures of overheads; their median [s]."""
+    median = statistics.median(over)
+    p95 = sorted(over)[int(0.95 * len(over))]
+    print(f"{name + f', {len(over) + 1} pairs':29s}   median      p95     mean quietest [ms]")
+    print(f"{'   overhead':29s}{_ms(median, p95, statistics.fmean(over), _quietest(over))}")
+    return median
+
+
+def _quietest(over: Sequence[float], parts: int = 10) -> float:
+    """The least median of consecutive parts [s]."""
+    return min(statistics.median(over[i * len(over) // parts : (i + 1) * len(over) // parts]) for i in range(parts))
+
+
+def _ms(*seconds: float) -> str:
+    return "".join(f"{s * 1e3:9.3f}" for s in seconds)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Overhead of a pair.")
+    parser.add_argument("--pairs", type=int, default=10_000, help="pairs of tiny LCPs in a warm worker")
+    parser.add_argument("--tries", type=int, default=2, help="interleaved repeats of 2. and 4.")
+    parser.add_argument("--problems", type=int, nargs="*", default=[300, 3000], help="QPs of the runs of 4.")
+    given = parser.parse_args()
+    cores = machine.describe()
+    print(f"{cores['cpu']}, {cores['threads']} threads, load {cores['load']}")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        median = warm(folder, given.pairs)
+        growth(folder, given.pairs, given.tries)
+        fresh(folder)
+        if given.problems:
+            beside(folder, given.problems, given.tries)
+    print(f"{median * 1e3:.3f}")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1000)
+    main()
