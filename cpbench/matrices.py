@@ -36,6 +36,7 @@ _MARK = "_cpbench_adopted"
 
 def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> Vector:
     """A read-only 1-D float64 copy of `value`; raises ProblemError on another shape, NaN or infinity."""
+    _require_real(value, label)
     try:
         array = _native(np.array(value, dtype=np.float64, order="C"))
     except (TypeError, ValueError) as cause:
@@ -49,6 +50,7 @@ def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> V
 
 def matrix(value: Any, label: str = "matrix") -> Matrix:
     """A read-only float64 copy of `value`: 2-D array, or canonical CSR when `value` is sparse."""
+    _require_real(value, label)
     if sp.issparse(value):
         if _adopted(value):
             return cast(Sparse, value)
@@ -114,6 +116,12 @@ def _all_finite(array: NDArray[Any]) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         # a sum is finite only if its terms are, and takes no memory; one that overflows has to be looked at
         return bool(np.isfinite(array.sum()) or np.isfinite(array).all())
+
+
+def _require_real(value: Any, label: str) -> None:
+    """A conversion to float64 would drop imaginary parts with no more than a warning."""
+    if np.iscomplexobj(value):
+        raise ProblemError(label, "has complex numbers, must be real")
 
 
 def _require_finite(array: NDArray[Any], label: str) -> None:

@@ -50,10 +50,13 @@ class Cgroup:
         except OSError:
             return False
 
-    def kill(self) -> None:
-        """SIGKILL to every process in the group, new ones too."""
+    def kill(self, seconds: float = 1.0) -> None:
+        """SIGKILL to every process in the group, new ones too; waits until they are gone, or for `seconds`."""
         with contextlib.suppress(OSError):
             (self.path / "cgroup.kill").write_text("1")
+            deadline = time.monotonic() + seconds
+            while _counters(self.path / "cgroup.events").get("populated") and time.monotonic() < deadline:
+                time.sleep(0.001)
 
     def remove(self, seconds: float = 2.0) -> None:
         """Remove the group when its last process is gone, or leave it to the next run after `seconds`."""

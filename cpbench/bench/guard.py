@@ -1,18 +1,20 @@
 """A process between the runner and a worker: it adopts and ends what a solver leaves behind, and ends as it ended.
 
 Runner, forkserver, guard, worker: a solver that kills or stops its parent meets its own guard and nobody else's.
-Linux only: orphans come to it because it is a child subreaper, and it learns of the runner's death by a signal.
+Linux only: orphans come to it because it is a child subreaper, and it learns of the runner's death by a pipe.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from typing import NoReturn
 
 import psutil
@@ -23,23 +25,63 @@ PATIENCE = 5.0
 """Seconds for which processes that do not die are killed again and again."""
 
 
-def stand(cgroup: str, release: Callable[[], None]) -> None:
+def stand(group: str, lifeline: Connection, release: Callable[[], None]) -> None:
     """Fork; return in the child, the worker. The parent guards it and never returns.
 
-    `release` closes what is the worker's alone: nobody else is to hold its connection open.
+    `group` is the control group to kill, "" for none. `lifeline` is the reading end of a pipe whose other end only
+    the runner has. `release` closes what is the worker's alone: nobody else is to hold its connection open.
     """
     isolation.adopt_orphans()
-    isolation.die_with_parent(signal.SIGTERM)
-    signal.signal(signal.SIGTERM, lambda *_: _end_all(cgroup))
+    isolation.die_with_parent(signal.SIGTERM)  # the forkserver, should that alone be killed
+    signal.signal(signal.SIGTERM, lambda *_: _end_all(group))
+    bell = _Bell()
     worker = os.fork()
     if worker == 0:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        bell.close()
+        lifeline.close()
         begin()
         return
     release()
-    status = reap(worker)
+    poll = select.poll()
+    poll.register(lifeline, 0)  # its hang-up is always told
+    poll.register(bell.reader, select.POLLIN)
+    while (status := _ended(worker)) is None:
+        ready = [descriptor for descriptor, _ in poll.poll()]
+        if lifeline.fileno() in ready:
+            _end_all(group)
+        bell.clear()
     kill_descendants()
     end_as(status)
+
+
+class _Bell:
+    """A pipe in which a byte lies whenever a child has ended."""
+
+    def __init__(self) -> None:
+        self.reader, self._writer = os.pipe()
+        os.set_blocking(self.reader, False)
+        os.set_blocking(self._writer, False)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+
+    def clear(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.read(self.reader, 2**12)
+
+    def close(self) -> None:
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        os.close(self.reader)
+        os.close(self._writer)
+
+
+def _ended(worker: int) -> int | None:
+    """Wait status of the worker, None while it lives; all others that have ended are buried."""
+    while True:
+        ended, status = os.waitpid(-1, os.WNOHANG)
+        if ended in (0, worker):
+            return status if ended else None
 
 
 def begin() -> None:

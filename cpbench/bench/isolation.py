@@ -69,7 +69,7 @@ _MEANING = {
     "memory": {
         "cgroup": "memory.max of cgroup v2: what is really used, of a solver and all it started",
         "rlimit": "RLIMIT_AS (no memory controller of cgroup v2 here): address space, of every process by itself",
-        "watch": "resident memory, looked at from outside 20 times a second: a sudden burst gets beyond the limit",
+        "watch": "resident memory, of every process by itself, looked at 20 times a second: a burst gets beyond it",
     },
     "guard": {
         "True": "orphans stay findable (child subreaper), and nobody outlives the runner (parent-death signal)",

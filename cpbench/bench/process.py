@@ -22,7 +22,7 @@ from typing import Any
 import psutil
 
 from cpbench.bench import channel, guard, isolation
-from cpbench.bench.cgroup import Cgroup, join
+from cpbench.bench.cgroup import Cgroup, join, remove_abandoned
 from cpbench.bench.isolation import Isolation
 from cpbench.bench.log import Log
 
@@ -84,6 +84,8 @@ def context(threads: int, asked: str | None = None) -> Context:
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
     found = isolation.detect(asked)
+    if found.cgroups:
+        remove_abandoned(found.cgroups)
     ctx = mp.get_context(found.start)
     if found.forks:
         ctx.set_forkserver_preload(PRELOAD)
@@ -116,11 +118,14 @@ class Child:
         self._cgroup = _cgroup(ctx.isolation)
         self._channel, theirs = channel.pair()
         writer = self._log.writer if self._log is not None else None
+        ours, self._lifeline = ctx.start.Pipe(duplex=False) if ctx.isolation.guard else (None, None)
         group = str(self._cgroup.path) if self._cgroup is not None else ""
-        start = _Start(theirs, writer, group, tuple(cpus), ctx.isolation)
+        start = _Start(theirs, writer, ours, group, tuple(cpus), ctx.isolation)
         self._process = ctx.start.Process(target=_enter, args=(start, target, args), daemon=True)
         self._process.start()
         theirs.close()
+        if ours is not None:
+            ours.close()
         if self._log is not None:
             self._log.started()
         self._selector = selectors.DefaultSelector()
@@ -200,6 +205,8 @@ class Child:
         self._process.join(guard.PATIENCE)
         self._selector.close()
         self._channel.close()
+        if self._lifeline is not None:
+            self._lifeline.close()
         if self._log is not None:
             self._log.close()
         if self._cgroup is not None:
@@ -235,14 +242,14 @@ class Child:
             self._ceiling = self._resident() + self._memory
 
     def _resident(self) -> int:
-        """Bytes of resident memory of the child and its descendants."""
-        total = 0
+        """Bytes of resident memory of the largest among the child and its descendants, who share what they forked."""
+        sizes = [0]
         with contextlib.suppress(psutil.Error):
             first = psutil.Process(self.pid)
             for process in (first, *first.children(recursive=True)):
                 with contextlib.suppress(psutil.Error):
-                    total += int(process.memory_info().rss)
-        return total
+                    sizes.append(int(process.memory_info().rss))
+        return max(sizes)
 
     def _death(self) -> Died:
         """Why it ended; one that goes on without its connection is killed."""
@@ -262,6 +269,7 @@ class _Start:
 
     connection: socket.socket
     output: Connection | None
+    lifeline: Connection | None
     cgroup: str
     cpus: tuple[int, ...]
     isolation: Isolation
@@ -286,10 +294,10 @@ def _enter(start: _Start, target: Callable[..., None], args: tuple[Any, ...]) ->
         for descriptor in (1, 2):
             os.dup2(start.output.fileno(), descriptor)
         start.output.close()
-    if not start.isolation.guard:
+    if start.lifeline is None:
         target(channel.Channel(start.connection), *args)
         return
-    guard.stand(start.cgroup, start.connection.close)
+    guard.stand(start.cgroup, start.lifeline, start.connection.close)
     guard.finish(lambda: target(channel.Channel(start.connection), *args))
 
 

@@ -1,110 +1,163 @@
-"""Every fault has its row, and the solvers beside it are unharmed."""
+"""The fault table: every fault has its row, in time, and the solvers beside it are unharmed."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import subprocess
-import sys
-import time
-from pathlib import Path
 
-import numpy as np
+import pandas as pd
 import pytest
 
-from cpbench import storage
 from cpbench.bench.referee import unblob
 from cpbench.bench.store import Store
-from cpbench.formulations import LCP
 
-PLUGIN = Path(__file__).with_name("faulty_solvers.py")
-LIMIT = 2.0
-EXPECTED = {
-    "faulty-abort": ("crash", 6),
-    "faulty-segfault": ("crash", 11),
-    "faulty-exit": ("crash", None),
-    "faulty-hang": ("timeout", None),
-    "faulty-children": ("timeout", None),
-    "faulty-orphan": ("crash", None),
-    "faulty-raise": ("error", None),
-    "faulty-nan": ("wrong", None),
-    "faulty-liar": ("wrong", None),
-    "faulty-short": ("error", None),
-    "faulty-nothing": ("wrong", None),
-    "faulty-eat": ("memout", None),
-    "faulty-noise": ("solved", None),
-    "faulty-then-abort": ("solved", None),
-    "faulty-then-hang": ("solved", None),
-    "faulty-then-eat": ("solved", None),
-    "faulty-then-raise": ("solved", None),
-    "lemke": ("solved", None),
-    "bpp": ("solved", None),
+LIMIT = 1.0
+HEALTHY = ("lemke", "bpp", "pgs")
+EXPECTED: dict[str, tuple[str, int | None, str]] = {  # status, signal, part of the message
+    # ends
+    "abort": ("crash", 6, "SIGABRT"),
+    "segfault": ("crash", 11, "SIGSEGV"),
+    "term": ("crash", 15, "SIGTERM"),
+    "own-group": ("crash", 9, "SIGKILL"),
+    "exit": ("crash", None, "exited with code 3"),
+    "exit-0": ("crash", None, "exited with code 0"),
+    "orphan": ("crash", None, "exited with code 3"),
+    "parent": ("crash", 9, "SIGKILL"),
+    "recurse": ("error", None, "RecursionError"),
+    # hangs
+    "hang": ("timeout", None, "killed after 1 s"),
+    "sleep-in-c": ("timeout", None, "killed after 1 s"),
+    "stop": ("timeout", None, "killed after 1 s"),
+    "children": ("timeout", None, "killed after 1 s"),
+    "crowd": ("timeout", None, "killed after 1 s"),
+    # what is left behind
+    "stop-parent": ("solved", None, ""),
+    "alarm": ("solved", None, ""),
+    "burst": ("solved", None, ""),
+    "daemon": ("solved", None, ""),
+    "twin": ("solved", None, ""),
+    "chatter": ("solved", None, ""),
+    "threads": ("solved", None, ""),
+    "busy": ("solved", None, ""),
+    # memory: 2 GiB under a limit of 1 GiB
+    "eat": ("memout", None, "over 1073741824 bytes"),
+    "numpy": ("memout", None, "over 1073741824 bytes"),
+    "malloc": ("memout", 6, "bad_alloc"),
+    "mmap": ("memout", None, "over 1073741824 bytes"),
+    "page": ("memout", None, "over 1073741824 bytes"),
+    # output, connection, data
+    "flood": ("crash", 6, "last words"),
+    "noise": ("solved", None, ""),
+    "shut": ("solved", None, ""),
+    "close": ("crash", None, "closed its connection"),
+    "junk": ("error", None, "no valid message"),
+    "giant": ("error", None, "a message of 1152921504606846976 bytes"),
+    "half": ("crash", None, "exited with code 5"),
+    "write": ("error", None, "read-only"),
+    "overwrite": ("solved", None, ""),
+    "overwrite-c": ("solved", None, ""),
+    # exceptions
+    "raise": ("error", None, "ZeroDivisionError: division by zero"),
+    "mute": ("error", None, "_Mute, without a message"),
+    "beyond": ("error", None, "_Beyond: base"),
+    "interrupt": ("error", None, "KeyboardInterrupt"),
+    "cargo": ("error", None, "_Cargo"),
+    "rant": ("error", None, "ValueError: xxx"),
+    "verbose": ("solved", None, "xxx"),
+    # answers
+    "nan": ("wrong", None, ""),
+    "inf": ("wrong", None, ""),
+    "liar": ("wrong", None, ""),
+    "alias": ("wrong", None, ""),
+    "nothing": ("wrong", None, ""),
+    "integers": ("solved", None, ""),
+    "short": ("error", None, "z has"),
+    "complex": ("error", None, "complex"),
+    "objects": ("error", None, "PointError"),
+    "none": ("error", None, "returned a NoneType"),
+    "other-point": ("error", None, "answered with a MLCPPoint"),
+    "no-claim": ("error", None, "claims 'splendid'"),
+    "counters": ("solved", None, "the counter iterations is no integer: 2.5"),
+    # after a right answer
+    "then-abort": ("solved", None, "a repeat failed: killed by SIGABRT"),
+    "then-hang": ("solved", None, "a repeat failed: killed after"),
+    "then-eat": ("solved", None, "a repeat failed: over 1073741824 bytes"),
+    "then-raise": ("solved", None, "a repeat failed: ZeroDivisionError"),
 }
-
-
-def _problem(folder: Path, name: str, n: int) -> Path:
-    """Strictly diagonally dominant M with the planted solution z = e: q = -Me."""
-    M = np.diag(np.full(n, 4.0)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
-    path = folder / f"{name}.h5"
-    storage.save(LCP(M=M, q=-(M @ np.ones(n)), name=name), path)
-    return path
-
-
-def _run(folder: Path, *arguments: str, **kwargs) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cpbench", "--plugin", str(PLUGIN), "run", *arguments, "--no-report", "-q"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, **kwargs)
+FLAGS = {
+    "burst": "children",
+    "daemon": "children",
+    "chatter": "threads",
+    "threads": "threads",
+    "busy": "threads",
+    "overwrite": "wrote",
+    "overwrite-c": "wrote",
+    "then-abort": "repeat",
+    "then-hang": "repeat",
+    "then-eat": "repeat",
+    "then-raise": "repeat",
+}
+SAME = ["problem", "solver", "status", "claim", "error", "flags", "parts", "counters", "message", "repeats", "route"]
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    folder = tmp_path_factory.mktemp("faults")
-    problems = [_problem(folder, f"p{n}", n) for n in (3, 8)]
-    chosen = [a for name in EXPECTED for a in ("-s", name)]
-    done = _run(folder, *map(str, problems), *chosen, "--timeout", f"{LIMIT}s", "--memory", "512M", "-o", "r.sqlite")
+def results(module_bench) -> Store:
+    problems = [module_bench.problem(f"p{n}", n) for n in (3, 8)]
+    solvers = [*(f"faulty-{name}" for name in EXPECTED), *HEALTHY]
+    done = module_bench.run(problems, solvers, "--timeout", f"{LIMIT}s", "--memory", "1G")
     assert done.returncode == 0, done.stderr
-    return Store(folder / "r.sqlite")
+    assert module_bench.living() == []
+    return module_bench.store()
+
+
+def _rows(store: Store, fault: str) -> pd.DataFrame:
+    table = store.table()
+    return table[table.solver == f"faulty-{fault}"]
 
 
 def test_every_pair_has_its_row(results: Store) -> None:
     table = results.table()
-    assert len(table) == 2 * len(EXPECTED)
+    assert len(table) == 2 * (len(EXPECTED) + len(HEALTHY))
     assert not (table.status == "not_run").any()
 
 
-@pytest.mark.parametrize("solver", EXPECTED)
-def test_status(results: Store, solver: str) -> None:
-    table = results.table()
-    rows = table[table.solver == solver]
-    status, signal = EXPECTED[solver]
+@pytest.mark.parametrize("fault", EXPECTED)
+def test_fault(results: Store, fault: str) -> None:
+    rows = _rows(results, fault)
+    status, signal, told = EXPECTED[fault]
     assert list(rows.status) == [status] * 2, list(rows.message)
-    if signal is not None:
-        assert list(rows.signal) == [signal] * 2
+    assert rows.message.str.contains(told, regex=False).all(), list(rows.message)
+    assert (rows.message.str.len() < 3000).all()
+    assert [None if pd.isna(s) else int(s) for s in rows.signal] == [signal] * 2
 
 
-@pytest.mark.parametrize(
-    ("fault", "told"),
-    [
-        ("abort", "SIGABRT"),
-        ("hang", "killed after 5 s"),
-        ("eat", "over 536870912 bytes"),
-        ("raise", "division by zero"),
-    ],
-)
-def test_a_repeat_that_fails_costs_no_answer(results: Store, fault: str, told: str) -> None:
-    """The row is the first answer's, with its times and a note; the next problem meets a fresh worker."""
+@pytest.mark.parametrize("fault", FLAGS)
+def test_flag(results: Store, fault: str) -> None:
+    assert all(FLAGS[fault] in flags.split(",") for flags in _rows(results, fault)["flags"])
+
+
+def test_killed_within_half_a_second(results: Store) -> None:
     table = results.table()
-    rows = table[table.solver == f"faulty-then-{fault}"]
-    assert list(rows["flags"]) == ["repeat"] * 2
+    late = table[table.status == "timeout"]
+    assert (late.solve <= LIMIT).all()
+    assert set(late.solver) == {f"faulty-{name}" for name, (status, *_) in EXPECTED.items() if status == "timeout"}
+    taken = late.wall - late.load
+    assert (taken <= LIMIT + 0.5).all(), dict(zip(late.solver, taken, strict=True))
+
+
+def test_what_breaks_off_is_told_at_once(results: Store) -> None:
+    """No fault but a hang waits for the limit, whatever it holds open."""
+    for fault in ("close", "junk", "giant", "half", "orphan", "parent"):
+        assert (_rows(results, fault).wall < LIMIT).all(), fault  # of them all, `close` takes half a second
+
+
+@pytest.mark.parametrize("fault", ["abort", "hang", "eat", "raise"])
+def test_a_repeat_that_fails_costs_no_answer(results: Store, fault: str) -> None:
+    """The row is the first answer's, with its times; the next problem meets a fresh worker."""
+    rows = _rows(results, f"then-{fault}")
     assert list(rows.repeats) == [1] * 2
     assert (rows.solve < 1.0).all()
-    assert rows.message.str.contains("a repeat failed: ").all()
-    assert rows.message.str.contains(told).all()
-
-
-def test_killed_within_the_limit(results: Store) -> None:
-    table = results.table()
-    assert (table[table.status == "timeout"].solve <= LIMIT).all()
 
 
 def test_answers_are_kept_with_their_rows(results: Store) -> None:
@@ -120,103 +173,54 @@ def test_answers_are_kept_with_their_rows(results: Store) -> None:
 
 def test_claims_and_verdicts_are_apart(results: Store) -> None:
     table = results.table()
-    lies = table[(table.claim == "solved") & ~table.status.isin(["solved"])]
-    assert set(lies.solver) == {"faulty-nan", "faulty-liar", "faulty-short", "faulty-nothing"}
+    lies = table[(table.claim == "solved") & (table.status != "solved")]
+    assert set(lies.solver) == {f"faulty-{name}" for name in ("nan", "inf", "liar", "alias", "short", "nothing")}
 
 
-def test_no_process_is_left(tmp_path: Path) -> None:
-    """The grandchildren of `faulty-children` die with their group."""
-    import psutil
-
-    path = _problem(tmp_path, "p", 3)
-    done = _run(tmp_path, str(path), "-s", "faulty-children", "--timeout", "1s", "-o", "r.sqlite")
-    assert done.returncode == 0, done.stderr
-    time.sleep(0.5)
-    mine = [
-        p
-        for p in psutil.process_iter(["cmdline", "cwd", "status"])
-        if p.info["cwd"] == str(tmp_path) and p.info["status"] != psutil.STATUS_ZOMBIE
-    ]
-    assert mine == []
+def test_the_others_are_as_in_a_run_without_faults(results: Store, module_bench) -> None:
+    table = results.table()
+    alone = module_bench.run(
+        sorted(set(table.address)), HEALTHY, "--timeout", f"{LIMIT}s", "--memory", "1G", "-o", "alone.sqlite"
+    )
+    assert alone.returncode == 0, alone.stderr
+    other = Store(module_bench.folder / "alone.sqlite")
+    mixed = table[table.solver.isin(HEALTHY)]
+    pd.testing.assert_frame_equal(mixed[SAME].reset_index(drop=True), other.table()[SAME])
+    answers, expected = dict(results.answers()), dict(other.answers())
+    assert {key: answers[key] for key in expected} == expected
 
 
-def test_a_flood_of_output_is_cut(tmp_path: Path) -> None:
-    """300 MiB are printed before an abort: the file stays small meanwhile, and the row has both ends."""
-    path = _problem(tmp_path, "p", 3)
-    command = [sys.executable, "-m", "cpbench", "--plugin", str(PLUGIN), "run", str(path), "-s", "faulty-flood"]
+def test_a_flood_leaves_nothing_on_the_disk(bench) -> None:
+    """300 MiB are printed before an abort: both ends are in the row, and no file grows meanwhile."""
     running = subprocess.Popen(
-        [*command, "--timeout", "60s", "--no-report", "-q", "-o", "r.sqlite"],
-        cwd=tmp_path,
-        env={**os.environ, "TMPDIR": str(tmp_path)},
+        bench.command([bench.problem("p", 3)], ["faulty-flood"], "--timeout", "60s"),
+        cwd=bench.folder,
+        env={**os.environ, "TMPDIR": str(bench.folder)},
         stdout=subprocess.DEVNULL,
     )
     largest = 0
     while running.poll() is None:
-        for log in tmp_path.glob("cpbench-run-*/*.log"):
-            with contextlib.suppress(FileNotFoundError):
-                largest = max(largest, log.stat().st_size)
-        time.sleep(0.01)
+        sizes = [_size(path) for path in bench.folder.rglob("*")]
+        largest = max(largest, *sizes)
     assert running.returncode == 0
-    assert 0 < largest < 2**27
-    row = Store(tmp_path / "r.sqlite").table().iloc[0]
-    assert (row.status, row.signal) == ("crash", 6)
+    assert largest < 2**22
+    row = bench.store().table().iloc[0]
     assert "first words" in row.message
     assert "last words" in row.message
     assert len(row.message) < 2000
 
 
-def test_kill_and_resume(tmp_path: Path) -> None:
-    """kill -9 half way; the same command goes on; each pair is there once, with its answer.
-
-    One solver waits after ten problems, so that the run is half way when it is killed, however late that is.
-    """
-    for n in range(2, 42):
-        _problem(tmp_path, f"p{n:02}", n)
-    (tmp_path / "hold").touch()
-    chosen = [a for name in ("lemke", "bpp", "pgs", "faulty-turnstile") for a in ("-s", name)]
-    command = [sys.executable, "-m", "cpbench", "--plugin", str(PLUGIN), "run", ".", *chosen]
-    command += ["--timeout", "120s", "--no-report", "-q", "-o", "r.sqlite"]
-    running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + 240
-    done_before = 0
-    while time.monotonic() < deadline and running.poll() is None and done_before < 40:
-        time.sleep(0.02)
-        if (tmp_path / "r.sqlite").exists():
-            try:
-                store = Store(tmp_path / "r.sqlite")
-                counts = store.counts()
-                store.close()
-            except Exception:  # the file is being made
-                continue
-            done_before = sum(counts.values()) - counts.get("not_run", 0)
-    running.kill()
-    running.wait()
-    (tmp_path / "hold").unlink()
-    assert done_before >= 40
-    store = Store(tmp_path / "r.sqlite")
-    after_kill = store.table()
-    finished = after_kill[after_kill.status != "not_run"].set_index("key")
-    assert 0 < len(finished) < 160
-    assert {key for key, _ in store.answers()} == set(finished.index)
-    store.close()
-
-    again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
-    assert again.returncode == 0, again.stderr
-    store = Store(tmp_path / "r.sqlite")
-    table = store.table().set_index("key")
-    assert len(table) == 160
-    assert table.index.is_unique
-    assert (table.status == "solved").all()
-    assert {key for key, _ in store.answers()} == set(table.index)
-    assert (table.loc[finished.index].finished == finished.finished).all(), "finished rows are not run again"
-    assert store._db.execute("PRAGMA integrity_check").fetchone()[0] == "ok"
-    store.close()
+def _size(path) -> int:
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0
 
 
-def test_other_limits_do_not_mix(tmp_path: Path) -> None:
-    path = _problem(tmp_path, "p", 3)
-    assert _run(tmp_path, str(path), "-s", "lemke", "-o", "r.sqlite").returncode == 0
-    other = _run(tmp_path, str(path), "-s", "lemke", "-o", "r.sqlite", "--timeout", "20s")
+def test_other_limits_do_not_mix(bench) -> None:
+    path = bench.problem("p", 3)
+    assert bench.run([path], ["lemke"]).returncode == 0
+    other = bench.run([path], ["lemke"], "--timeout", "20s")
     assert other.returncode == 2
     assert "was made with timeout" in other.stderr
     assert other.stderr.count("\n") == 1

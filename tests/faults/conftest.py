@@ -1,0 +1,73 @@
+"""Runs with faulty solvers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import storage
+from cpbench.bench.store import Store
+from cpbench.formulations import LCP
+
+PLUGIN = Path(__file__).with_name("faulty_solvers.py")
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A folder with problems, and the runs in it."""
+
+    folder: Path
+
+    def problem(self, name: str, n: int) -> str:
+        """Strictly diagonally dominant M with the planted solution z = e: q = -Me."""
+        M = np.diag(np.full(n, 4.0)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
+        path = self.folder / f"{name}.h5"
+        storage.save(LCP(M=M, q=-(M @ np.ones(n)), name=name), path)
+        return str(path)
+
+    def command(self, problems: Sequence[str], solvers: Sequence[str], *options: str) -> list[str]:
+        chosen = [a for name in solvers for a in ("-s", name)]
+        run = [sys.executable, "-m", "cpbench", "--plugin", str(PLUGIN), "run", *problems, *chosen]
+        return [*run, "--no-report", "-q", "-o", "r.sqlite", *options]
+
+    def run(
+        self, problems: Sequence[str], solvers: Sequence[str], *options: str, **environment: str
+    ) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            self.command(problems, solvers, *options),
+            cwd=self.folder,
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+
+    def store(self) -> Store:
+        return Store(self.folder / "r.sqlite")
+
+    def living(self) -> list[str]:
+        """Processes that were started in the folder and still live."""
+        import psutil
+
+        return [
+            f"{p.info['pid']}: {p.info['cmdline']}"
+            for p in psutil.process_iter(["pid", "cmdline", "cwd", "status"])
+            if p.info["cwd"] == str(self.folder) and p.info["status"] != psutil.STATUS_ZOMBIE
+        ]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def module_bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    return Bench(tmp_path_factory.mktemp("faults"))

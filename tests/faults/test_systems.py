@@ -1,0 +1,54 @@
+"""The fault table where the system offers less: Linux without control groups, and spawned processes as elsewhere."""
+
+from __future__ import annotations
+
+import pytest
+
+LIMIT = 1.5
+GROUP = {
+    "faulty-abort": "crash",
+    "faulty-hang": "timeout",
+    "faulty-stop": "timeout",
+    "faulty-orphan": "crash",
+    "faulty-burst": "solved",
+    "faulty-daemon": "solved",
+    "faulty-crowd": "timeout",
+    "faulty-parent": "crash",
+    "faulty-numpy": "memout",
+    "lemke": "solved",
+}
+SPAWN = {
+    "faulty-abort": "crash",
+    "faulty-segfault": "crash",
+    "faulty-exit": "crash",
+    "faulty-hang": "timeout",
+    "faulty-stop": "timeout",
+    "faulty-children": "timeout",
+    "faulty-burst": "solved",
+    "faulty-half": "crash",
+    "faulty-page": "memout",
+    "faulty-raise": "error",
+    "faulty-nan": "wrong",
+    "lemke": "solved",
+}
+
+
+@pytest.mark.parametrize(("isolation", "expected"), [("group", GROUP), ("spawn", SPAWN)], ids=["group", "spawn"])
+def test_a_part_of_the_table(bench, isolation: str, expected: dict[str, str]) -> None:
+    path = bench.problem("p", 3)
+    done = bench.run([path], list(expected), "--timeout", f"{LIMIT}s", "--memory", "1G", CPBENCH_ISOLATION=isolation)
+    assert done.returncode == 0, done.stderr
+    table = bench.store().table().set_index("solver")
+    assert table.status.to_dict() == expected, table.message.to_dict()
+    assert table.signal["faulty-abort"] == 6
+    late = table[table.status == "timeout"]
+    assert (late.wall - late.load <= LIMIT + 0.5).all(), late.wall.to_dict()
+    assert "children" in table["flags"]["faulty-burst"]
+    assert bench.living() == []
+
+
+def test_an_unknown_isolation_is_refused(bench) -> None:
+    done = bench.run([bench.problem("p", 3)], ["lemke"], CPBENCH_ISOLATION="chroot")
+    assert done.returncode == 2
+    assert "unknown isolation in CPBENCH_ISOLATION 'chroot'" in done.stderr
+    assert done.stderr.count("\n") == 1
