@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -21,6 +21,9 @@ from cpbench.bench.store import KEEP, Store
 from cpbench.cli.options import Counts, Names, Numbers, Sections, format_option, limit_options
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError
+
+if TYPE_CHECKING:
+    from cpbench.bench.cluster import Cluster
 
 SECTIONS = {
     "Plan": ["plan_path", "only_sets"],
@@ -153,7 +156,8 @@ def command(
     try:
         with ExitStack() as stack:
             common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
-            lanes = [stack.enter_context(Lane(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]
+            own = 1 if asked.dask or asked.cluster else asked.jobs  # it reads the problems, others solve them
+            lanes = [stack.enter_context(Lane(s)) for s in settings(common, own, pin=asked.affinity)]
             assembly = assemble(asked, lanes[0], _builtin_folder, display.reading)
             _tell(assembly)
             if dry_run:
@@ -162,12 +166,21 @@ def command(
             assembly.require_pairs()
             store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
             campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))
-            campaign.work(lanes, store, asked, assembly.pairs, display)
+            crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
+            campaign.work(crew, store, asked, assembly.pairs, display)
             _finish(store, asked, assembly)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if asked.rerun else "the same command"
         click.echo(f"cpbench: interrupted; {asked.results} has what was done, {how} goes on", err=True)
         sys.exit(130)
+
+
+def _cluster(asked: RunPlan, common: Setting) -> Cluster:
+    from cpbench.bench import lenders
+
+    if asked.dask:
+        return lenders.connect(asked.dask, common)
+    return lenders.start(asked.cluster or "", common, asked.jobs if asked.jobs > 1 else None)
 
 
 def _plan_file(path: str | None, quiet: bool) -> plan_file.PlanFile | None:
@@ -224,9 +237,9 @@ def _tell_refused(refused: Sequence[tuple[str, str]]) -> None:
 def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     _tell_refused(assembly.refused)
     counts = store.counts()
-    click.echo(f"{sum(counts.values())} pairs: {_summary(counts)}")
+    click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
     click.echo(f"results: {asked.results}")
-    if asked.report_folder is not None:
+    if counts and asked.report_folder is not None:
         from cpbench.report.markdown import write_report
 
         title = "The built-in suite" if asked.builtin else asked.results.stem
