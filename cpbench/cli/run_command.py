@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from cpbench.bench import campaign, dry_run, plan_file, run_plan
+from cpbench.bench import campaign, dry_run, history, plan_file, run_plan
 from cpbench.bench.assembly import Assembly, assemble
 from cpbench.bench.lane import Lane, Setting
 from cpbench.bench.run_plan import RUN_KEYS, SET_KEYS, RunPlan
@@ -243,7 +243,9 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         from cpbench.report.markdown import write_report
 
         title = "The built-in suite" if asked.builtin else asked.results.stem
-        click.echo(f"report: {write_report(store.table(), store.meta(), asked.report_folder, title)}")
+        iterates = history.table(store.histories())
+        path = write_report(store.table(), store.meta(), asked.report_folder, title, iterates)
+        click.echo(f"report: {path}")
     failed = campaign.failures(store, asked, assembly.pairs)
     if failed:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)
