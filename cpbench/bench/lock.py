@@ -28,7 +28,7 @@ class Lock:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path.with_name(path.name + ".lock")
+        self._path = Path(f"{os.path.realpath(path)}.lock")  # one lock, whatever links lead to the file
         try:
             self._descriptor = self._take(path)
         except OSError as cause:

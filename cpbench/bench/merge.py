@@ -22,6 +22,8 @@ from cpbench.errors import StoreError
 FLAG = "mixed"
 PREFER = ("first", "last")
 """Which of two rows of one key is taken. The better of two is no choice: it would flatter whoever ran twice."""
+_TABLES = {"refused", "references"}
+"""What the facts of a run have of tables of their own."""
 _PASSING = {"load"}
 """What a description of a machine says of the moment."""
 
@@ -86,7 +88,8 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
                         (item for item in store.answers() if chosen[item[0]] == index),
                         (item for item in store.histories() if chosen[item[0]] == index),
                     )
-                _merge_facts(made, stores, told)
+                leading = sorted(range(len(stores)), key=lambda i: not found[i].machines)
+                _merge_facts(made, [stores[i] for i in leading], told)
                 made.settle()
             _sync(partial)
             partial.replace(target)
@@ -96,7 +99,7 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
 
 
 def _facts(store: Store) -> _Facts:
-    found = _Facts()
+    found, ran = _Facts(), False
     for row in store.rows():
         found.limits.setdefault(row["set"], set()).add(tuple(row[c] for c in LIMITS))
         found.tolerances.setdefault(row["set"], set()).add(row["tolerance"])
@@ -104,10 +107,12 @@ def _facts(store: Store) -> _Facts:
         found.fingerprints.setdefault(row["problem"], set()).add(row["fingerprint"])
         if row["version"]:
             found.versions.setdefault(row["label"], set()).add(row["version"])
-    meta = store.meta()
-    descriptions = list(store.machines().values()) or [meta.get("machine") or {}]
-    found.machines = {_machine(description) for description in descriptions}
-    found.cpbench = {str(meta.get("cpbench", ""))}
+        ran = ran or row["status"] != "not_run"
+    if ran:  # a shard that has no row says nothing of what it was run on
+        meta = store.meta()
+        descriptions = list(store.machines().values()) or [meta.get("machine") or {}]
+        found.machines = {_machine(description) for description in descriptions}
+        found.cpbench = {str(meta.get("cpbench", ""))}
     return found
 
 
@@ -138,10 +143,10 @@ def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -
         a, b = one.fingerprints[problem], other.fingerprints[problem]
         if not a & b:
             yield Difference(told("fingerprint", a, b, f"problem {problem}"), "problem", problem)
-    if one.machines != other.machines:
+    if one.machines and other.machines and one.machines != other.machines:
         a, b = (_telling(mine, theirs) for mine, theirs in ((one, other), (other, one)))
         yield Difference(told("machine", a, b))
-    if one.cpbench != other.cpbench:
+    if one.cpbench and other.cpbench and one.cpbench != other.cpbench:
         yield Difference(told("version", one.cpbench, other.cpbench, "cpbench"))
 
 
@@ -202,15 +207,18 @@ def _rows(
 
 
 def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str]) -> None:
-    """Facts of the runs: those of the first file where they differ, and every file's own under `merged`."""
+    """Facts of the runs: where they differ, those of the first file; every file's own are under `merged`."""
     metas = [store.meta() for store in stores]
     merged: dict[str, Any] = {}
     for meta in reversed(metas):
-        merged |= {name: value for name, value in meta.items() if name != "refused"}
+        merged |= {name: value for name, value in meta.items() if name not in _TABLES}
     for name in ("solvers", "formats"):
         merged[name] = {k: v for meta in reversed(metas) for k, v in meta.get(name, {}).items()}
+    plans = [meta["plan"] for meta in metas if meta.get("plan")]
+    if plans and all(_whole(plan) == _whole(plans[0]) for plan in plans):
+        merged["plan"] = _whole(plans[0])
     merged["jobs"] = max((meta.get("jobs") or 1 for meta in metas), default=1)
-    told = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions")
+    told = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions", "plan")
     merged["merged"] = [
         {"file": store.path.name, **{name: meta[name] for name in told if name in meta}}
         for store, meta in zip(stores, metas, strict=True)
@@ -225,6 +233,11 @@ def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str
             made.note_machine(host, description)
     solves = [solve for store in stores for solve in store.references()]
     made.add_references(sorted(solves, key=lambda solve: str(solve["at"])))
+
+
+def _whole(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """The plan that a shard is of."""
+    return {**plan, "shard": [1, 1], "output": "", "report": None}
 
 
 def _remove(path: Path) -> None:

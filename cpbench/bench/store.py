@@ -51,6 +51,8 @@ class Store:
 
     def __init__(self, path: str | Path, *, create: bool = False, keep: str = "all") -> None:
         self.path = Path(path)
+        self._real = Path(os.path.realpath(path))
+        """Where the file is, whatever links lead there: SQLite's helper files are beside it."""
         self._keep = keep
         self._guard = threading.RLock()
         self._lock: Lock | None = None
@@ -162,23 +164,23 @@ class Store:
         killed run left a log beside it, a copy of both."""
         if self._db is not None:
             self._db.close()
-        logs = [path for path in (Path(f"{self.path}-wal"), Path(f"{self.path}-journal")) if path.exists()]
+        logs = [path for path in (Path(f"{self._real}-wal"), Path(f"{self._real}-journal")) if path.exists()]
         if not any(path.stat().st_size for path in logs):
             self._db = self._connect("immutable=1")
             return
         self._copy = tempfile.TemporaryDirectory(prefix="cpbench-results-")
         try:
-            for path in (self.path, *logs):
+            for path in (self._real, *logs):
                 shutil.copyfile(path, Path(self._copy.name) / path.name)
         except OSError as cause:
             raise StoreError(
                 f"{self.path}: is in a folder that cannot be written, with the log of a killed run, and no copy of "
                 f"them can be made in {self._copy.name} ({cause.strerror})"
             ) from None
-        self._db = self._connect("mode=rw", Path(self._copy.name) / self.path.name)
+        self._db = self._connect("mode=rw", Path(self._copy.name) / self._real.name)
 
     def _connect(self, how: str, path: Path | None = None) -> sqlite3.Connection:
-        address = f"{(path or self.path).absolute().as_uri()}?{how}"
+        address = f"{(path or self._real).as_uri()}?{how}"
         return sqlite3.connect(address, uri=True, isolation_level=None, timeout=PATIENCE, check_same_thread=False)
 
     @property
@@ -466,7 +468,7 @@ def _file_system(path: Path) -> str:
         mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
     except OSError:
         return ""
-    folder = os.path.realpath(path.parent)
+    folder = os.path.dirname(os.path.realpath(path))
     found, kind = "", ""
     for _, point, name, *_ in mounts:
         point = point.replace("\\040", " ")

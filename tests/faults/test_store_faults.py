@@ -249,6 +249,18 @@ def test_two_runs_on_one_file(tmp_path: Path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"p.h5", "r.sqlite", "rows.csv"}, "nothing is left beside it"
 
 
+def test_a_link_is_the_file_that_it_leads_to(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    path, link = tmp_path / "elsewhere" / "r.sqlite", tmp_path / "link.sqlite"
+    link.symlink_to(path)
+    with Store(link, create=True) as store:
+        store.plan(PLANNED)
+        with pytest.raises(StoreError, match=f"process {os.getpid()} on "):
+            Store(path, create=True)
+        assert len(read_results(path)) == len(PLANNED)
+    assert [p.name for p in path.parent.iterdir()] == ["r.sqlite"]
+
+
 def test_another_program_that_holds_the_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cpbench.bench.store.PATIENCE", 0.1)
     path = tmp_path / "r.sqlite"

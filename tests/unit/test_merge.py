@@ -148,6 +148,15 @@ def test_a_problem_that_changed_under_its_name(made: Make, tmp_path: Path) -> No
     assert [(row.problem, row.flags) for row in table.itertuples()] == [("p0", "mixed"), ("p0", "mixed"), ("p1", "")]
 
 
+def test_a_file_without_a_row_that_was_run(made: Make, tmp_path: Path) -> None:
+    """A shard that came out empty, or was not started: where it was planned does not matter."""
+    a, b = made("a.sqlite", [pair(0)], [pair(0)]), made("b.sqlite", [], machine={"cpu": "slow"}, cpbench="0.2.0")
+    assert merge([b, a], tmp_path / "c.sqlite") == []
+    assert list(read_results(tmp_path / "c.sqlite").status) == ["solved"]
+    with Store(tmp_path / "c.sqlite") as merged:
+        assert merged.meta()["machine"] == MACHINE
+
+
 def test_an_output_that_is_there_is_left_alone(made: Make, tmp_path: Path) -> None:
     a = made("a.sqlite", [pair(0)], [pair(0)])
     with pytest.raises(StoreError, match="exists"):
@@ -171,19 +180,20 @@ def test_shards_give_what_one_run_gives(tmp_path: Path) -> None:
         return done.stdout
 
     options = ["-s", "lemke", "-s", "bpp", "--no-report", "-q"]
-    run("run", "p3.h5", "p4.h5", "p5.h5", "p6.h5", "broken.h5", *options, "-o", "whole.sqlite")
-    run("run", "p3.h5", "p5.h5", "broken.h5", *options, "-o", "one.sqlite")
-    run("run", "p4.h5", "p6.h5", *options, "-o", "two.sqlite")
-    told = run("merge", "one.sqlite", "two.sqlite", "-o", "both.sqlite")
-    assert "8 pairs of 2 files: 8 solved" in told
+    run("run", ".", *options, "-o", "whole.sqlite")
+    for part in ("1/3", "2/3", "3/3"):
+        run("run", ".", *options, "--shard", part, "-o", f"part{part[0]}.sqlite")
+    told = run("merge", "part1.sqlite", "part2.sqlite", "part3.sqlite", "-o", "both.sqlite")
+    assert "8 pairs of 3 files: 8 solved" in told
     whole, both = (read_results(tmp_path / f"{name}.sqlite") for name in ("whole", "both"))
     assert (whole.solve > 0).all()
     stays = [c for c in whole.columns if c not in TIMES]
     assert whole[stays].equals(both[stays])
     with Store(tmp_path / "whole.sqlite") as one, Store(tmp_path / "both.sqlite") as other:
         assert list(one.answers()) == list(other.answers())
-        for name in ("timeout", "memory", "solvers", "cpbench", "refused"):
+        for name in ("solvers", "cpbench", "refused"):
             assert one.meta()[name] == other.meta()[name]
+        assert other.meta()["plan"] == {**one.meta()["plan"], "output": "", "report": None}
 
 
 def test_the_command_refuses_in_one_line(made: Make, tmp_path: Path) -> None:

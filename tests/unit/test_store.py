@@ -232,7 +232,7 @@ def test_an_old_file_is_migrated(schema1: Path, tmp_path: Path) -> None:
             assert (after[key]["seconds"], after[key]["memory"], after[key]["repeats_asked"]) == (5.0, 4 * 2**30, 3)
             assert (after[key]["attempts"], after[key]["started"], after[key]["jobs"]) == (1, "cold", 1)
         assert list(store.answers()) == answers
-        assert store.meta() == {**meta, "refused": refused}
+        assert store.meta() == {**meta, "refused": refused, "references": []}
         layout = "SELECT type, name, sql FROM sqlite_master ORDER BY name"
         with Store(tmp_path / "new.sqlite", create=True) as new:
             assert store._read(layout) == new._read(layout)
