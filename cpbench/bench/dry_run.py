@@ -13,6 +13,7 @@ from cpbench.bench.quantities import duration
 from cpbench.bench.run_plan import RunPlan
 from cpbench.bench.selection import RERUN
 from cpbench.bench.worker import SHORT
+from cpbench.solvers.base import Trait, solvers
 
 ROWS = 60
 """Problems that get a row each; more are counted by family."""
@@ -99,7 +100,7 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
         return "nothing"
     first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
     more = sum(min(SHORT, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo) / asked.jobs
-    again = sum(pair.limits.seconds + GRACE for pair in todo if pair.limits.history) / asked.jobs
+    again = sum(pair.limits.seconds + GRACE for pair in todo if _recorded(pair)) / asked.jobs
     limits = sorted({pair.limits.seconds for pair in todo})
     limit = duration(limits[0]) if len(limits) == 1 else f"{duration(limits[0])} to {duration(limits[-1])}"
     parts = [f"solves to their limit of {limit} and {GRACE:g} s {duration(first)}"]
@@ -112,3 +113,7 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
     lanes = f" on {asked.jobs} lanes" if asked.jobs > 1 else ""
     total = (first + more + again) * (1 + asked.retry)
     return f"at most {duration(total)}{lanes} ({'; '.join(parts)}); conversions and judging come on top"
+
+
+def _recorded(pair: Pair) -> bool:
+    return pair.limits.history and Trait.HISTORY in solvers.get(pair.entry.solver).spec.traits

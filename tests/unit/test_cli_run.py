@@ -230,12 +230,12 @@ def test_a_solver_that_was_asked_for_and_cannot_run_is_named(folder: Path) -> No
 # ------------------------------------------------------------------------------------------ the dry run
 
 
-def _assembly(limits: Limits, problems: int = 3) -> Assembly:
+def _assembly(limits: Limits, problems: int = 3, solver: str = "lemke") -> Assembly:
     pairs = [
-        Pair(f"{i}.h5", f"p{i}", str(i), "lcp", "few", {}, exact(), Entry("lemke"), "lcp", 1e-6, limits)
+        Pair(f"{i}.h5", f"p{i}", str(i), "lcp", "few", {}, exact(), Entry(solver), "lcp", 1e-6, limits)
         for i in range(problems)
     ]
-    part = Part(ProblemSet(), {p.fingerprint: p.address for p in pairs}, [Entry("lemke")], pairs)
+    part = Part(ProblemSet(), {p.fingerprint: p.address for p in pairs}, [Entry(solver)], pairs)
     return Assembly([part], pairs, {}, [], [], [])
 
 
@@ -246,13 +246,15 @@ def _assembly(limits: Limits, problems: int = 3) -> Assembly:
         (Limits(10.0, repeats=5), RunPlan(), 3 * (10 + GRACE + 4 * 1.0)),
         (Limits(0.5, repeats=5), RunPlan(), 3 * (0.5 + GRACE + 4 * 0.5)),
         (Limits(10.0, repeats=1), RunPlan(jobs=3), 10 + GRACE),
-        (Limits(10.0, repeats=1, history=True), RunPlan(), 6 * (10 + GRACE)),
+        (Limits(10.0, repeats=1, history=True), RunPlan(), 3 * (10 + GRACE)),  # lemke has none
         (Limits(10.0, repeats=1), RunPlan(retry=1), 6 * (10 + GRACE)),
     ],
 )
 def test_the_bound_is_what_the_limits_allow(limits: Limits, asked: RunPlan, seconds: float) -> None:
     told = list(dry_run.lines(asked, _assembly(limits), {}))[-1]
     assert told.startswith(f"3 pairs to run: at most {dry_run.duration(seconds)}")
+    recorded = _assembly(Limits(10.0, repeats=1, history=True), solver="pgs")
+    assert f"at most {dry_run.duration(6 * (10 + GRACE))}" in list(dry_run.lines(RunPlan(), recorded, {}))[-1]
     assert "without limit" in list(dry_run.lines(asked, _assembly(Limits(float("inf"))), {}))[-1]
 
 
