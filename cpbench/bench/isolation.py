@@ -72,8 +72,12 @@ _MEANING = {
         "watch": "resident memory, of every process by itself, looked at 20 times a second: a burst gets beyond it",
     },
     "guard": {
-        "True": "orphans stay findable (child subreaper), and nobody outlives the runner (parent-death signal)",
+        "True": "orphans stay findable (child subreaper), and nobody outlives the runner (a pipe to it)",
         "False": "none: children of a solver whose parent ended, and those of a killed runner, may live on",
+    },
+    "forks": {
+        "True": "one process a solve (fresh) is forked from a warm one, in milliseconds",
+        "False": "one process a solve (fresh) is started and warmed up anew, in seconds",
     },
     "affinity": {
         "True": "workers can be tied to cores",

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import sys
-
 import click
 
-from cpbench.bench import machine
+from cpbench.bench import isolation, machine
 
 
 @click.command()
@@ -20,7 +17,9 @@ def command(warm: bool) -> None:
         click.echo(f"{name:<12} {value}")
     for name, value in machine.versions().items():
         click.echo(f"{name:<12} {value}")
-    click.echo(f"isolation    {_isolation()}")
+    click.echo("isolation")
+    for what, told in isolation.detect().told():
+        click.echo(f"  {what:<10} {told}")
     click.echo("solvers")
     for solver in solvers:
         state = solver.availability()
@@ -30,10 +29,3 @@ def command(warm: bool) -> None:
             solver.warmup()
         if state.state == "broken":
             click.echo("\n".join(f"      {line}" for line in state.detail.splitlines()))
-
-
-def _isolation() -> str:
-    if sys.platform != "linux":
-        return "no forkserver with process groups and memory limits here: runs need Linux"
-    cgroup = os.path.exists("/sys/fs/cgroup/cgroup.controllers")
-    return f"forkserver, process groups, RLIMIT_AS{', cgroup v2 present' if cgroup else ''}"

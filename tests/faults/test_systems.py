@@ -1,4 +1,5 @@
-"""The fault table where the system offers less: Linux without control groups, and spawned processes as elsewhere."""
+"""The fault table where the system offers less (no control groups; spawned processes, as on other systems), and with
+a process for every solve."""
 
 from __future__ import annotations
 
@@ -31,12 +32,26 @@ SPAWN = {
     "faulty-nan": "wrong",
     "lemke": "solved",
 }
+FRESH = {
+    "faulty-abort": "crash",
+    "faulty-exit-0": "crash",
+    "faulty-hang": "timeout",
+    "faulty-half": "crash",
+    "faulty-parent": "crash",
+    "faulty-burst": "solved",
+    "faulty-twin": "solved",
+    "faulty-numpy": "memout",
+    "faulty-raise": "error",
+    "faulty-overwrite": "solved",
+    "faulty-then-abort": "solved",
+    "faulty-then-raise": "solved",
+    "lemke": "solved",
+}
 
 
-@pytest.mark.parametrize(("isolation", "expected"), [("group", GROUP), ("spawn", SPAWN)], ids=["group", "spawn"])
-def test_a_part_of_the_table(bench, isolation: str, expected: dict[str, str]) -> None:
+def _table(bench, expected: dict[str, str], *options: str, **environment: str):
     path = bench.problem("p", 3)
-    done = bench.run([path], list(expected), "--timeout", f"{LIMIT}s", "--memory", "1G", CPBENCH_ISOLATION=isolation)
+    done = bench.run([path], list(expected), "--timeout", f"{LIMIT}s", "--memory", "1G", *options, **environment)
     assert done.returncode == 0, done.stderr
     table = bench.store().table().set_index("solver")
     assert table.status.to_dict() == expected, table.message.to_dict()
@@ -45,6 +60,19 @@ def test_a_part_of_the_table(bench, isolation: str, expected: dict[str, str]) ->
     assert (late.wall - late.load <= LIMIT + 0.5).all(), late.wall.to_dict()
     assert "children" in table["flags"]["faulty-burst"]
     assert bench.living() == []
+    return table
+
+
+@pytest.mark.parametrize(("isolation", "expected"), [("group", GROUP), ("spawn", SPAWN)], ids=["group", "spawn"])
+def test_other_systems(bench, isolation: str, expected: dict[str, str]) -> None:
+    _table(bench, expected, CPBENCH_ISOLATION=isolation)
+
+
+def test_a_process_a_solve(bench) -> None:
+    """What a solver keeps for its next call is not there: it has no next call."""
+    table = _table(bench, FRESH, "--isolate", "fresh")
+    assert list(table["flags"][["faulty-then-abort", "faulty-then-raise", "lemke"]]) == ["", "", ""]
+    assert table.repeats["faulty-then-abort"] == 3
 
 
 def test_an_unknown_isolation_is_refused(bench) -> None:

@@ -1,0 +1,130 @@
+"""Messages between runner and child, whatever the child sends."""
+
+from __future__ import annotations
+
+import os
+import struct
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from cpbench.bench import channel
+from cpbench.bench.channel import Channel
+from cpbench.bench.wire import WireError
+
+HEAD = "<4sIQ"
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Channel, Channel]]:
+    ours, theirs = channel.pair()
+    child = Channel(theirs)
+    yield ours, child
+    ours.close()
+    child.close()
+
+
+def _next(ours: Channel) -> bytes:
+    deadline = time.monotonic() + 10.0
+    while (message := ours.receive_nowait()) is None:
+        assert time.monotonic() < deadline
+    return message
+
+
+@pytest.mark.parametrize("size", [0, 1, 4096, 5_000_000])
+def test_there_and_back(ends: tuple[Channel, Channel], size: int) -> None:
+    ours, child = ends
+    message = os.urandom(size)
+    echo = threading.Thread(target=lambda: child.send_bytes(child.recv_bytes()))
+    echo.start()
+    ours.send(message, 10.0)
+    assert _next(ours) == message
+    echo.join()
+
+
+def test_several_at_once_stay_apart(ends: tuple[Channel, Channel]) -> None:
+    ours, child = ends
+    for k in range(5):
+        child.send_bytes(bytes([k]) * k)
+    assert [_next(ours) for _ in range(5)] == [bytes([k]) * k for k in range(5)]
+    assert ours.receive_nowait() is None
+
+
+def test_half_a_message_is_waited_for(ends: tuple[Channel, Channel]) -> None:
+    ours, child = ends
+    whole = struct.pack(HEAD, b"cpb1", 0, 10) + b"0123456789"
+    for part in (whole[:3], whole[3:18], whole[18:-1]):
+        child._socket.sendall(part)
+        assert ours.receive_nowait() is None
+    child._socket.sendall(whole[-1:])
+    assert _next(ours) == b"0123456789"
+
+
+def test_answers_to_an_earlier_request_are_dropped(ends: tuple[Channel, Channel]) -> None:
+    """What a solve left to be said must not be taken for the next one's answer."""
+    ours, child = ends
+    ours.send(b"first", 1.0)
+    child.recv_bytes()
+    child.send_bytes(b"answer")
+    child.send_bytes(b"afterthought")
+    assert _next(ours) == b"answer"
+    ours.send(b"second", 1.0)
+    child.recv_bytes()
+    child.send_bytes(b"other answer")
+    assert _next(ours) == b"other answer"
+
+
+@pytest.mark.parametrize(
+    ("sent", "told"),
+    [
+        (b"printed into the wrong descriptor", "it begins with b'printed into the'"),
+        (struct.pack(HEAD, b"cpb1", 0, 2**60), "1152921504606846976 bytes, over the limit"),
+    ],
+    ids=["text", "length"],
+)
+def test_what_is_no_message_is_refused(ends: tuple[Channel, Channel], sent: bytes, told: str) -> None:
+    ours, child = ends
+    child._socket.sendall(sent)
+    with pytest.raises(WireError, match=told):
+        ours.receive_nowait()
+
+
+def test_no_memory_is_taken_for_what_is_only_announced() -> None:
+    import tracemalloc
+
+    ours, theirs = channel.pair()
+    theirs.sendall(struct.pack(HEAD, b"cpb1", 0, 2**29) + b"x" * 1000)
+    tracemalloc.start()
+    assert ours.receive_nowait() is None
+    assert tracemalloc.get_traced_memory()[1] < 2**22
+    tracemalloc.stop()
+    ours.close()
+    theirs.close()
+
+
+def test_the_end_is_told(ends: tuple[Channel, Channel]) -> None:
+    ours, child = ends
+    child.send_bytes(b"last")
+    child.close()
+    assert _next(ours) == b"last"
+    with pytest.raises(EOFError):
+        ours.receive_nowait()
+    with pytest.raises(OSError, match=r"[Bb]roken pipe"):
+        ours.send(b"hello", 1.0)
+
+
+def test_a_child_sees_the_runner_go(ends: tuple[Channel, Channel]) -> None:
+    ours, child = ends
+    ours.close()
+    with pytest.raises(EOFError):
+        child.recv_bytes()
+
+
+def test_who_does_not_read_is_not_waited_for(ends: tuple[Channel, Channel]) -> None:
+    ours, _ = ends
+    begun = time.monotonic()
+    with pytest.raises(TimeoutError):
+        ours.send(b"x" * 10_000_000, 0.2)
+    assert 0.1 < time.monotonic() - begun < 5.0

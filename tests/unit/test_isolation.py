@@ -1,0 +1,252 @@
+"""What the system offers, and that the processes get it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from cpbench.bench import cgroup, isolation
+from cpbench.bench.cgroup import Cgroup
+from cpbench.bench.process import Child, Died, TimedOut, context, limit_memory
+from cpbench.bench.wire import WireError
+from cpbench.errors import CpbenchError, UnknownName
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
+WAYS = ["", "group", "spawn"] if sys.platform == "linux" else ["spawn"]
+Start = Callable[..., Child]
+
+
+@pytest.fixture(params=WAYS, ids=lambda way: way or "best")
+def start(request: pytest.FixtureRequest) -> Iterator[Start]:
+    """Starts children of the target given, and kills them."""
+    ctx = context(1, request.param)
+    children: list[Child] = []
+
+    def starter(target: Callable[..., None], *args: object, **more: object) -> Child:
+        children.append(Child(ctx, target, args, **more))  # pyright: ignore
+        return children[-1]
+
+    yield starter
+    for child in children:
+        child.kill()
+
+
+# ------------------------------------------------------------------------------------------- targets
+
+
+def _echo(connection) -> None:
+    while True:
+        connection.send_bytes(connection.recv_bytes())
+
+
+def _tell_cpus(connection) -> None:
+    connection.send_bytes(repr(sorted(os.sched_getaffinity(0))).encode())
+
+
+def _exit(connection, code: int) -> None:
+    print("last words")
+    sys.exit(code)
+
+
+def _abort(connection) -> None:
+    os.abort()
+
+
+def _sleep(connection) -> None:
+    time.sleep(3600)
+
+
+def _hang_up(connection) -> None:
+    connection.close()
+    time.sleep(3600)
+
+
+def _family(connection) -> None:
+    """A child, a grandchild, and (where there are sessions) a daemon; tells their process ids."""
+    reader, writer = os.pipe()
+    for daemon in (False, True):
+        if os.fork() == 0:
+            if daemon:
+                os.setsid()
+            os.write(writer, b"%d " % os.getpid())
+            if os.fork() == 0:
+                os.write(writer, b"%d " % os.getpid())
+            time.sleep(3600)
+    told = b""
+    while told.count(b" ") < 4:
+        told += os.read(reader, 100)
+    connection.send_bytes(told)
+    time.sleep(3600)
+
+
+def _grow(connection, growth: int) -> None:
+    """As much more memory as told, in steps, written to."""
+    limit_memory(2**27)
+    connection.send_bytes(b"warm")
+    hoard = [bytearray(2**20) for _ in range(growth // 2**20)]
+    time.sleep(1.0)
+    connection.send_bytes(b"%d" % len(hoard))
+
+
+# --------------------------------------------------------------------------------------------- tests
+
+
+def test_messages_go_there_and_back(start: Start) -> None:
+    child = start(_echo)
+    for message in (b"", b"x" * 1_000_000):
+        child.send(message)
+        assert child.receive(30.0) == message
+    assert child.alive
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="does not apply: no affinity here")
+def test_a_child_is_tied_to_its_cores(start: Start) -> None:
+    core = max(os.sched_getaffinity(0))
+    assert start(_tell_cpus, cpus=(core,)).receive(30.0) == b"[%d]" % core
+
+
+@pytest.mark.parametrize(("target", "args", "signal_", "code"), [(_exit, (3,), None, 3), (_abort, (), 6, -6)])
+def test_an_end_is_told_with_its_cause(start: Start, target, args, signal_: int | None, code: int) -> None:
+    child = start(target, *args)
+    with pytest.raises(Died) as death:
+        child.receive(30.0)
+    assert (death.value.signal, death.value.code) == (signal_, code)
+    assert ("last words" in death.value.output) == (target is _exit)
+    assert not child.alive
+
+
+def test_a_hang_is_not_waited_for(start: Start) -> None:
+    child = start(_sleep)
+    begun = time.monotonic()
+    with pytest.raises(TimedOut):
+        child.receive(0.3)
+    assert time.monotonic() - begun < 5.0
+
+
+def test_who_hangs_up_is_killed(start: Start) -> None:
+    child = start(_hang_up)
+    with pytest.raises(Died, match="closed its connection"):
+        child.receive(30.0)
+    _until(lambda: not child.alive)
+
+
+def test_a_family_dies_together(start: Start) -> None:
+    child = start(_family)
+    members = [int(pid) for pid in child.receive(30.0).split()]
+    assert len(members) == 4
+    child.kill()
+    _until(lambda: not any(_lives(pid) for pid in members))
+
+
+@linux
+def test_daemons_of_who_died_are_found(start: Start, request: pytest.FixtureRequest) -> None:
+    """The worker is killed by itself; what it started is adopted by its guard, which ends it."""
+    if "spawn" in request.node.name:
+        pytest.skip("does not apply: no guard where processes are spawned")
+    child = start(_family)
+    members = [int(pid) for pid in child.receive(30.0).split()]
+    os.kill(psutil.Process(members[0]).ppid(), signal.SIGKILL)
+    with pytest.raises(Died) as death:
+        child.receive(30.0)
+    assert death.value.signal == signal.SIGKILL
+    _until(lambda: not any(_lives(pid) for pid in members))
+
+
+def test_memory_is_limited(start: Start) -> None:
+    """128 MiB are allowed: 32 more go well, 512 do not."""
+    modest = start(_grow, 2**25, memory=2**27)
+    modest.receive(30.0)
+    assert modest.receive(30.0) == b"32"
+    greedy = start(_grow, 2**29, memory=2**27)
+    greedy.receive(30.0)
+    with pytest.raises(Died) as death:
+        greedy.receive(30.0)
+    assert death.value.out_of_memory
+
+
+def test_an_unknown_way_is_refused() -> None:
+    with pytest.raises(UnknownName, match="chroot"):
+        isolation.detect("chroot")
+
+
+def test_every_way_is_explained() -> None:
+    for way in WAYS:
+        told = dict(isolation.detect(way).told())
+        assert set(told) == {"start", "kill", "memory", "guard", "forks", "affinity", "output"}
+
+
+@pytest.mark.skipif(hasattr(os, "sched_setaffinity"), reason="does not apply: this system can")
+def test_cores_that_cannot_be_had_are_refused() -> None:
+    with pytest.raises(CpbenchError, match="cannot tie"):
+        isolation.pin([0])
+
+
+# ------------------------------------------------------------------------------------- control groups
+
+
+@linux
+def test_a_group_is_gone_with_its_child() -> None:
+    ctx = context(1)
+    if not ctx.isolation.cgroups:
+        pytest.skip("does not apply: no writable control groups here")
+    before = set(Path(ctx.isolation.cgroups).glob(f"{cgroup.PREFIX}{os.getpid()}-*"))
+    child = Child(ctx, _echo, ())
+    child.send(b"x")
+    child.receive(30.0)
+    (group,) = set(Path(ctx.isolation.cgroups).glob(f"{cgroup.PREFIX}{os.getpid()}-*")) - before
+    assert len((group / "cgroup.procs").read_text().split()) == 2, "the guard and the worker"
+    child.kill()
+    assert not group.exists()
+
+
+def test_the_files_of_a_memory_limit(tmp_path: Path) -> None:
+    """Against the text of the kernel's documentation (Admin Guide, cgroup v2, memory interface files)."""
+    group = Cgroup(tmp_path)
+    (group.path / "memory.current").write_text("1000\n")
+    assert not group.out_of_memory
+    group.limit_memory(500)
+    assert (group.path / "memory.max").read_text() == "1500"
+    assert (group.path / "memory.oom.group").read_text() == "1"
+    (group.path / "memory.events").write_text("low 0\nhigh 0\nmax 7\noom 1\noom_kill 1\n")
+    assert group.out_of_memory
+
+
+def test_only_empty_groups_of_the_dead_are_removed(tmp_path: Path) -> None:
+    dead = 2**22 + 1  # beyond what a process id can be
+    for name in (f"cpbench-{dead}-0", f"cpbench-{dead}-1", f"cpbench-{os.getpid()}-0", "cpbench-x-0", "other"):
+        (tmp_path / name).mkdir()
+    (tmp_path / f"cpbench-{dead}-1" / "member").touch()
+    cgroup.remove_abandoned(tmp_path)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {f"cpbench-{dead}-1", f"cpbench-{os.getpid()}-0", "cpbench-x-0", "other"}
+
+
+def test_noise_is_no_message(start: Start) -> None:
+    with pytest.raises(WireError):
+        start(_noise).receive(30.0)
+
+
+def _noise(connection) -> None:
+    os.write(connection.fileno(), b"what a library prints where it should not")
+    time.sleep(3600)
+
+
+def _lives(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)

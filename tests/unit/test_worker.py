@@ -1,0 +1,206 @@
+"""The process that solves, by its messages; what a solve used; a process a solve."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench import storage
+from cpbench.bench import meter, wire, worker
+from cpbench.bench.apart import apart
+from cpbench.bench.meter import Meter, checksum
+from cpbench.bench.process import Child, Died, context
+from cpbench.formulations import LCP
+
+MiB = 2**20
+linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
+
+
+# ---------------------------------------------------------------------------------------------- meter
+
+
+@linux
+def test_peak_is_what_was_needed_even_if_given_back() -> None:
+    measured = Meter()
+    measured.begin()
+    np.ones(64 * MiB // 8).sum()
+    first = measured.end(1e-3, 1e-3)
+    assert 60 * MiB < first["peak"] < 80 * MiB
+    measured.begin()
+    assert measured.end(1e-3, 1e-3)["peak"] < 4 * MiB, "the mark begins anew"
+
+
+def test_threads_that_stay_and_those_that_were_busy() -> None:
+    measured = Meter()
+    measured.begin()
+    assert measured.end(1e-3, 5e-3)["threads"] == 1, "too short to tell from CPU time"
+    assert measured.end(1.0, 3.9)["threads"] == 4
+    done = threading.Event()
+    stays = threading.Thread(target=done.wait)
+    stays.start()
+    assert measured.end(1e-3, 1e-3)["threads"] == 2
+    done.set()
+    stays.join()
+
+
+def _count(connection) -> None:
+    counts = [meter.children(0)]
+    pids: list[int] = []
+    for _ in range(2):
+        pids.append(os.fork())
+        if pids[-1] == 0:
+            time.sleep(3600)
+    counts += [meter.children(0), meter.children(1)]
+    for pid in pids:
+        os.kill(pid, signal.SIGKILL)
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+    connection.send_bytes(repr([*counts, meter.children(0)]).encode())
+
+
+@linux
+def test_children_beyond_the_helpers() -> None:
+    child = Child(context(1), _count, ())
+    try:
+        assert child.receive(60.0) == b"[0, 2, 1, 0]"
+    finally:
+        child.kill()
+
+
+@pytest.mark.parametrize("make", [np.array, sp.csr_array], ids=["dense", "sparse"])
+def test_a_checksum_sees_every_change(make) -> None:
+    M = np.array([[2.0, 1.0, 0.0], [0.0, 3.0, 1.0], [0.0, 0.0, 4.0]])
+    problem = LCP(M=make(M), q=-np.ones(3))
+    before = checksum(problem)
+    assert checksum(LCP(M=make(M), q=-np.ones(3))) == before
+    numbers = problem.M.data if sp.issparse(problem.M) else problem.M
+    flat = np.asarray(numbers).reshape(-1)
+    flat.setflags(write=True) if flat.base is None else numbers.setflags(write=True)
+    flat = np.asarray(numbers).reshape(-1)
+    flat[[0, 1]] = flat[[1, 0]]  # a swap, as sorting or pivoting in place does
+    assert checksum(problem) != before
+
+
+# --------------------------------------------------------------------------------------------- worker
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> str:
+    where = tmp_path_factory.mktemp("worker") / "p.h5"
+    storage.save(LCP(M=np.diag([2.0, 3.0]), q=np.array([-2.0, 3.0]), name="p"), where)
+    return str(where)
+
+
+def _serve(child: Child, path: str, **asked: object) -> list[dict]:
+    """All messages about one request."""
+    header = {"path": path, "budget": {"tolerance": 1e-8}, "options": {}, "repeats": 3, "history": False, **asked}
+    child.send(wire.pack(header))
+    last = "history" if header["history"] else "repeats" if header["repeats"] > 1 else "result"
+    told: list[dict] = []
+    while not told or told[-1]["event"] not in (last, "error", "memory"):
+        reply, vectors = wire.unpack(child.receive(60.0))
+        told.append({**reply, "vectors": vectors})
+    return told
+
+
+@pytest.mark.parametrize("fresh", [False, True], ids=["warm", "fresh"])
+def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
+    child = Child(context(1), worker.main, ("lemke", 2**30, fresh))
+    try:
+        ready, _ = wire.unpack(child.receive(120.0))
+        assert ready["event"] == "ready"
+        assert not ready["single"]
+        for _ in range(2):
+            told = _serve(child, path)
+            assert [m["event"] for m in told] == ["loaded", "result", "repeats"]
+            result = told[1]
+            np.testing.assert_allclose(result["vectors"]["z"], [1.0, 0.0])
+            assert (result["claim"], result["wrote"], result["children"], result["threads"]) == ("solved", False, 0, 1)
+            assert 0 <= result["peak"] < 100 * MiB
+            assert np.shape(told[2]["times"]) == (2, 3)
+        assert [m["event"] for m in _serve(child, path, repeats=1)] == ["loaded", "result"]
+        missing = _serve(child, path + "x", repeats=1)
+        assert missing[-1]["event"] == "error"
+        assert "no such file" in missing[-1]["message"].lower()
+        assert _serve(child, path)[-1]["event"] == "repeats", "it goes on after an error"
+    finally:
+        child.kill()
+
+
+def test_where_nothing_can_be_forked_a_worker_serves_one_request(path: str) -> None:
+    child = Child(context(1, "spawn"), worker.main, ("lemke", 2**30, True))
+    try:
+        ready, _ = wire.unpack(child.receive(120.0))
+        assert ready["single"]
+        assert [m["event"] for m in _serve(child, path)] == ["loaded", "result", "repeats"]
+        with pytest.raises(Died, match="exited with code 0"):
+            child.receive(60.0)
+    finally:
+        child.kill()
+
+
+# ---------------------------------------------------------------------------------------------- apart
+
+
+def _forks(connection, how: str) -> None:
+    """Several pieces of work in processes of their own; the last one ends as told."""
+    pids = [apart(lambda: {"pid": os.getpid(), "parent": os.getppid()}) for _ in range(3)]
+    assert len({p["pid"] for p in pids}) == 3
+    assert {p["parent"] for p in pids} == {os.getpid()}
+    connection.send_bytes(b"three")
+    ends = {"abort": os.abort, "exit": lambda: sys.exit(7), "exit-0": sys.exit, "children": _leave_children}
+    apart(ends[how])
+    connection.send_bytes(repr(meter.children(0)).encode())
+
+
+def _leave_children() -> str:
+    for _ in range(3):
+        if os.fork() == 0:
+            time.sleep(3600)
+    return "done"
+
+
+@linux
+@pytest.mark.parametrize(("how", "code"), [("abort", -6), ("exit", 7), ("exit-0", 0)])
+def test_who_forked_ends_as_what_it_forked(how: str, code: int) -> None:
+    child = Child(context(1), _forks, (how,))
+    try:
+        assert child.receive(60.0) == b"three"
+        with pytest.raises(Died) as death:
+            child.receive(60.0)
+        assert death.value.code == code
+    finally:
+        child.kill()
+
+
+@linux
+def test_what_a_forked_process_leaves_behind_is_ended() -> None:
+    child = Child(context(1), _forks, ("children",))
+    try:
+        assert child.receive(60.0) == b"three"
+        assert child.receive(60.0) == b"0"
+    finally:
+        child.kill()
+
+
+def test_scratch_folders_of_other_machines_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import platform
+    import tempfile
+
+    from cpbench.bench import scratch
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    dead = 2**22 + 1
+    mine, theirs = (tmp_path / f"cpbench-run-{host}-{dead}-x" for host in (platform.node(), "elsewhere"))
+    for folder in (mine, theirs):
+        folder.mkdir()
+    scratch.remove_abandoned()
+    assert not mine.exists()
+    assert theirs.exists()
