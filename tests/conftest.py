@@ -18,6 +18,7 @@ collect_ignore = [
     "unit/siconos_errors.py",
     "unit/siconos_read.py",
     "faults/chaos_solvers.py",
+    "faults/cluster_solvers.py",
     "faults/faulty_solvers.py",
 ]
 _unexpected: list[str] = []

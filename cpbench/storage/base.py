@@ -57,6 +57,10 @@ class Format(ABC):
         """Names of the problems in the file; [""] when the file is one problem."""
         return [""]
 
+    def beside(self, path: Path) -> list[Path]:
+        """Other files that a problem in `path` is read from."""
+        return []
+
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
         """The whole file that holds `problem`."""
         raise FormatError(

@@ -36,6 +36,13 @@ def members(path: str | Path, format: str | None = None) -> list[str]:
     return _candidates(file)[0].members(file)
 
 
+def files(path: str | Path, format: str | None = None) -> list[Path]:
+    """All files that the problem at `path` is read from, the one that is named first. Raises FormatError."""
+    file, _ = split_address(path)
+    chosen = formats.get(format) if format is not None else _candidates(file)[0]
+    return [file, *chosen.beside(file)]
+
+
 def save(
     problem: Problem, path: str | Path, *, format: str | None = None, force: bool = False, compress: bool = True
 ) -> None:

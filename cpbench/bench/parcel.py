@@ -1,0 +1,69 @@
+"""Blocks on their way to another machine, and outcomes on their way back: messages of `wire`, nothing is pickled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from cpbench.bench import wire
+from cpbench.bench.block import Block, Ending
+from cpbench.bench.outcome import Outcome
+from cpbench.bench.plan import Entry, Limits, Pair, Request
+
+
+def pack_blocks(todo: Sequence[Block], vectors: Mapping[str, Any] | None = None, **header: Any) -> bytes:
+    """Blocks with what else the receiver needs; the answers that a next step starts from travel as vectors."""
+    answers: dict[str, Any] = {}
+    packed: list[dict[str, Any]] = []
+    for block in todo:
+        answers |= {f"known {key}": answer for key, (_, answer) in block.known.items() if answer is not None}
+        packed.append(
+            {
+                "pairs": [_pair_header(pair) for pair in block.pairs],
+                "before": {key: _pair_header(pair) for key, pair in block.before.items()},
+                "known": {key: status for key, (status, _) in block.known.items()},
+            }
+        )
+    return wire.pack({**header, "blocks": packed}, {**answers, **(vectors or {})})
+
+
+def read_blocks(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Iterator[Block]:
+    """The blocks of a message."""
+    for packed in header["blocks"]:
+        known: dict[str, Ending] = {
+            key: (status, vectors.get(f"known {key}")) for key, status in packed["known"].items()
+        }
+        before = {key: _pair(pair) for key, pair in packed["before"].items()}
+        yield Block(tuple(map(_pair, packed["pairs"])), before, known)
+
+
+def pack_outcome(at: int, outcome: Outcome) -> bytes:
+    """The outcome of the pair that is number `at` in the blocks that were sent."""
+    parts = {"answer": outcome.answer, "history": outcome.history}
+    row = dict(outcome.row)
+    return wire.pack({"event": "outcome", "at": at, "row": row}, {k: v for k, v in parts.items() if v is not None})
+
+
+def read_outcome(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Outcome:
+    return Outcome(header["row"], vectors.get("answer"), vectors.get("history"))
+
+
+def _pair_header(pair: Pair) -> dict[str, Any]:
+    parts: dict[str, Any] = {"request": pair.request, "entry": pair.entry, "limits": pair.limits}
+    return {**vars(pair), "sizes": dict(pair.sizes), **{name: dict(vars(part)) for name, part in parts.items()}}
+
+
+def _pair(header: Mapping[str, Any]) -> Pair:
+    asked = header["request"]
+    request = Request(
+        asked["name"],
+        tuple(asked["kinds"]),
+        tuple((name, knobs) for name, knobs in asked["via"]),
+        tuple(asked["nodes"]),
+    )
+    parts: dict[str, Any] = {
+        "request": request,
+        "entry": Entry(**header["entry"]),
+        "limits": Limits(**header["limits"]),
+    }
+    return Pair(**{**header, **parts})
