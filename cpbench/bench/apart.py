@@ -6,7 +6,6 @@ that the runner meets one kind of death.
 
 from __future__ import annotations
 
-import gc
 import json
 import os
 import sys
@@ -14,12 +13,6 @@ from collections.abc import Callable
 from typing import Any
 
 from cpbench.bench import guard
-
-
-def settle() -> None:
-    """Prepare this warm process for being forked often: what it holds is not walked by the garbage collector again."""
-    gc.collect()
-    gc.freeze()
 
 
 def apart(work: Callable[[], Any]) -> Any:

@@ -35,7 +35,7 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "RAYON_NUM_THREADS",
 )
-PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.worker"]
+PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.preload"]
 LOOK = 0.05
 """Seconds between two looks at a child that says nothing."""
 LAST_WORDS = 0.5

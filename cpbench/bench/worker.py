@@ -20,7 +20,7 @@ import numpy as np
 
 from cpbench import storage
 from cpbench.bench import wire
-from cpbench.bench.apart import apart, settle
+from cpbench.bench.apart import apart
 from cpbench.bench.channel import Channel
 from cpbench.bench.history import recorded
 from cpbench.bench.meter import Meter, checksum
@@ -54,7 +54,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     bench = Bench(connection, solver)
     forked = fresh and forks() and bench.meter.threads == 1
     if forked:
-        settle()
+        gc.freeze()  # what is warm is not walked through again in every process forked from it
     seconds = time.perf_counter() - started
     bench.tell(event="ready", version=version, seconds=seconds, pid=os.getpid(), single=fresh and not forked)
     while True:
@@ -232,6 +232,3 @@ def _told(error: BaseException) -> str:
     except BaseException:
         where = traceback.extract_tb(error.__traceback__)[-1]
         return f"{name}, without a message (its __str__ raised), in {where.name}, line {where.lineno}"
-
-
-solvers.discover()  # in the forkserver's preload: every worker inherits the imported specs

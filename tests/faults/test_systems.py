@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-LIMIT = 1.5
+LIMIT = 2.0
 GROUP = {
     "faulty-abort": "crash",
     "faulty-hang": "timeout",
@@ -51,7 +51,7 @@ FRESH = {
 
 def _table(bench, expected: dict[str, str], *options: str, **environment: str):
     path = bench.problem("p", 3)
-    done = bench.run([path], list(expected), "--timeout", f"{LIMIT}s", "--memory", "1G", *options, **environment)
+    done = bench.run([path], list(expected), "--timeout", f"{LIMIT}s", "--memory", "512M", *options, **environment)
     assert done.returncode == 0, done.stderr
     table = bench.store().table().set_index("solver")
     assert table.status.to_dict() == expected, table.message.to_dict()
