@@ -24,8 +24,8 @@ from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
 
-GRACE = 0.3
-"""Seconds after the limit at which a process is killed: it is gone half a second after the limit."""
+GRACE = 0.2
+"""Seconds after the limit at which a process is killed: it and all it started are gone half a second after it."""
 FULL = 0.25
 """Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
 STARTUP = 600.0
@@ -309,7 +309,7 @@ class Lane:
             before=earlier,
         )
         if reply["event"] != "started":
-            raise Unsupported(f"no starting point: {reply.get('message', reply['event'])}")
+            raise Unsupported(str(reply.get("message", reply["event"])))
         return vectors, str(reply["told"])
 
     def _answered(
