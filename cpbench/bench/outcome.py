@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from cpbench.errors import FormatError
+
 LATE, LATE_SHARE = 0.25, 1.5
 """An answer that came this many seconds later than so many times what the worker told carries the flag `clock`."""
 
@@ -102,7 +104,7 @@ def conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
         }
     stage = prepared.get("stage", "conversion")
     told = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}
-    if stage == "loading":  # in which no solver has a part
+    if stage == "loading" or prepared.get("cause") == FormatError.__name__:  # in a file no solver has a part
         told = {"memory": "memout"}
     status = told.get(event, "error")
     return {"status": status, "message": f"{stage}: {prepared.get('message', event)}"}

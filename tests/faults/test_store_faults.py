@@ -21,6 +21,8 @@ import numpy as np
 import pytest
 
 from cpbench import storage
+from cpbench.bench import plan
+from cpbench.bench.lane import Lane
 from cpbench.bench.plan import Entry, Pair, Request
 from cpbench.bench.store import Store, read_results
 from cpbench.errors import StoreError
@@ -185,6 +187,19 @@ def test_a_run_without_room_goes_on_when_there_is(disk: Path, tmp_path: Path) ->
     done = run(tmp_path, path)
     assert done.returncode == 0, done.stderr
     assert list(read_results(path).status) == ["solved", "solved"]
+
+
+def test_temporary_files_that_cannot_be_written_are_nobodys_refusal(tmp_path: Path) -> None:
+    """The folder of a run's temporary files vanishes: an error, where `unsupported` would be said of the solver."""
+    path = tmp_path / "p.h5"
+    storage.save(LCP(M=np.eye(3), q=-np.ones(3), name="p"), path)
+    with Lane() as lane:
+        survey = lane.survey(str(path), [plan.exact()])
+        (planned,) = plan.pairs([survey], [Entry("lemke")], [plan.exact()], 1e-6)
+        lane._scratch.remove()
+        outcome = lane.run(planned, lane.prepare(planned))
+    assert outcome.status == "error"
+    assert "cannot be written" in outcome.row["message"]
 
 
 # ------------------------------------------------------------------------------------------ permission

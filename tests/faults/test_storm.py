@@ -37,16 +37,17 @@ STATUSES = {
     "eat": "memout",
     "hang": "timeout", "stop": "timeout",
 }  # fmt: skip
-RARE = {"hang": 6, "stop": 6, "eat": 20, "kill-parent": 6}
-"""How many there are of the faults that take long; of each of the others there are as many as it takes."""
+DEAR = {fault: 20 for fault, status in STATUSES.items() if status in ("crash", "memout", "solved")}
+DEAR |= {"hang": 6, "stop": 6, "kill-parent": 6}
+"""How many there are of the faults that cost a process, or a limit; of each of the others, as many as it takes."""
 
 
 def dealt() -> dict[str, str]:
     """Which of the pairs of chaos have which fault."""
     draw = random.Random(20261121)
     cases = [f"{name} {seed} {n}" for name in CHAOS for seed in SEEDS for n in SIZES]
-    common = [fault for fault in STATUSES if fault not in RARE]
-    faults = [fault for fault, count in RARE.items() for _ in range(count)]
+    common = [fault for fault in STATUSES if fault not in DEAR]
+    faults = [fault for fault, count in DEAR.items() for _ in range(count)]
     faults += [common[k % len(common)] for k in range(FAULTS - len(faults))]
     return dict(zip(draw.sample(cases, FAULTS), faults, strict=True))
 
