@@ -2,32 +2,45 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import shutil
 import tempfile
+import uuid
 from pathlib import Path
 
-import psutil
+from cpbench.bench.lock import Lock
+from cpbench.errors import StoreError
 
-_PREFIX = f"cpbench-run-{platform.node()}-"
-"""With the name of the machine: the folder of temporary files may be common to several."""
+_PREFIX = "cpbench-run-"
 
 
 class Scratch:
-    """A folder named after the machine and the process that own it."""
+    """A folder with a lock beside it for as long as the process lives that owns it.
+
+    A lock tells the living from the dead where process numbers do not: across containers, and across machines that
+    share their temporary files.
+    """
 
     def __init__(self) -> None:
         remove_abandoned()
-        self.folder = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-"))
+        self.folder = Path(tempfile.gettempdir()) / f"{_PREFIX}{uuid.uuid4().hex[:12]}"
+        self._lock: Lock | None = Lock(self.folder)  # before there is anything to remove
+        self.folder.mkdir(mode=0o700)
 
     def remove(self) -> None:
+        """Harmless when done before."""
         shutil.rmtree(self.folder, ignore_errors=True)
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            lock.release()
 
 
 def remove_abandoned() -> None:
     """Delete the folders of runs that no longer live (kill -9 leaves them)."""
-    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
-        owner = folder.name.removeprefix(_PREFIX).partition("-")[0]
-        if owner.isdigit() and not psutil.pid_exists(int(owner)):
-            shutil.rmtree(folder, ignore_errors=True)
+    for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*.lock"):
+        folder = left.with_suffix("")
+        try:
+            lock = Lock(folder)
+        except (StoreError, OSError):  # its owner lives, or it is another user's
+            continue
+        shutil.rmtree(folder, ignore_errors=True)
+        lock.release()

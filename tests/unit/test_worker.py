@@ -190,17 +190,19 @@ def test_what_a_forked_process_leaves_behind_is_ended() -> None:
         child.kill()
 
 
-def test_scratch_folders_of_other_machines_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import platform
+def test_scratch_folders_of_the_living_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What kill -9 leaves is a folder and a lock that nobody holds."""
     import tempfile
 
     from cpbench.bench import scratch
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    dead = 2**22 + 1
-    mine, theirs = (tmp_path / f"cpbench-run-{host}-{dead}-x" for host in (platform.node(), "elsewhere"))
-    for folder in (mine, theirs):
-        folder.mkdir()
+    alive, dead = scratch.Scratch(), tmp_path / "cpbench-run-0123456789ab"
+    dead.mkdir()
+    (tmp_path / f"{dead.name}.lock").touch()
     scratch.remove_abandoned()
-    assert not mine.exists()
-    assert theirs.exists()
+    assert alive.folder.exists()
+    assert not dead.exists()
+    alive.remove()
+    alive.remove()
+    assert list(tmp_path.iterdir()) == []
