@@ -19,7 +19,7 @@ from typing import NoReturn
 
 import psutil
 
-from cpbench.bench import isolation
+from cpbench.bench import cgroup, isolation
 
 PATIENCE = 5.0
 """Seconds for which processes that do not die are killed again and again."""
@@ -28,8 +28,9 @@ PATIENCE = 5.0
 def stand(group: str, lifeline: Connection, release: Callable[[], None]) -> None:
     """Fork; return in the child, the worker. The parent guards it and never returns.
 
-    `group` is the control group to kill, "" for none. `lifeline` is the reading end of a pipe whose other end only
-    the runner has. `release` closes what is the worker's alone: nobody else is to hold its connection open.
+    `group` is the control group of the worker, "" for none; the guard stays out of it, to bury who dies in it.
+    `lifeline` is the reading end of a pipe whose other end only the runner has. `release` closes what is the
+    worker's alone: nobody else is to hold its connection open.
     """
     isolation.adopt_orphans()
     isolation.die_with_parent(signal.SIGTERM)  # the forkserver, should that alone be killed
@@ -40,6 +41,8 @@ def stand(group: str, lifeline: Connection, release: Callable[[], None]) -> None
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         bell.close()
         lifeline.close()
+        if group:
+            cgroup.join(group)
         begin()
         return
     release()
@@ -153,6 +156,6 @@ def _end_all(group: str) -> NoReturn:
     """The runner is gone: nobody stays behind."""
     if group:
         with contextlib.suppress(OSError), open(os.path.join(group, "cgroup.kill"), "w") as kill:
-            kill.write("1")  # this process too
+            kill.write("1")
     kill_descendants()
     os._exit(1)

@@ -14,7 +14,7 @@ import selectors
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -22,7 +22,7 @@ from typing import Any
 import psutil
 
 from cpbench.bench import channel, guard, isolation
-from cpbench.bench.cgroup import Cgroup, join, remove_abandoned
+from cpbench.bench.cgroup import Cgroup, remove_abandoned
 from cpbench.bench.isolation import Isolation
 from cpbench.bench.log import Log
 
@@ -40,6 +40,8 @@ LOOK = 0.05
 """Seconds between two looks at a child that says nothing."""
 LAST_WORDS = 0.5
 """Seconds that a child has to end after it closed its connection."""
+BURIAL = 0.2
+"""Seconds that a guard has to end after all that it guarded was killed."""
 LISTENING = 30.0
 """Seconds within which a child takes a message."""
 
@@ -185,24 +187,28 @@ class Child:
     def strike(self) -> None:
         """SIGKILL to the child and all that it started, until nobody is left.
 
-        Whoever waits for its messages learns of the death.
+        Whoever waits for its messages learns of the death. A guard is given a moment to bury the dead, who would
+        otherwise be left to a system that may not care for them.
         """
         if self._cgroup is not None:
             self._cgroup.kill()
         deadline = time.monotonic() + guard.PATIENCE
-        while time.monotonic() < deadline:
-            family = list(self._family())
-            if not family:
-                return
+        while (family := self._family()) and time.monotonic() < deadline:
             for process in family:
                 with contextlib.suppress(psutil.Error):
                     process.kill()
             time.sleep(0.001)
+        if self._isolation.guard and self.alive:
+            self._process.join(BURIAL)
+        while self.alive and time.monotonic() < deadline:
+            with contextlib.suppress(psutil.Error):
+                psutil.Process(self.pid).kill()
+            self._process.join(LOOK)
 
     def kill(self) -> None:
         """`strike`, and bury."""
         self.strike()
-        self._process.join(guard.PATIENCE)
+        self._process.join(LOOK)
         self._selector.close()
         self._channel.close()
         if self._lifeline is not None:
@@ -214,22 +220,24 @@ class Child:
 
     # ------------------------------------------------------------------------------------------- within
 
-    def _family(self) -> Iterator[psutil.Process]:
-        """The living among the child, its descendants, and (where there are sessions) who is in its session."""
+    def _family(self) -> list[psutil.Process]:
+        """The living among the descendants of the child and (where there are sessions) those in its session.
+
+        The child itself is among them unless it is a guard.
+        """
         members: dict[int, psutil.Process] = {}
         with contextlib.suppress(psutil.Error):
-            first = psutil.Process(self.pid)
             if self.alive:
-                members = {p.pid: p for p in (*first.children(recursive=True), first)}
+                first = psutil.Process(self.pid)
+                members = {p.pid: p for p in (first, *first.children(recursive=True))}
         if os.name == "posix":
             for pid in psutil.pids():
                 with contextlib.suppress(OSError, psutil.Error):
                     if os.getsid(pid) == self.pid:
                         members.setdefault(pid, psutil.Process(pid))
-        for process in members.values():
-            with contextlib.suppress(psutil.Error):
-                if process.status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD):
-                    yield process
+        if self._isolation.guard:
+            members.pop(self.pid, None)
+        return [process for process in members.values() if _lives(process)]
 
     def _hear(self) -> None:
         """With its first message a child is warm: from here on its growth counts."""
@@ -283,8 +291,6 @@ def _enter(start: _Start, target: Callable[..., None], args: tuple[Any, ...]) ->
     """First steps of every child: its group, its session, its cores, its guard; its output into the log."""
     global _here
     _here = start.isolation
-    if start.cgroup:
-        join(start.cgroup)
     if hasattr(os, "setsid"):
         os.setsid()
     isolation.pin(start.cpus)
@@ -318,6 +324,13 @@ def _cgroup(means: Isolation) -> Cgroup | None:
         with contextlib.suppress(OSError):
             return Cgroup(means.cgroups)
     return None
+
+
+def _lives(process: psutil.Process) -> bool:
+    try:
+        return process.status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+    except psutil.Error:
+        return False
 
 
 def _signal_name(number: int) -> str:
