@@ -12,8 +12,8 @@ solvers, and the reference solves of the run are in it. Measured are
 3. a fresh process for every pair;
 4. the command `cpbench run` beside `benchopt run --no-cache` and `qpbenchmark run` on the same QPs, with the same
    backends at the same settings: (wall - recorded solves) of a run less that of a run with fewer problems, by the
-   calls that it has more. Ours reads a file a problem, isolates, limits, judges and keeps the answers; theirs make
-   the problems in their own process, which takes less than a file. Of each, the least of interleaved tries.
+   calls that it has more. Start-up, reading the same files and writing results are in all three; theirs solve in
+   their own process, without limits, and keep no answers. Of each, the least of interleaved tries.
 
 Times are wall times. `quietest` is the least median of ten consecutive parts: what is left when nothing else is at
 work on the machine. The last line is the median of 1. in milliseconds.

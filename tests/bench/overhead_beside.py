@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
-from overhead_qps import BACKENDS, COUNT, TOLERANCE, random_qp
+import overhead_qps
+from overhead_qps import BACKENDS, TOLERANCE
 
-from cpbench import storage
 from cpbench.bench.store import read_results
-from cpbench.formulations import QP
 
 HERE = Path(__file__).parent
 FEW = 10
@@ -49,7 +48,7 @@ class Spent:
 
 
 class Harness(ABC):
-    """A command that solves the first `problems` QPs with every backend, and the solve times it wrote."""
+    """A command that solves every QP of a folder with every backend, and the solve times that it wrote."""
 
     name: ClassVar[str]
     package: ClassVar[str]
@@ -63,19 +62,22 @@ class Harness(ABC):
         return importlib.util.find_spec(self.package) is not None
 
     @abstractmethod
-    def command(self, problems: int, results: Path) -> Sequence[str]: ...
+    def command(self, problems: Path, results: Path) -> Sequence[str]: ...
 
     @abstractmethod
     def solves(self, results: Path) -> list[float]:
         """Seconds of every solve that succeeded."""
 
-    def run(self, problems: int) -> tuple[float, float]:
+    def run(self, count: int) -> tuple[float, float]:
         """Wall time less recorded solves, and the latter's sum [s]; raises SystemExit when a solve is missing."""
+        problems = self.folder / f"qps-{count}"
+        if not problems.exists():
+            overhead_qps.write(problems, count)
         results = self.folder / f"{self.package}-{time.monotonic_ns()}{self.suffix}"
         environment = {
             **os.environ,
             "PYTHONPATH": os.pathsep.join([str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])]),
-            COUNT: str(problems),
+            overhead_qps.FOLDER: str(problems),
             "OMP_NUM_THREADS": "1",
             "OPENBLAS_NUM_THREADS": "1",
         }
@@ -83,26 +85,19 @@ class Harness(ABC):
         done = subprocess.run(self.command(problems, results), env=environment, capture_output=True, text=True)
         wall = time.perf_counter() - begun
         solves = self.solves(results) if done.returncode == 0 else []
-        if len(solves) != problems * len(BACKENDS):
+        if len(solves) != count * len(BACKENDS):
             told = (done.stderr or done.stdout)[-1000:]
-            raise SystemExit(f"{self.name}: {len(solves)} of {problems * len(BACKENDS)} solves; {told}")
+            raise SystemExit(f"{self.name}: {len(solves)} of {count * len(BACKENDS)} solves; {told}")
         return wall - sum(solves), sum(solves)
 
 
 class Ours(Harness):
     name, package, suffix = "cpbench run", "cpbench", ".sqlite"
 
-    def command(self, problems: int, results: Path) -> Sequence[str]:
-        folder = self.folder / f"qps-{problems}"
-        if not folder.exists():
-            folder.mkdir()
-            for seed in range(problems):
-                qp = random_qp(seed)
-                problem = QP.build(Q=qp["P"], p=qp["q"], A=-qp["G"], b=-qp["h"], name=f"random{seed}")
-                storage.save(problem, folder / f"random{seed}.h5")
+    def command(self, problems: Path, results: Path) -> Sequence[str]:
         chosen = [word for backend in BACKENDS for word in ("-s", backend)]
         options = ["--repeats", "1", "--tolerance", str(TOLERANCE), "--no-report", "-q", "-o", str(results)]
-        return [_script("cpbench"), "run", str(folder), *chosen, *options]
+        return [_script("cpbench"), "run", str(problems), *chosen, *options]
 
     def solves(self, results: Path) -> list[float]:
         table = read_results(results)
@@ -112,7 +107,7 @@ class Ours(Harness):
 class Benchopt(Harness):
     name, package, suffix = "benchopt run", "benchopt", ".parquet"
 
-    def command(self, problems: int, results: Path) -> Sequence[str]:
+    def command(self, problems: Path, results: Path) -> Sequence[str]:
         options = ["--no-cache", "--no-plot", "-r", "1", "-l", "--output", str(results)]
         return [_script("benchopt"), "run", str(HERE / "overhead_benchopt"), *options]
 
@@ -126,7 +121,7 @@ class Benchopt(Harness):
 class QPBenchmark(Harness):
     name, package, suffix = "qpbenchmark run", "qpbenchmark", ".csv"
 
-    def command(self, problems: int, results: Path) -> Sequence[str]:
+    def command(self, problems: Path, results: Path) -> Sequence[str]:
         test_set = HERE / "overhead_qpbenchmark.py"
         return [_script("qpbenchmark"), "--results-path", str(results), str(test_set), "run", "--author", "cpbench"]
 

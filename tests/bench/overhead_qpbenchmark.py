@@ -1,6 +1,7 @@
 """A qpbenchmark test set of the QPs of overhead_qps.py."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import overhead_qps
 from qpbenchmark.problem import Problem
@@ -30,6 +31,5 @@ class OverheadQpbenchmark(TestSet):
         self.solver_settings = {"default": settings}
 
     def __iter__(self) -> Iterator[Problem]:
-        for seed in range(overhead_qps.count()):
-            data = overhead_qps.random_qp(seed)
-            yield Problem(**data, A=None, b=None, lb=None, ub=None, name=f"random{seed}")
+        for path in overhead_qps.paths():
+            yield Problem(**overhead_qps.read(path), A=None, b=None, lb=None, ub=None, name=Path(path).stem)

@@ -7,7 +7,7 @@ from qpsolvers import Problem
 
 class Dataset(BaseDataset):
     name = "random"
-    parameters = {"problem_seed": list(range(overhead_qps.count()))}
+    parameters = {"path": overhead_qps.paths()}
 
     def get_data(self) -> dict[str, Any]:
-        return {"problem": Problem(**overhead_qps.random_qp(self.problem_seed))}
+        return {"problem": Problem(**overhead_qps.read(self.path))}
