@@ -12,6 +12,7 @@ import logging
 import math
 import os
 import queue
+import threading
 import time
 import uuid
 from asyncio import CancelledError as AsyncCancelled
@@ -39,12 +40,16 @@ logger = logging.getLogger("cpbench.bench")
 TASK = 2.0
 """Seconds after which a task ends and what is left of it comes back: one that is lost costs little, and those who
 come late find work."""
+GUESS, MEMORY = 0.1, 0.3
+"""Seconds a pair may take, before any did; and how much the last task counts in what is expected of the next."""
 MOST = 1000
 """Pairs of one task, however short they are."""
 LOOK = 0.5
 """Seconds between two looks at which workers are there."""
 PATIENCE = 30.0
 """Seconds a worker that is there may take to hand over a result."""
+PARTING = 5.0
+"""Seconds in which workers are to end what they are at, when a run ends."""
 LONELY = 10.0
 """Seconds without any worker after which that is said."""
 LARGE = 2**20
@@ -60,8 +65,8 @@ class _Post:
     Attributes
     ----------
     identity : of its process, once it has answered. blocks : given to it and not sent. sent : the parts at work,
-    each with the block that it is the beginning of. suspect : whether they were at work when a worker died.
-    copies : whether it does not see our files. files : those it has copies of.
+    each with the block that it is the beginning of. since : when they were sent. suspect : whether they were at work
+    when a worker died. copies : whether it does not see our files. files : those it has copies of.
     """
 
     address: str
@@ -70,6 +75,7 @@ class _Post:
     future: Any = None
     blocks: list[Block] = field(default_factory=list)
     sent: list[tuple[Block, Block]] = field(default_factory=list)
+    since: float = 0.0
     suspect: bool = False
     copies: bool = False
     files: set[str] = field(default_factory=set)
@@ -126,19 +132,27 @@ class Cluster:
         self._ready: deque[tuple[Pair, Outcome, str]] = deque()
         self._events: queue.SimpleQueue[tuple[_Post, Any]] = queue.SimpleQueue()
         self._deaths: dict[str, str] = {}
-        self._pairs, self._seconds = 0, 0.0
+        self._mean = GUESS
         self._looked = -math.inf
         self._alone_since: float | None = time.monotonic()
 
     def _stop(self) -> None:
-        """Call everything off: tasks that wait, and solves."""
-        for post in self._posts.values():
-            if post.future is not None:
-                post.future.cancel()
-        if self._posts:
-            with contextlib.suppress(Exception):  # a scheduler that is gone has nobody to tell
-                self._client.run(keeper.stop, self._run, workers=[*self._posts], on_error="ignore")
+        """Call everything off: solves are ended, so that tasks end by themselves, and no task is left."""
+        working = [post for post in self._posts.values() if post.future is not None]
+        # a worker that does not answer would hold up who waits for it
+        thread = threading.Thread(target=self._part, args=([*self._posts],), daemon=True)
+        thread.start()
+        thread.join(PARTING)
+        deadline = time.monotonic() + PARTING
+        for post in working:
+            while not post.future.done() and time.monotonic() < deadline:
+                time.sleep(0.02)
+            post.future.cancel()
         self._forget()
+
+    def _part(self, addresses: list[str]) -> None:
+        with contextlib.suppress(Exception):  # a scheduler that is gone has nobody to tell
+            self._client.run(keeper.stop, self._run, workers=addresses, on_error="ignore")
 
     def _turn(self, seconds: float) -> None:
         """Look who is there, take in what has come within `seconds`, and give out work."""
@@ -282,7 +296,7 @@ class Cluster:
         future = self._client.submit(
             what, *arguments, key=f"cpbench-{uuid.uuid4().hex}", workers=[post.address], allow_other_workers=False
         )
-        post.future = future
+        post.future, post.since = future, time.monotonic()
         future.add_done_callback(lambda done: self._events.put((post, done)))
 
     def _quota(self, post: _Post) -> int:
@@ -290,11 +304,6 @@ class Cluster:
         waiting = sum(len(b.pairs) for b, _ in self._todo) + sum(len(b.pairs) for b in post.blocks)
         share = math.ceil(waiting / (2 * len(self._posts)))
         return max(1, min(MOST, int(TASK / self._mean), share))
-
-    @property
-    def _mean(self) -> float:
-        """Seconds a pair takes, from all so far."""
-        return max(self._seconds, 1e-6) / self._pairs if self._pairs else TASK / 20
 
     # ----------------------------------------------------------------------------------------- taking in
 
@@ -345,6 +354,8 @@ class Cluster:
                 pair, outcome = pairs[last["at"]], read_outcome(last, vectors)
                 endings[pair.key] = (outcome.status, outcome.answer)
                 self._end(pair, outcome, post.host)
+        if endings:
+            self._mean += MEMORY * ((time.monotonic() - post.since) / len(endings) - self._mean)
         left = [(part.rest(endings), whole.rest(endings)) for part, whole in post.sent]
         post.blocks = [whole for part, whole in left if part is None and whole is not None] + post.blocks
         post.sent = [(part, whole) for part, whole in left if part is not None and whole is not None]
@@ -363,8 +374,6 @@ class Cluster:
 
     def _end(self, pair: Pair, outcome: Outcome, host: str) -> None:
         row = {**outcome.row, "jobs": sum(post.host == host for post in self._posts.values())}
-        self._pairs += 1
-        self._seconds += float(row.get("wall") or 0.0)
         self._ready.append((pair, replace(outcome, row=row), host))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,14 +24,24 @@ BATCH = {
 }
 """Batch systems, by the class of dask-jobqueue that speaks to each."""
 LOCAL = "local"
+ANSWER = 15.0
+"""Seconds in which a scheduler is to answer."""
+_LOCAL = {
+    "threads_per_worker": 1,
+    "memory_limit": 0,  # a lane has limits of its own
+    "dashboard_address": ":0",  # any port: several runs may go on side by side
+    "preload": ["import os; os.setpgid(0, 0)"],  # Ctrl-C is for the client, which ends them
+}
 _KEYS = {"cluster", "jobs", "arguments"}
 
 
 def connect(address: str, setting: Setting) -> Cluster:
     """The crew behind the scheduler at `tcp://host:port`; raises CpbenchError when nobody answers there."""
     distributed = _distributed()
+    if not re.fullmatch(r"\w+://.+:\d+", address):
+        raise CpbenchError(f"'{address}' is no address of a Dask scheduler: expected one like tcp://host:8786")
     try:
-        client = distributed.Client(address, set_as_default=False)
+        client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as cause:
         raise CpbenchError(
             f"no Dask scheduler answers at {address} ({cause}); start one with: dask scheduler"
@@ -49,8 +60,7 @@ def start(what: str, setting: Setting, jobs: int | None = None) -> Cluster:
     distributed = _distributed()
     try:
         if name == LOCAL:
-            given = {"n_workers": jobs, "threads_per_worker": 1, "memory_limit": 0, "dashboard_address": None}
-            cluster = distributed.LocalCluster(**{**given, **arguments})
+            cluster = distributed.LocalCluster(**{**_LOCAL, "n_workers": jobs, **arguments})
         else:
             cluster = getattr(_jobqueue(), BATCH[name])(**arguments)
             cluster.scale(jobs=jobs)

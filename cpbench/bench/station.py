@@ -12,17 +12,17 @@ import platform
 import queue
 import signal
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import cpbench
 from cpbench.bench import wire
 from cpbench.bench.keeper import END
+from cpbench.bench.scratch import Scratch
 from cpbench.registry import PLUGIN_FILES
 
 PARTING = 20.0
@@ -31,16 +31,25 @@ PARTING = 20.0
 
 def main() -> None:
     """Serve whoever holds the other end of the pipe whose number is the argument, until it is closed or SIGTERM."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _leave)
     connection = Connection(int(sys.argv[1]))
     inbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(connection, inbox), daemon=True).start()
     try:
         header, sources = wire.unpack(inbox.get())
-        with tempfile.TemporaryDirectory(prefix="cpbench-station-") as folder:
-            _serve(connection, inbox, header, sources, Path(folder))
+        scratch = Scratch()
+        try:
+            _serve(connection, inbox, header, sources, scratch.folder)
+        finally:
+            scratch.remove()
     except (KeyboardInterrupt, BrokenPipeError):
         return
+
+
+def _leave(*_: object) -> NoReturn:
+    """Ends what is being done; told again while it ends, it goes on ending."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def _listen(connection: Connection, inbox: queue.SimpleQueue[bytes]) -> None:

@@ -164,9 +164,9 @@ def command(
                 _print_plan(asked, assembly)
                 return
             assembly.require_pairs()
+            crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
             store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
             campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))
-            crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
             campaign.work(crew, store, asked, assembly.pairs, display)
             _finish(store, asked, assembly)
     except KeyboardInterrupt:

@@ -10,16 +10,25 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
 
+import cpbench
 from cpbench import storage
+from cpbench.bench import cluster, keeper, lenders, plan, wire
+from cpbench.bench.cluster import Cluster
+from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.parcel import pack_blocks
+from cpbench.bench.plan import Limits, Pair
+from cpbench.bench.runner import Crew, execute
 from cpbench.bench.store import Store
+from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations import LCP
+from cpbench.generators.collection import write_collections
 
 PLUGIN = Path(__file__).with_name("cluster_solvers.py")
 DASK = [sys.executable, "-m", "dask"]
@@ -105,11 +114,13 @@ def _results(path: Path) -> tuple[dict[str, dict[str, object]], dict[str, bytes]
         return {str(row["key"]): row for row in store.rows()}, dict(store.answers())
 
 
-def _stations() -> list[psutil.Process]:
-    found = []
-    for process in psutil.process_iter(["cmdline", "status"]):
-        line = " ".join(process.info["cmdline"] or ())
-        if "cpbench.bench.station" in line and process.info["status"] != psutil.STATUS_ZOMBIE:
+def _stations(**wanted: object) -> list[psutil.Process]:
+    """Stations that live, by their folder (`cwd`) or their parent (`ppid`)."""
+    found: list[psutil.Process] = []
+    for process in psutil.process_iter(["cmdline", "status", "cwd", "ppid"]):
+        info = process.info
+        living = "cpbench.bench.station" in " ".join(info["cmdline"] or ()) and info["status"] != psutil.STATUS_ZOMBIE
+        if living and all(info[name] == value for name, value in wanted.items()):
             found.append(process)
     return found
 
@@ -135,15 +146,13 @@ def test_a_worker_dies_and_one_comes_late(loopback: Loopback) -> None:
     told = running.communicate(timeout=60)[1]
     assert running.returncode == 0, told
     assert "a Dask worker was lost" in told
-    until(lambda: not _stations(), 10)
+    until(lambda: not _stations(cwd=str(loopback.folder)), 10)
 
     assert loopback.run(*chosen, "-o", "local.sqlite").returncode == 0
     (there, answers), (here, expected) = (_results(loopback.folder / f"{name}.sqlite") for name in ("dask", "local"))
     assert len(here) == 24 * 3
     assert {row["status"] for row in here.values()} == {"solved"}
-    assert {k: [row[c] for c in SAME] for k, row in there.items()} == {
-        k: [row[c] for c in SAME] for k, row in here.items()
-    }
+    assert _alike(there) == _alike(here)
     assert answers == expected
     assert {row["jobs"] for row in there.values()} <= {1, 2, 3}
 
@@ -173,10 +182,128 @@ def test_interrupted_runs_go_on(loopback: Loopback) -> None:
     told = running.communicate(timeout=30)[1]
     assert running.returncode == 130, told
     assert told.count("\n") == 1, told
-    until(lambda: not _stations(), 10)
+    until(lambda: not _stations(cwd=str(loopback.folder)), 10)
     (loopback.folder / "open").touch()
     again = loopback.run(*chosen)
     assert again.returncode == 0, again.stderr
     rows, answers = _results(loopback.folder / "r.sqlite")
     assert [row["status"] for row in rows.values()] == ["solved"] * 12
     assert answers.keys() == rows.keys()
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """Two processes, as a file describes them."""
+    file = tmp_path_factory.mktemp("local") / "cluster.toml"
+    file.write_text('cluster = "local"\njobs = 2\n[arguments]\nhost = "127.0.0.1"\n')
+    with lenders.start(str(file), Setting()) as crew:
+        yield crew
+
+
+def test_a_sequence_over_machines_that_do_not_see_its_file(
+    local: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pack lies behind a descriptor that only this process has open: copies of it go to whoever needs them. Tasks
+    end every 50 ms, so that steps follow answers that were found in another task."""
+    monkeypatch.setattr(cluster, "TASK", 0.05)
+    (tmp_path / "scene").mkdir()
+    list(write_collections(tmp_path / "scene", ("contact-sequence",)))
+    limits = Limits(seconds=30.0, repeats=1)
+    with Lane() as lane:
+        addresses = storage.problem_files([tmp_path / "scene"])
+        surveys = [lane.survey(address, [plan.exact()]) for address in addresses]
+        asked = (surveys, [plan.Entry("nsgs")], [plan.exact()], 1e-6, limits)
+        planned = [pair for start in ("previous", "cold") for pair in plan.pairs(*asked, start=start)]
+        expected, answers = _executed([lane], planned, tmp_path / "here.sqlite")
+    folder = os.open(tmp_path / "scene", os.O_RDONLY)
+    try:
+        hidden = f"/proc/self/fd/{folder}"
+        moved = [replace(p, address=p.address.replace(str(tmp_path / "scene"), hidden)) for p in planned]
+        rows, found = _executed(local, moved, tmp_path / "there.sqlite")
+    finally:
+        os.close(folder)
+    assert len(expected) == 64
+    assert _alike(rows) == _alike(expected)
+    assert found == answers
+    assert {str(row["started"]).partition(":")[0] for row in rows.values()} == {"cold", "previous"}
+
+
+def test_workers_of_another_version_are_refused(
+    local: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cpbench, "__version__", "99")
+    crew = Cluster(local._client, Setting())
+    _problems(tmp_path / "p", range(2, 3))
+    with Lane() as lane:
+        survey = lane.survey(str(tmp_path / "p" / "p2.h5"), [plan.exact()])
+    planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6)
+    with pytest.raises(CpbenchError, match=r"has cpbench 0\.[\d.]+, and the run is of 99"):
+        _executed(crew, planned, tmp_path / "r.sqlite")
+
+
+def _executed(crew: Crew | list[Lane], planned: list[Pair], path: Path) -> tuple[dict, dict]:
+    with Store(path, create=True) as store:
+        store.plan(planned)
+        execute(crew, store, planned)
+    return _results(path)
+
+
+def _alike(rows: dict[str, dict[str, object]]) -> dict[str, list[object]]:
+    return {key: [row[column] for column in SAME] for key, row in rows.items()}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "error", "told"),
+    [
+        ("c.toml", 'cluster = "os.system"', FormatError, r"cluster: is 'os.system', expected one of local, "),
+        ("c.toml", 'cluster = "local"\nclass = "x"', FormatError, "class: is not known here"),
+        ("c.toml", 'cluster = "local"\njobs = 0', FormatError, "jobs: is 0"),
+        ("c.toml", "cluster = ", FormatError, "cannot be read"),
+        ("c.yaml", "jobqueue: {slurm: {}, pbs: {}}", FormatError, "does not hold one table"),
+        ("c.yaml", "!!python/object/apply:os.system ['true']", FormatError, "does not hold one table"),
+    ],
+)
+def test_descriptions_that_cannot_be_used(tmp_path: Path, name: str, text: str, error: type, told: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(error, match=told) as refusal:
+        lenders.start(str(tmp_path / name), Setting())
+    assert "\n" not in str(refusal.value)
+
+
+def test_an_address_that_is_none() -> None:
+    with pytest.raises(CpbenchError, match="'localhost' is no address of a Dask scheduler"):
+        lenders.connect("localhost", Setting())
+
+
+def test_a_cluster_of_no_known_kind() -> None:
+    with pytest.raises(UnknownName, match=r"slurn.*slurm"):
+        lenders.start("slurn", Setting())
+
+
+def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
+    _problems(tmp_path / "p", range(2, 3))
+    done = Loopback(tmp_path).run("p", "-s", "lemke", "--cluster", "slurm")
+    assert done.returncode == 2
+    assert "the cluster 'slurm' cannot be started: " in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_station_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A client that was killed says no goodbye; one that is only slow finds its station again."""
+    monkeypatch.setattr(keeper, "IDLE", 0.5)
+    identity, greeting = keeper.greet("run", cluster._opening(Setting()))
+    nothing = pack_blocks([], places={}, copies=[], seconds=1.0)
+    try:
+        assert wire.unpack(greeting)[0]["event"] == "ready"
+        until(lambda: not _stations(ppid=os.getpid()), 20)
+        assert keeper.work("run", identity, nothing) == []
+        assert wire.unpack(keeper.work("run", "of a process before", nothing)[0])[0]["event"] == "stranger"
+    finally:
+        keeper.stop("run")
+    until(lambda: not _stations(ppid=os.getpid()), 20)
+
+
+def test_dask_is_imported_by_who_asks_for_it() -> None:
+    loaded = "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench.bench.cluster'} & {*sys.modules})"
+    done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
