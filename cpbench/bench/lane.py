@@ -116,11 +116,11 @@ class Lane:
         return self._asked(seconds, message) if reply["event"] == "died" else (reply, found)
 
     def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
-        if self._referee is None:
-            arguments = (str(self._scratch.folder), self.setting.referee_memory)
-            memory = self.setting.referee_memory
-            self._referee = Child(self._ctx, referee_process.main, arguments, memory=memory)
         try:
+            if self._referee is None:
+                arguments = (str(self._scratch.folder), self.setting.referee_memory)
+                memory = self.setting.referee_memory
+                self._referee = Child(self._ctx, referee_process.main, arguments, memory=memory)
             self._referee.output()
             self._referee.send(message)
             reply, found = wire.unpack(self._referee.receive(seconds))
@@ -130,8 +130,11 @@ class Lane:
             reply = {"event": "timeout", "message": f"no reply within {seconds:g} s"}
         except Died as death:
             reply = {"event": "memory" if death.out_of_memory else "died", "message": _obituary(death)}
-        self._referee.kill()
-        self._referee = None
+        except wire.WireError as noise:
+            reply = {"event": "died", "message": str(noise)}
+        if self._referee is not None:
+            self._referee.kill()
+            self._referee = None
         if reply["event"] == "memory":
             limit = self.setting.referee_memory
             reply["message"] = f"ran out of memory, limited to {limit} bytes" if limit else "ran out of memory"
@@ -178,9 +181,9 @@ class Lane:
     def _hired(self, name: str, memory: int) -> dict[str, Any]:
         """First message of a new worker; it is dropped unless it is ready."""
         arguments = (name, memory, self.setting.fresh)
-        child = Child(self._ctx, worker_process.main, arguments, cpus=self.setting.cpus, memory=memory)
-        self._workers[name], self._memory[name] = child, memory
         try:
+            child = Child(self._ctx, worker_process.main, arguments, cpus=self.setting.cpus, memory=memory)
+            self._workers[name], self._memory[name] = child, memory
             reply, _ = wire.unpack(child.receive(STARTUP))
         except TimedOut:
             reply = {"event": "timeout", "detail": f"no sign of life within {STARTUP:g} s"}

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, cast
 
 import psutil
 
@@ -102,6 +102,8 @@ class Child:
     cpus : cores it is tied to, () for none.
     memory : bytes by which it may grow after its first message, where that is watched from outside; where it is
     not (`rlimit`), the target limits itself by `limit_memory`.
+
+    Raises Died when the system does not let it start.
     """
 
     def __init__(
@@ -123,14 +125,19 @@ class Child:
         ours, self._lifeline = ctx.start.Pipe(duplex=False) if ctx.isolation.guard else (None, None)
         group = str(self._cgroup.path) if self._cgroup is not None else ""
         start = _Start(theirs, writer, ours, group, tuple(cpus), ctx.isolation)
-        self._process = ctx.start.Process(target=_enter, args=(start, target, args), daemon=True)
-        self._process.start()
-        theirs.close()
-        if ours is not None:
-            ours.close()
-        if self._log is not None:
-            self._log.started()
         self._selector = selectors.DefaultSelector()
+        try:
+            self._process = _started(ctx.start, (start, target, args))
+        except Died:
+            self._release()
+            raise
+        finally:
+            theirs.close()
+            if ours is not None:
+                ours.close()
+            if self._log is not None:
+                self._log.started()
+        self._first = _found(self.pid)
         self._selector.register(self._channel, selectors.EVENT_READ)
         if os.name == "posix":
             self._selector.register(self._process.sentinel, selectors.EVENT_READ)
@@ -198,17 +205,23 @@ class Child:
                 with contextlib.suppress(psutil.Error):
                     process.kill()
             time.sleep(0.001)
-        if self._isolation.guard and self.alive:
+        if self._isolation.guard and self._lives():
             self._process.join(BURIAL)
-        while self.alive and time.monotonic() < deadline:
+        while self._lives() and time.monotonic() < deadline:
             with contextlib.suppress(psutil.Error):
-                psutil.Process(self.pid).kill()
+                cast(psutil.Process, self._first).kill()
             self._process.join(LOOK)
 
     def kill(self) -> None:
         """`strike`, and bury."""
         self.strike()
         self._process.join(LOOK)
+        self._release()
+
+    # ------------------------------------------------------------------------------------------- within
+
+    def _release(self) -> None:
+        """Give back pipes, sockets and the control group."""
         self._selector.close()
         self._channel.close()
         if self._lifeline is not None:
@@ -218,7 +231,9 @@ class Child:
         if self._cgroup is not None:
             self._cgroup.remove()
 
-    # ------------------------------------------------------------------------------------------- within
+    def _lives(self) -> bool:
+        """Whether the process is there, whatever is told of it: who could tell may have been killed itself."""
+        return self._first is not None and self._first.is_running() and _lives(self._first)
 
     def _family(self) -> list[psutil.Process]:
         """The living among the descendants of the child and (where there are sessions) those in its session.
@@ -227,9 +242,8 @@ class Child:
         """
         members: dict[int, psutil.Process] = {}
         with contextlib.suppress(psutil.Error):
-            if self.alive:
-                first = psutil.Process(self.pid)
-                members = {p.pid: p for p in (first, *first.children(recursive=True))}
+            if self._first is not None:
+                members = {p.pid: p for p in (self._first, *self._first.children(recursive=True))}
         if os.name == "posix":
             for pid in psutil.pids():
                 with contextlib.suppress(OSError, psutil.Error):
@@ -253,20 +267,19 @@ class Child:
         """Bytes of resident memory of the largest among the child and its descendants, who share what they forked."""
         sizes = [0]
         with contextlib.suppress(psutil.Error):
-            first = psutil.Process(self.pid)
-            for process in (first, *first.children(recursive=True)):
+            family = [] if self._first is None else [self._first, *self._first.children(recursive=True)]
+            for process in family:
                 with contextlib.suppress(psutil.Error):
                     sizes.append(int(process.memory_info().rss))
         return max(sizes)
 
     def _death(self) -> Died:
         """Why it ended; one that goes on without its connection is killed."""
-        deadline = time.monotonic() + LAST_WORDS
-        while self.alive and time.monotonic() < deadline:
-            self._process.join(LOOK)
-        reason = "closed its connection" if self.alive else ""
+        self._process.join(LAST_WORDS)
+        reason = "closed its connection" if self.alive and self._family() else ""
         if reason:
             self.strike()
+        self._process.join(guard.PATIENCE)  # a guard that is about to say how its worker ended
         full = self._cgroup is not None and self._cgroup.out_of_memory
         return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)
 
@@ -281,6 +294,19 @@ class _Start:
     cgroup: str
     cpus: tuple[int, ...]
     isolation: Isolation
+
+
+def _started(ctx: Any, args: tuple[Any, ...]) -> Any:
+    """A new process; a forkserver that somebody killed is replaced. Raises Died."""
+    for patience in (0.2, 0.0):
+        process = ctx.Process(target=_enter, args=args, daemon=True)
+        try:
+            process.start()
+            return process
+        except (OSError, EOFError) as cause:
+            why = f"{type(cause).__name__}: {cause}"
+            time.sleep(patience)
+    raise Died(None, "", reason=f"could not be started ({why})")
 
 
 _here: Isolation | None = None
@@ -324,6 +350,14 @@ def _cgroup(means: Isolation) -> Cgroup | None:
         with contextlib.suppress(OSError):
             return Cgroup(means.cgroups)
     return None
+
+
+def _found(pid: int) -> psutil.Process | None:
+    """The process, by its id and the time it began: no other one is ever taken for it."""
+    try:
+        return psutil.Process(pid)
+    except psutil.Error:
+        return None
 
 
 def _lives(process: psutil.Process) -> bool:

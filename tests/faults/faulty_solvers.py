@@ -4,6 +4,7 @@ import ctypes
 import itertools
 import mmap
 import os
+import shutil
 import signal
 import socket
 import stat
@@ -68,6 +69,14 @@ def _orphan(problem):
     os._exit(3)
 
 
+def _forkserver(problem):
+    """The parent of our parent, who is the parent of everybody's parents."""
+    import psutil
+
+    psutil.Process().parents()[1].kill()
+    time.sleep(LONG)
+
+
 def _alarm(problem):
     signal.setitimer(signal.ITIMER_REAL, 0.05)
 
@@ -88,6 +97,7 @@ _faulty("stop", lambda p: os.kill(os.getpid(), signal.SIGSTOP))
 _faulty("orphan", _orphan)
 _faulty("parent", _and_right(lambda p: (os.kill(os.getppid(), signal.SIGKILL), time.sleep(0.2))))
 _faulty("stop-parent", _and_right(lambda p: os.kill(os.getppid(), signal.SIGSTOP)))
+_faulty("forkserver", _forkserver)
 _faulty("alarm", _and_right(_alarm))
 _faulty("recurse", _recurse)
 
@@ -104,9 +114,7 @@ def _children(problem):
 
 def _burst(problem, count=50):
     for _ in range(count):
-        if os.fork() == 0:
-            time.sleep(LONG)
-            os._exit(0)
+        os.posix_spawn(shutil.which("sleep"), ["sleep", str(LONG)], os.environ)
 
 
 def _daemon(problem):
@@ -260,9 +268,8 @@ def _threads(problem):
     import threadpoolctl
 
     threadpoolctl.threadpool_limits(4)
-    M = np.ones((600, 600))
-    for _ in range(5):
-        M @ M
+    M = np.ones((300, 300))
+    M @ M
 
 
 def _busy(problem):

@@ -25,6 +25,7 @@ EXPECTED: dict[str, tuple[str, int | None, str]] = {  # status, signal, part of 
     "exit-0": ("crash", None, "exited with code 0"),
     "orphan": ("crash", None, "exited with code 3"),
     "parent": ("crash", 9, "SIGKILL"),
+    "forkserver": ("crash", None, "exited with code 255"),  # all that is left to be known
     "recurse": ("error", None, "RecursionError"),
     # hangs
     "hang": ("timeout", None, "killed after 1 s"),
