@@ -87,6 +87,7 @@ def execute(
     if not todo:
         return
     crew = Lanes(crew) if isinstance(crew, Sequence) else crew
+    pairs = sum(len(block.pairs) for block in todo)
     hosts = set[str]()
     with ExitStack() as stack:
         reference = stack.enter_context(Reference(crew.reference)) if crew.reference else None
@@ -99,7 +100,7 @@ def execute(
                 hosts.add(host)
             store.finish(pair.key, {**outcome.row, "host": host}, outcome.answer, outcome.history)
             notice("done", pair, outcome.row)
-            if reference and done % REFERENCE_EVERY == 0:
+            if reference and (done % REFERENCE_EVERY == 0 or done == pairs):
                 store.add_reference(done, *reference.measure())
 
 

@@ -11,12 +11,12 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.bench import plan
+from cpbench.bench import plan, starts
 from cpbench.bench.lane import Lane, Setting
 from cpbench.bench.referee import unblob
 from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Counts, force_option, format_option, limit_options, number, tolerance_option
-from cpbench.errors import NoRoute
+from cpbench.errors import CpbenchError, NoRoute
 
 
 @click.command()
@@ -25,6 +25,13 @@ from cpbench.errors import NoRoute
 @click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion.")
 @click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
 @click.option("--routes", type=click.Choice(["exact", "all"]), default="exact", show_default=True)
+@click.option(
+    "--start",
+    default="cold",
+    show_default=True,
+    metavar="POLICY",
+    help="Where the solver starts: cold, file (the file's guess) or perturbed:σ (near its solution).",
+)
 @tolerance_option
 @limit_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the answer (.h5, .npy, .csv).")
@@ -37,6 +44,7 @@ def command(
     via: tuple[str, ...],
     facets: tuple[int, ...],
     routes: str,
+    start: str,
     tolerance: float,
     timeout: float,
     memory: int,
@@ -48,6 +56,11 @@ def command(
 ) -> None:
     """Solve one problem by one solver, in a process of its own, and say what the answer is worth."""
     entry = plan.parse_entry(solver)
+    policy = starts.parse_start(start)
+    if policy.kind is starts.StartKind.PREVIOUS:
+        raise CpbenchError(
+            "--start previous: a problem by itself has no step before it; see cpbench run --start previous"
+        )
     if via:
         asked = [plan.pinned(via, {"facets": facets[0]})]
     else:
@@ -55,7 +68,9 @@ def command(
     limits = plan.Limits(timeout, memory, threads, repeats=1)
     with Lane(Setting(threads, memory)) as lane:
         survey = lane.survey(problem, asked, file_format)
-        pairs = plan.pairs([survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via)
+        pairs = plan.pairs(
+            [survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via, start=str(policy)
+        )
         if not pairs:
             raise NoRoute(
                 f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
@@ -82,6 +97,8 @@ def command(
 
 def _print(pair: plan.Pair, row: Mapping[str, Any]) -> None:
     click.echo(f"{pair.problem} ({pair.node}) by {pair.label}: {row['status']}")
+    if row.get("started") not in (None, "cold"):
+        click.echo(f"  started    {row['started']}")
     if row.get("route"):
         click.echo(f"  route      {row['route']} ({row['kind']})")
     if row.get("error") is not None:

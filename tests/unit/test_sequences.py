@@ -6,6 +6,8 @@ import json
 import multiprocessing as mp
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -140,3 +142,14 @@ def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path
         rows = store.table()
     assert set(rows["status"]) == {"unsupported"}
     assert rows["message"].str.contains("takes no starting point").all()
+
+
+def test_one_step_is_solved_again_from_near_its_solution(scene: Path) -> None:
+    """The start is in the row; a problem by itself has no step before it."""
+    command = [sys.executable, "-m", "cpbench", "solve", f"{scene}::step-003", "-s", "nsgs", "--json", "--start"]
+    near = subprocess.run([*command, "perturbed:1e-3"], capture_output=True, text=True, timeout=120, check=True)
+    row = json.loads(near.stdout)
+    assert (row["status"], row["started"]) == ("solved", "perturbed:0.001")
+    refused = subprocess.run([*command, "previous"], capture_output=True, text=True, timeout=120, check=False)
+    assert refused.returncode == 2
+    assert "cpbench run --start previous" in refused.stderr
