@@ -1,41 +1,27 @@
 """One child process with hard limits: apart from all others, its memory limited, its output kept, killed with all
 that it started.
 
-On Linux children come from a forkserver that has the numerical packages loaded, so that a respawn costs
-milliseconds, and every one has its guard (`guard`). What else holds where is said by `isolation`.
+On Linux every child has its guard (`guard`); what else holds where is said by `isolation`.
 """
 
 from __future__ import annotations
 
 import contextlib
-import multiprocessing as mp
 import os
 import selectors
 import signal
-import socket
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from typing import Any, cast
 
 import psutil
 
-from cpbench.bench import channel, guard, isolation
-from cpbench.bench.cgroup import Cgroup, remove_abandoned
+from cpbench.bench import channel, guard
+from cpbench.bench.cgroup import Cgroup
 from cpbench.bench.isolation import Isolation
+from cpbench.bench.launch import Context, Start, started
 from cpbench.bench.log import Log
 
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "RAYON_NUM_THREADS",
-)
-PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.preload"]
 LOOK = 0.05
 """Seconds between two looks at a child that says nothing."""
 LAST_WORDS = 0.5
@@ -73,27 +59,6 @@ class Died(Exception):
         return self._out_of_memory or "bad_alloc" in self.output or "MemoryError" in self.output
 
 
-@dataclass(frozen=True)
-class Context:
-    """How processes of a run are made: by `start`, a context of multiprocessing, with these means of isolation."""
-
-    start: Any
-    isolation: Isolation
-
-
-def context(threads: int, asked: str | None = None) -> Context:
-    """The means of this system; thread counts are set before anything numerical is imported."""
-    for variable in THREAD_VARIABLES:
-        os.environ[variable] = str(threads)
-    found = isolation.detect(asked)
-    if found.cgroups:
-        remove_abandoned(found.cgroups)
-    ctx = mp.get_context(found.start)
-    if found.forks:
-        ctx.set_forkserver_preload(PRELOAD)
-    return Context(ctx, found)
-
-
 class Child:
     """A process running `target(channel, *args)`, apart from all others.
 
@@ -124,13 +89,13 @@ class Child:
         writer = self._log.writer if self._log is not None else None
         ours, self._lifeline = ctx.start.Pipe(duplex=False) if ctx.isolation.guard else (None, None)
         group = str(self._cgroup.path) if self._cgroup is not None else ""
-        start = _Start(theirs, writer, ours, group, tuple(cpus), ctx.isolation)
+        start = Start(theirs, writer, ours, group, tuple(cpus), ctx.isolation)
         self._selector = selectors.DefaultSelector()
         try:
-            self._process = _started(ctx.start, (start, target, args))
-        except Died:
+            self._process = started(ctx.start, start, target, args)
+        except OSError as cause:
             self._release()
-            raise
+            raise Died(None, "", reason=f"could not be started ({cause})") from None
         finally:
             theirs.close()
             if ours is not None:
@@ -282,66 +247,6 @@ class Child:
         self._process.join(guard.PATIENCE)  # a guard that is about to say how its worker ended
         full = self._cgroup is not None and self._cgroup.out_of_memory
         return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)
-
-
-@dataclass(frozen=True)
-class _Start:
-    """What a new process gets on its way."""
-
-    connection: socket.socket
-    output: Connection | None
-    lifeline: Connection | None
-    cgroup: str
-    cpus: tuple[int, ...]
-    isolation: Isolation
-
-
-def _started(ctx: Any, args: tuple[Any, ...]) -> Any:
-    """A new process; a forkserver that somebody killed is replaced. Raises Died."""
-    for patience in (0.2, 0.0):
-        process = ctx.Process(target=_enter, args=args, daemon=True)
-        try:
-            process.start()
-            return process
-        except (OSError, EOFError) as cause:
-            why = f"{type(cause).__name__}: {cause}"
-            time.sleep(patience)
-    raise Died(None, "", reason=f"could not be started ({why})")
-
-
-_here: Isolation | None = None
-"""The means by which this process was started, None in the runner."""
-
-
-def _enter(start: _Start, target: Callable[..., None], args: tuple[Any, ...]) -> None:
-    """First steps of every child: its group, its session, its cores, its guard; its output into the log."""
-    global _here
-    _here = start.isolation
-    if hasattr(os, "setsid"):
-        os.setsid()
-    isolation.pin(start.cpus)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to handle
-    isolation.no_core_dumps()
-    if start.output is not None:
-        for descriptor in (1, 2):
-            os.dup2(start.output.fileno(), descriptor)
-        start.output.close()
-    if start.lifeline is None:
-        target(channel.Channel(start.connection), *args)
-        return
-    guard.stand(start.cgroup, start.lifeline, start.connection.close)
-    guard.finish(lambda: target(channel.Channel(start.connection), *args))
-
-
-def limit_memory(growth: int) -> None:
-    """Let this process grow by at most `growth` bytes (0: no limit), where it is not limited from outside."""
-    if growth > 0 and _here is not None and _here.memory == "rlimit":
-        isolation.limit_address_space(growth)
-
-
-def forks() -> bool:
-    """Whether this process, started by a runner, may fork."""
-    return _here is not None and _here.forks
 
 
 def _cgroup(means: Isolation) -> Cgroup | None:

@@ -25,7 +25,7 @@ from cpbench.bench import starts, wire
 from cpbench.bench.channel import Channel
 from cpbench.bench.features import features
 from cpbench.bench.history import Trail, coarse_to_fine
-from cpbench.bench.process import limit_memory
+from cpbench.bench.launch import limit_memory
 from cpbench.conversions import Conversion, make
 from cpbench.errors import CpbenchError, PointError, ProblemError
 from cpbench.formulations.base import Kind, Problem

@@ -12,7 +12,8 @@ import cpbench.bench.worker as worker_process
 from cpbench import storage
 from cpbench.bench import wire
 from cpbench.bench.lane import STARTUP, Setting
-from cpbench.bench.process import Child, Died, TimedOut, context
+from cpbench.bench.launch import context
+from cpbench.bench.process import Child, Died, TimedOut
 from cpbench.bench.scratch import Scratch
 from cpbench.formulations import LCP
 

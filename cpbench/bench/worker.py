@@ -23,8 +23,8 @@ from cpbench.bench import wire
 from cpbench.bench.apart import apart
 from cpbench.bench.channel import Channel
 from cpbench.bench.history import recorded
+from cpbench.bench.launch import forks, limit_memory
 from cpbench.bench.meter import Meter, checksum
-from cpbench.bench.process import forks, limit_memory
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers

@@ -14,7 +14,8 @@ import pytest
 
 from cpbench.bench import cgroup, isolation
 from cpbench.bench.cgroup import Cgroup
-from cpbench.bench.process import Child, Died, TimedOut, context, limit_memory
+from cpbench.bench.launch import context, limit_memory
+from cpbench.bench.process import Child, Died, TimedOut
 from cpbench.bench.wire import WireError
 from cpbench.errors import CpbenchError, UnknownName
 

@@ -16,8 +16,9 @@ import scipy.sparse as sp
 from cpbench import storage
 from cpbench.bench import meter, wire, worker
 from cpbench.bench.apart import apart
+from cpbench.bench.launch import context
 from cpbench.bench.meter import Meter, checksum
-from cpbench.bench.process import Child, Died, context
+from cpbench.bench.process import Child, Died
 from cpbench.formulations import LCP
 
 MiB = 2**20

@@ -1,0 +1,112 @@
+"""How a process of a run begins: by which means, with what loaded, and its first steps.
+
+On Linux it comes from a forkserver that has the numerical packages loaded (`preload`): a start takes milliseconds.
+"""
+
+from __future__ import annotations
+
+import multiprocessing as mp
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from cpbench.bench import cgroup, guard, isolation
+from cpbench.bench.channel import Channel
+from cpbench.bench.isolation import Isolation
+
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "RAYON_NUM_THREADS",
+)
+PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.preload"]
+
+
+@dataclass(frozen=True)
+class Context:
+    """How processes of a run are made: by `start`, a context of multiprocessing, with these means of isolation."""
+
+    start: Any
+    isolation: Isolation
+
+
+def context(threads: int, asked: str | None = None) -> Context:
+    """The means of this system; thread counts are set before anything numerical is imported."""
+    for variable in THREAD_VARIABLES:
+        os.environ[variable] = str(threads)
+    found = isolation.detect(asked)
+    if found.cgroups:
+        cgroup.remove_abandoned(found.cgroups)
+    ctx = mp.get_context(found.start)
+    if found.forks:
+        ctx.set_forkserver_preload(PRELOAD)
+    return Context(ctx, found)
+
+
+@dataclass(frozen=True)
+class Start:
+    """What a new process gets on its way."""
+
+    connection: socket.socket
+    output: Connection | None
+    lifeline: Connection | None
+    cgroup: str
+    cpus: tuple[int, ...]
+    isolation: Isolation
+
+
+def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any, ...]) -> Any:
+    """A new process running `target(channel, *args)`; a forkserver that somebody killed is replaced. Raises OSError."""
+    for patience in (0.2, 0.0):
+        process = ctx.Process(target=_enter, args=(start, target, args), daemon=True)
+        try:
+            process.start()
+            return process
+        except (OSError, EOFError) as cause:
+            why = f"{type(cause).__name__}: {cause}"
+            time.sleep(patience)
+    raise OSError(why)
+
+
+_here: Isolation | None = None
+"""The means by which this process was started, None in the runner."""
+
+
+def _enter(start: Start, target: Callable[..., None], args: tuple[Any, ...]) -> None:
+    """First steps of every child: its group, its session, its cores, its guard; its output into the log."""
+    global _here
+    _here = start.isolation
+    if hasattr(os, "setsid"):
+        os.setsid()
+    isolation.pin(start.cpus)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to handle
+    isolation.no_core_dumps()
+    if start.output is not None:
+        for descriptor in (1, 2):
+            os.dup2(start.output.fileno(), descriptor)
+        start.output.close()
+    if start.lifeline is None:
+        target(Channel(start.connection), *args)
+        return
+    guard.stand(start.cgroup, start.lifeline, start.connection.close)
+    guard.finish(lambda: target(Channel(start.connection), *args))
+
+
+def limit_memory(growth: int) -> None:
+    """Let this process grow by at most `growth` bytes (0: no limit), where it is not limited from outside."""
+    if growth > 0 and _here is not None and _here.memory == "rlimit":
+        isolation.limit_address_space(growth)
+
+
+def forks() -> bool:
+    """Whether this process, started by a runner, may fork."""
+    return _here is not None and _here.forks
