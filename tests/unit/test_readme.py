@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
+import click
+
+from cpbench.bench import plan_file
+from cpbench.cli import cli
 from cpbench.formulations import formulations
 from cpbench.graph import edges
 from cpbench.report.registry_tables import promise, registry_tables, replace_between_marks
@@ -31,3 +36,23 @@ def test_every_picture_and_file_named_exists() -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", README.read_text()):
         if "://" not in target:
             assert (README.parent / target).exists(), target
+
+
+def test_the_plan_file_is_one(tmp_path: Path) -> None:
+    """Two sets, read by the reader of plan files, which refuses unknown keys and values."""
+    (example,) = re.findall(r"^```toml\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)
+    (tmp_path / "cpbench.toml").write_text(example)
+    plan = plan_file.read(tmp_path / "cpbench.toml")
+    assert [part["name"] for part in plan.sets] == ["boxes", "rolling"]
+
+
+def test_the_options_named_are_those_of_the_commands() -> None:
+    """Every command line of the README is one that the command line understands, down to the options."""
+    for line in re.findall(r"^cpbench (.*?)(?:  #.*)?$", README.read_text(), re.MULTILINE):
+        for part in line.split("&&"):
+            name, *words = shlex.split(part.removeprefix(" cpbench"))
+            command = cli.get_command(click.Context(cli), name)
+            assert command is not None, name
+            known = {flag for option in command.params for flag in (*option.opts, *option.secondary_opts)}
+            used = {word.partition("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)}
+            assert used <= known, (line, used - known)
