@@ -41,7 +41,7 @@ EXPECTED: dict[str, tuple[str, int | None, str]] = {  # status, signal, part of 
     "twin": ("solved", None, ""),
     "chatter": ("solved", None, ""),
     "threads": ("solved", None, ""),
-    "busy": ("solved", None, ""),
+    "busy": ("solved", None, ""),  # flagged where there are cores to spare
     # memory: 2 GiB under a limit of 1 GiB
     "eat": ("memout", None, "over 1073741824 bytes"),
     "numpy": ("memout", None, "over 1073741824 bytes"),
@@ -92,7 +92,6 @@ FLAGS = {
     "daemon": "children",
     "chatter": "threads",
     "threads": "threads",
-    "busy": "threads",
     "overwrite": "wrote",
     "overwrite-c": "wrote",
     "then-abort": "repeat",
