@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 from cpbench.bench.history import History, derived_rows
 from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome, Predecessor
-from cpbench.bench.plan import Pair
+from cpbench.bench.planning.plan import Pair
 
 PREVIOUS = "previous"
 """The start policy by which a step of a sequence starts from the answer to the step before."""

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from cpbench.bench import machine
-from cpbench.bench.assembly import Assembly
 from cpbench.bench.lane import Lane
-from cpbench.bench.plan import Pair
-from cpbench.bench.run_plan import RunPlan
+from cpbench.bench.planning.assembly import Assembly
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.planning.selection import RERUN, RETRIED
+from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
-from cpbench.bench.selection import RERUN, RETRIED
-from cpbench.bench.store import Store
 from cpbench.solvers.base import solvers
 
 

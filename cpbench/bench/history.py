@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench.bench import wire
+from cpbench.bench.processes import wire
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector

@@ -15,11 +15,11 @@ from typing import Any
 
 import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
-from cpbench.bench import wire
-from cpbench.bench.launch import context
 from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr
-from cpbench.bench.plan import Pair, Request
-from cpbench.bench.process import Child, Died, TimedOut
+from cpbench.bench.planning.plan import Pair, Request
+from cpbench.bench.processes import wire
+from cpbench.bench.processes.launch import context
+from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.scratch import Scratch
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind

@@ -21,11 +21,12 @@ from typing import Any
 import numpy as np
 
 from cpbench import graph, storage, verification
-from cpbench.bench import starts, wire
-from cpbench.bench.channel import Channel
-from cpbench.bench.features import features
+from cpbench.bench import starts
 from cpbench.bench.history import Trail, coarse_to_fine
-from cpbench.bench.launch import limit_memory
+from cpbench.bench.planning.features import features
+from cpbench.bench.processes import wire
+from cpbench.bench.processes.channel import Channel
+from cpbench.bench.processes.launch import limit_memory
 from cpbench.conversions import Conversion, make
 from cpbench.errors import CpbenchError, PointError, ProblemError
 from cpbench.formulations.base import Kind, Problem

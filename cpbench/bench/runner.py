@@ -15,9 +15,9 @@ from cpbench.bench import machine
 from cpbench.bench.block import Block, Notice, silent
 from cpbench.bench.lane import Lane, Setting
 from cpbench.bench.outcome import Outcome
-from cpbench.bench.plan import Pair
+from cpbench.bench.planning.plan import Pair
 from cpbench.bench.reference import Reference
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 
 REFERENCE_EVERY = 100
 """Pairs between two reference solves."""

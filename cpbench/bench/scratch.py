@@ -7,7 +7,7 @@ import tempfile
 import uuid
 from pathlib import Path
 
-from cpbench.bench.lock import Lock
+from cpbench.bench.results.lock import Lock
 from cpbench.errors import StoreError
 
 _PREFIX = "cpbench-run-"

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from cpbench import storage
-from cpbench.bench import wire
-from cpbench.bench.apart import apart
-from cpbench.bench.channel import Channel
 from cpbench.bench.history import recorded
-from cpbench.bench.launch import forks, limit_memory
-from cpbench.bench.meter import Meter, checksum
+from cpbench.bench.processes import wire
+from cpbench.bench.processes.apart import apart
+from cpbench.bench.processes.channel import Channel
+from cpbench.bench.processes.launch import forks, limit_memory
+from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers

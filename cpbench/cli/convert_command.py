@@ -9,7 +9,7 @@ import click
 import psutil
 
 from cpbench import checking, graph, storage
-from cpbench.bench import plan
+from cpbench.bench.planning import plan
 from cpbench.bench.referee import parse_request
 from cpbench.cli.options import Counts, Memory, force_option, format_option, number, tolerance_option
 from cpbench.cli.progress import converting

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from cpbench.bench import isolation, machine
+from cpbench.bench import machine
+from cpbench.bench.processes import isolation
 
 
 @click.command()

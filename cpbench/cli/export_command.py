@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 from cpbench.cli.options import force_option
 from cpbench.errors import FormatError
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from cpbench.bench.merge import PREFER, merge
-from cpbench.bench.store import Store
+from cpbench.bench.results.merge import PREFER, merge
+from cpbench.bench.results.store import Store
 
 
 @click.command()

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from cpbench.bench import quantities
+from cpbench.bench.planning import quantities
 from cpbench.errors import CpbenchError
 
 

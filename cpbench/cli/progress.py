@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cpbench.bench.plan import Pair
+from cpbench.bench.planning.plan import Pair
 from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations import Problem

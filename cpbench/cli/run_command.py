@@ -12,18 +12,19 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from cpbench.bench import campaign, dry_run, history, plan_file, run_plan
-from cpbench.bench.assembly import Assembly, assemble
+from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane, Setting
-from cpbench.bench.run_plan import RUN_KEYS, SET_KEYS, RunPlan
+from cpbench.bench.planning import dry_run, plan_file, run_plan
+from cpbench.bench.planning.assembly import Assembly, assemble
+from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
+from cpbench.bench.results.store import KEEP, Store
 from cpbench.bench.runner import settings
-from cpbench.bench.store import KEEP, Store
 from cpbench.cli.options import Counts, Names, Numbers, Sections, format_option, limit_options
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError
 
 if TYPE_CHECKING:
-    from cpbench.bench.cluster import Cluster
+    from cpbench.bench.cluster.crew import Cluster
 
 SECTIONS = {
     "Plan": ["plan_path", "only_sets"],
@@ -176,7 +177,7 @@ def command(
 
 
 def _cluster(asked: RunPlan, common: Setting) -> Cluster:
-    from cpbench.bench import lenders
+    from cpbench.bench.cluster import lenders
 
     if asked.dask:
         return lenders.connect(asked.dask, common)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from cpbench import graph, storage
-from cpbench.bench import plan
+from cpbench.bench.planning import plan
 from cpbench.bench.referee import parse_request
 from cpbench.cli.options import Counts, format_option
 from cpbench.cli.routes import kinds_option

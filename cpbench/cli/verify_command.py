@@ -34,7 +34,7 @@ def command(
     With --rejudge, measure the kept answers of a results file again, without solving, and print what changes.
     """
     if rejudge is not None:
-        from cpbench.bench.rejudge import rejudge_file
+        from cpbench.bench.results.rejudge import rejudge_file
 
         tolerance_given = click.get_current_context().get_parameter_source("tolerance")
         asked = tolerance if tolerance_given and tolerance_given.name != "DEFAULT" else None

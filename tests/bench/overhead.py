@@ -37,11 +37,12 @@ import overhead_beside
 from overhead_qps import BACKENDS
 
 from cpbench import storage
-from cpbench.bench import machine, plan
+from cpbench.bench import machine
 from cpbench.bench.lane import Lane, Setting
-from cpbench.bench.plan import Pair
+from cpbench.bench.planning import plan
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
-from cpbench.bench.store import Store
 from cpbench.formulations import LCP
 
 ENTRIES = [plan.Entry("psor", {"omega": round(0.6 + 0.1 * i, 1)}) for i in range(10)]

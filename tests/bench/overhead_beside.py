@@ -17,7 +17,7 @@ from typing import ClassVar
 import overhead_qps
 from overhead_qps import BACKENDS, TOLERANCE
 
-from cpbench.bench.store import read_results
+from cpbench.bench.results.store import read_results
 
 HERE = Path(__file__).parent
 FEW = 10

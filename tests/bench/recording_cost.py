@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.bench import wire
 from cpbench.bench.history import recorded
+from cpbench.bench.processes import wire
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget, Solver, Trait, solvers
 from cpbench.testing import planted, planted_conic, planted_contact

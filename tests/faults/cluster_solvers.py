@@ -25,7 +25,7 @@ def _above(what):
 
 def dask_worker():
     """The station's parent is the Dask worker, under a nanny or not."""
-    station = _above("cpbench.bench.station")
+    station = _above("cpbench.bench.cluster.station")
     return station and station.parent()
 
 
@@ -65,6 +65,6 @@ class KillsStation(Solver):
 
     def solve(self, prepared, budget, options, start=None, record=None):
         if prepared.q.size == 5:
-            os.kill(_above("cpbench.bench.station").pid, signal.SIGKILL)
+            os.kill(_above("cpbench.bench.cluster.station").pid, signal.SIGKILL)
             time.sleep(60)
         return _answer(prepared)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 from cpbench.formulations import LCP
 
 PLUGIN = Path(__file__).with_name("faulty_solvers.py")

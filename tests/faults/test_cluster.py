@@ -19,13 +19,16 @@ import pytest
 
 import cpbench
 from cpbench import storage
-from cpbench.bench import cluster, keeper, lenders, plan, wire
-from cpbench.bench.cluster import Cluster
+from cpbench.bench.cluster import crew as cluster
+from cpbench.bench.cluster import keeper, lenders
+from cpbench.bench.cluster.crew import Cluster
+from cpbench.bench.cluster.parcel import pack_blocks
 from cpbench.bench.lane import Lane, Setting
-from cpbench.bench.parcel import pack_blocks
-from cpbench.bench.plan import Limits, Pair
+from cpbench.bench.planning import plan
+from cpbench.bench.planning.plan import Limits, Pair
+from cpbench.bench.processes import wire
+from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
-from cpbench.bench.store import Store
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations import LCP
 from cpbench.generators.collection import write_collections
@@ -119,7 +122,10 @@ def _stations(**wanted: object) -> list[psutil.Process]:
     found: list[psutil.Process] = []
     for process in psutil.process_iter(["cmdline", "status", "cwd", "ppid"]):
         info = process.info
-        living = "cpbench.bench.station" in " ".join(info["cmdline"] or ()) and info["status"] != psutil.STATUS_ZOMBIE
+        living = (
+            "cpbench.bench.cluster.station" in " ".join(info["cmdline"] or ())
+            and info["status"] != psutil.STATUS_ZOMBIE
+        )
         if living and all(info[name] == value for name, value in wanted.items()):
             found.append(process)
     return found
@@ -304,6 +310,8 @@ def test_a_station_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.Monk
 
 
 def test_dask_is_imported_by_who_asks_for_it() -> None:
-    loaded = "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench.bench.cluster'} & {*sys.modules})"
+    loaded = (
+        "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench.bench.cluster.crew'} & {*sys.modules})"
+    )
     done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

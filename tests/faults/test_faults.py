@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from cpbench.bench.referee import unblob
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 
 LIMIT = 1.0
 HEALTHY = ("lemke", "bpp", "pgs")

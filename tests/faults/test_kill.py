@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 
 
 def test_kill_and_resume(bench) -> None:

@@ -21,10 +21,10 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench import plan
 from cpbench.bench.lane import Lane
-from cpbench.bench.plan import Entry, Pair, Request
-from cpbench.bench.store import Store, read_results
+from cpbench.bench.planning import plan
+from cpbench.bench.planning.plan import Entry, Pair, Request
+from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 from cpbench.formulations import LCP
 
@@ -244,7 +244,7 @@ def test_two_runs_on_one_file(tmp_path: Path) -> None:
     """The second is told who is at it; readers are let in; kill -9 of the first leaves no lock behind."""
     path = tmp_path / "r.sqlite"
     assert run(tmp_path, path).returncode == 0
-    code = "import sys, time; from cpbench.bench.store import Store; s = Store(sys.argv[1], create=True)"
+    code = "import sys, time; from cpbench.bench.results.store import Store; s = Store(sys.argv[1], create=True)"
     code += "; s._connection.execute('BEGIN IMMEDIATE'); print('held', flush=True); time.sleep(600)"
     command = [sys.executable, "-c", code, str(path)]
     holder = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -277,7 +277,7 @@ def test_a_link_is_the_file_that_it_leads_to(tmp_path: Path) -> None:
 
 
 def test_another_program_that_holds_the_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cpbench.bench.store.PATIENCE", 0.1)
+    monkeypatch.setattr("cpbench.bench.results.store.PATIENCE", 0.1)
     path = tmp_path / "r.sqlite"
     with Store(path, create=True) as store:
         store.plan(PLANNED)

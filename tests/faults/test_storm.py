@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from cpbench import storage
-from cpbench.bench.store import Store, read_results
+from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 from cpbench.formulations import LCP
 

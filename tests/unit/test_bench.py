@@ -14,11 +14,12 @@ import pytest
 
 from cpbench import graph, storage
 from cpbench.bench import lane as lanes
-from cpbench.bench import plan, wire
 from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.planning import plan
+from cpbench.bench.processes import wire
 from cpbench.bench.referee import Referee, _Charged
+from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
-from cpbench.bench.store import Store
 from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
 from cpbench.factorization import Factorization

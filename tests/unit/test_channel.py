@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from cpbench.bench import channel
-from cpbench.bench.channel import Channel
-from cpbench.bench.wire import WireError
+from cpbench.bench.processes import channel
+from cpbench.bench.processes.channel import Channel
+from cpbench.bench.processes.wire import WireError
 
 HEAD = "<4sIQ"
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 from cpbench.cli import COMMANDS, main
 from cpbench.formulations import LCP, MLCP, FrictionContact
 

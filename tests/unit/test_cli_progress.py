@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 from cpbench.formulations import LCP
 
 SLOW = """

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench import campaign, dry_run
-from cpbench.bench.assembly import Assembly, Part
+from cpbench.bench import campaign
 from cpbench.bench.lane import GRACE
-from cpbench.bench.plan import Entry, Limits, Pair, exact
-from cpbench.bench.run_plan import ProblemSet, RunPlan
-from cpbench.bench.store import Store
+from cpbench.bench.planning import dry_run
+from cpbench.bench.planning.assembly import Assembly, Part
+from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
+from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
+from cpbench.bench.results.store import Store
 from cpbench.cli import main
 from cpbench.formulations import LCP
 

@@ -13,9 +13,10 @@ import pytest
 
 from cpbench import graph, storage
 from cpbench.bench import history as histories
-from cpbench.bench import plan, wire
 from cpbench.bench.history import History, Recorder, coarse_to_fine, derived_rows, recorded
 from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan
+from cpbench.bench.processes import wire
 from cpbench.bench.referee import Referee
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations import LCP, FrictionContact, LCPPoint

@@ -12,11 +12,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from cpbench.bench import cgroup, isolation
-from cpbench.bench.cgroup import Cgroup
-from cpbench.bench.launch import context, limit_memory
-from cpbench.bench.process import Child, Died, TimedOut
-from cpbench.bench.wire import WireError
+from cpbench.bench.processes import cgroup, isolation
+from cpbench.bench.processes.cgroup import Cgroup
+from cpbench.bench.processes.launch import context, limit_memory
+from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.processes.wire import WireError
 from cpbench.errors import CpbenchError, UnknownName
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from cpbench.bench.log import PART, Log
+from cpbench.bench.processes.log import PART, Log
 
 
 def _log() -> Log:

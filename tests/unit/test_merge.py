@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench.merge import merge
-from cpbench.bench.plan import Entry, Limits, Pair, Request
-from cpbench.bench.store import Store, read_results
+from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.results.merge import merge
+from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 from cpbench.formulations import LCP
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cpbench import graph, storage
-from cpbench.bench import plan
 from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan
 from cpbench.conversions import make
 from cpbench.errors import NoRoute
 from cpbench.formulations import LCP

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from cpbench.bench import plan_file, run_plan
-from cpbench.bench.plan import Limits
-from cpbench.bench.run_plan import RUN_KEYS, SET_KEYS, ProblemSet, RunPlan
+from cpbench.bench.planning import plan_file, run_plan
+from cpbench.bench.planning.plan import Limits
+from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, ProblemSet, RunPlan
 from cpbench.cli.run_command import SECTIONS, command
 
 NIGHT = """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cpbench.bench import grids, quantities
+from cpbench.bench.planning import grids, quantities
 from cpbench.errors import CpbenchError
 
 

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cpbench import storage
-from cpbench.bench import features, selection
-from cpbench.bench.plan import Entry, Limits, Pair, exact
-from cpbench.bench.run_plan import ProblemSet
+from cpbench.bench.planning import features, selection
+from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
+from cpbench.bench.planning.run_plan import ProblemSet
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact, Sequence
 from cpbench.formulations.base import formulations

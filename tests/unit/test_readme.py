@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.bench import plan_file
+from cpbench.bench.planning import plan_file
 from cpbench.cli import cli
 from cpbench.formulations import formulations
 from cpbench.graph import edges

@@ -19,12 +19,12 @@ import pytest
 from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.starts import paired
-from cpbench.bench import plan
 from cpbench.bench.lane import Lane
-from cpbench.bench.plan import Pair
+from cpbench.bench.planning import plan
+from cpbench.bench.planning.plan import Pair
 from cpbench.bench.referee import unblob
+from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
-from cpbench.bench.store import Store
 from cpbench.generators.collection import write_collections
 
 LIMITS = plan.Limits(seconds=30.0, repeats=1)

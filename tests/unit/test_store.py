@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from cpbench.bench import schema
-from cpbench.bench.plan import Entry, Limits, Pair, Request
-from cpbench.bench.store import Store, read_results, use_journal
+from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.results import schema
+from cpbench.bench.results.store import Store, read_results, use_journal
 from cpbench.errors import StoreError
 
 DUMP = Path(__file__).parents[1] / "golden" / "results_schema1.sql"

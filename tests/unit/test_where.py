@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cpbench.bench.where import DEEPEST, LONGEST, ExpressionError, condition, words
+from cpbench.bench.planning.where import DEEPEST, LONGEST, ExpressionError, condition, words
 
 FACTS = {"n": 7.0, "nc": 120.0, "ndof": 300.0, "density": 0.25, "node": "gfc", "family": "chains"}
 KNOWN = {name: type(value) for name, value in FACTS.items()} | {"absent": float, "zero": float}

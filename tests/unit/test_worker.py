@@ -14,11 +14,12 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench import storage
-from cpbench.bench import meter, wire, worker
-from cpbench.bench.apart import apart
-from cpbench.bench.launch import context
-from cpbench.bench.meter import Meter, checksum
-from cpbench.bench.process import Child, Died
+from cpbench.bench import worker
+from cpbench.bench.processes import meter, wire
+from cpbench.bench.processes.apart import apart
+from cpbench.bench.processes.launch import context
+from cpbench.bench.processes.meter import Meter, checksum
+from cpbench.bench.processes.process import Child, Died
 from cpbench.formulations import LCP
 
 MiB = 2**20

@@ -16,11 +16,11 @@ from typing import Any, cast
 
 import psutil
 
-from cpbench.bench import channel, guard
-from cpbench.bench.cgroup import Cgroup
-from cpbench.bench.isolation import Isolation
-from cpbench.bench.launch import Context, Start, started
-from cpbench.bench.log import Log
+from cpbench.bench.processes import channel, guard
+from cpbench.bench.processes.cgroup import Cgroup
+from cpbench.bench.processes.isolation import Isolation
+from cpbench.bench.processes.launch import Context, Start, started
+from cpbench.bench.processes.log import Log
 
 LOOK = 0.05
 """Seconds between two looks at a child that says nothing."""

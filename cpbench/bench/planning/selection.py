@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import storage
-from cpbench.bench import features, where
 from cpbench.bench.block import PREVIOUS
-from cpbench.bench.plan import Pair
-from cpbench.bench.run_plan import BUILTIN, ProblemSet
+from cpbench.bench.planning import features, where
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.storage.base import SEPARATOR, split_address
 

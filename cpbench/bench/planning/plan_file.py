@@ -24,11 +24,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench import features, grids, quantities, where
-from cpbench.bench.plan import find_via
-from cpbench.bench.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
+from cpbench.bench.planning import features, grids, quantities, where
+from cpbench.bench.planning.plan import find_via
+from cpbench.bench.planning.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
+from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
-from cpbench.bench.store import KEEP
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.storage import formats
 from cpbench.verification import Status

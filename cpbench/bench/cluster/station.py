@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import cpbench
-from cpbench.bench import wire
-from cpbench.bench.keeper import END
+from cpbench.bench.cluster.keeper import END
+from cpbench.bench.processes import wire
 from cpbench.bench.scratch import Scratch
 from cpbench.registry import PLUGIN_FILES
 
@@ -77,8 +77,8 @@ def _serve(
     os.environ[PLUGIN_FILES] = os.pathsep.join(_plugins(opening["plugins"], sources, folder))
     # what knows solvers and conversions looks for plugins when it is imported
     from cpbench.bench import machine
+    from cpbench.bench.cluster.outpost import Outpost
     from cpbench.bench.lane import Lane, Setting
-    from cpbench.bench.outpost import Outpost
 
     with Lane(Setting(**opening["setting"])) as lane:
         described = {**machine.describe(), **{f"version {k}": v for k, v in machine.versions().items()}}

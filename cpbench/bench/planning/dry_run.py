@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from cpbench.bench import grids
-from cpbench.bench.assembly import Assembly
 from cpbench.bench.lane import GRACE
-from cpbench.bench.plan import Pair
-from cpbench.bench.quantities import duration
-from cpbench.bench.run_plan import RunPlan
-from cpbench.bench.selection import RERUN
+from cpbench.bench.planning import grids
+from cpbench.bench.planning.assembly import Assembly
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.planning.quantities import duration
+from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.planning.selection import RERUN
 from cpbench.bench.worker import SHORT
 from cpbench.solvers.base import Trait, solvers
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from cpbench.bench import cgroup, guard, isolation
-from cpbench.bench.channel import Channel
-from cpbench.bench.isolation import Isolation
+from cpbench.bench.processes import cgroup, guard, isolation
+from cpbench.bench.processes.channel import Channel
+from cpbench.bench.processes.isolation import Isolation
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -28,7 +28,7 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "RAYON_NUM_THREADS",
 )
-PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.preload"]
+PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.processes.preload"]
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench import grids, plan, selection
 from cpbench.bench.lane import Lane
-from cpbench.bench.plan import Entry, Pair, Request
-from cpbench.bench.run_plan import ProblemSet, RunPlan
+from cpbench.bench.planning import grids, plan, selection
+from cpbench.bench.planning.plan import Entry, Pair, Request
+from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.solvers.base import solvers
 

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.plan import Limits
+from cpbench.bench.planning.plan import Limits
 from cpbench.errors import CpbenchError, UnknownName
 
 BUILTIN = "builtin"

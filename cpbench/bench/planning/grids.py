@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from decimal import Decimal
 
-from cpbench.bench.plan import Entry
+from cpbench.bench.planning.plan import Entry
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 

@@ -19,10 +19,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench.bench import schema
-from cpbench.bench.lock import Lock
-from cpbench.bench.plan import Pair
-from cpbench.bench.schema import MEASURED, PLANNED, SCHEMA
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.results import schema
+from cpbench.bench.results.lock import Lock
+from cpbench.bench.results.schema import MEASURED, PLANNED, SCHEMA
 from cpbench.errors import StoreError
 
 if TYPE_CHECKING:

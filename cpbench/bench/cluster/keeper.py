@@ -16,7 +16,7 @@ import uuid
 from multiprocessing import Pipe
 from typing import Any
 
-from cpbench.bench import wire
+from cpbench.bench.processes import wire
 
 IDENTITY = uuid.uuid4().hex
 """Of this process: a Dask worker that died and came back has another one, at the same address or not."""
@@ -26,7 +26,7 @@ PARTING = 5.0
 """Seconds in which a process that was told to end may do so by itself."""
 END = b""
 """What follows the last message of an answer."""
-_START = "from cpbench.bench.station import main; main()"
+_START = "from cpbench.bench.cluster.station import main; main()"
 
 _stations: dict[str, Station] = {}
 _table = threading.RLock()
@@ -73,7 +73,7 @@ def _end_idle() -> None:
 
 
 class Station:
-    """The process `cpbench.bench.station` and the pipe to it; started when it is needed."""
+    """The process `cpbench.bench.cluster.station` and the pipe to it; started when it is needed."""
 
     def __init__(self, opening: bytes) -> None:
         self._opening = opening

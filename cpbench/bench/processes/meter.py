@@ -15,8 +15,8 @@ import numpy as np
 import psutil
 import scipy.sparse as sp
 
-from cpbench.bench import guard
-from cpbench.bench.isolation import address_space
+from cpbench.bench.processes import guard
+from cpbench.bench.processes.isolation import address_space
 from cpbench.formulations.base import Problem
 
 BUSY = 0.05

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from cpbench.bench import wire
 from cpbench.bench.block import Block, Ending
 from cpbench.bench.outcome import Outcome
-from cpbench.bench.plan import Entry, Limits, Pair, Request
+from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.processes import wire
 
 
 def pack_blocks(todo: Sequence[Block], vectors: Mapping[str, Any] | None = None, **header: Any) -> bytes:

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench import block as blocks
-from cpbench.bench import wire
 from cpbench.bench.block import Block
+from cpbench.bench.cluster.parcel import pack_outcome, read_blocks
 from cpbench.bench.lane import LOAD_LIMIT, Lane
 from cpbench.bench.outcome import Outcome
-from cpbench.bench.parcel import pack_outcome, read_blocks
-from cpbench.bench.plan import Pair
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.processes import wire
 
 Places = Mapping[str, tuple[str, str]]
 """The absolute path of each address' file on the client's machine, and its member."""

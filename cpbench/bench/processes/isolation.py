@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cpbench.bench import cgroup
+from cpbench.bench.processes import cgroup
 from cpbench.errors import CpbenchError, UnknownName
 
 VARIABLE = "CPBENCH_ISOLATION"

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.cluster import Cluster
+from cpbench.bench.cluster.crew import Cluster
 from cpbench.bench.lane import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 

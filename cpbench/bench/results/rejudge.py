@@ -10,7 +10,7 @@ from typing import Any
 
 from cpbench import storage, verification
 from cpbench.bench.referee import unblob
-from cpbench.bench.store import Store
+from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 

@@ -25,12 +25,13 @@ from typing import Any
 
 import cpbench
 from cpbench import storage
-from cpbench.bench import keeper, wire
 from cpbench.bench.block import Block, Ending, Notice
+from cpbench.bench.cluster import keeper
+from cpbench.bench.cluster.parcel import pack_blocks, read_outcome
 from cpbench.bench.lane import Setting
 from cpbench.bench.outcome import Outcome
-from cpbench.bench.parcel import pack_blocks, read_outcome
-from cpbench.bench.plan import Pair
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.processes import wire
 from cpbench.errors import CpbenchError
 from cpbench.registry import PLUGIN_FILES
 from cpbench.storage.base import split_address

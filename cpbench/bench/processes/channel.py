@@ -10,7 +10,7 @@ import socket
 import struct
 import time
 
-from cpbench.bench.wire import WireError
+from cpbench.bench.processes.wire import WireError
 
 MOST = 2**30
 """Bytes of the largest message that is taken."""

@@ -19,7 +19,7 @@ from typing import NoReturn
 
 import psutil
 
-from cpbench.bench import cgroup, isolation
+from cpbench.bench.processes import cgroup, isolation
 
 PATIENCE = 5.0
 """Seconds for which processes that do not die are killed again and again."""

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from cpbench.bench import guard
+from cpbench.bench.processes import guard
 
 
 def apart(work: Callable[[], Any]) -> Any:

@@ -1,0 +1,1 @@
+"""Many machines: lanes elsewhere, lent by Dask."""

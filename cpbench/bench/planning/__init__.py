@@ -1,0 +1,1 @@
+"""What to run: plans from the command line and from files, down to the pairs."""

@@ -1,0 +1,1 @@
+"""Processes that may do anything, and what comes of them."""

@@ -1,0 +1,1 @@
+"""The results file: one SQLite database, one writer, a transaction a row."""
