@@ -38,11 +38,12 @@ from overhead_qps import BACKENDS
 
 from cpbench import storage
 from cpbench.bench import machine
-from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
+from cpbench.bench.staff import Setting
 from cpbench.formulations import LCP
 
 ENTRIES = [plan.Entry("psor", {"omega": round(0.6 + 0.1 * i, 1)}) for i in range(10)]
@@ -197,7 +198,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Overhead of a pair.")
     parser.add_argument("--pairs", type=int, default=10_000, help="pairs of tiny LCPs in a warm worker")
     parser.add_argument("--tries", type=int, default=2, help="interleaved repeats of 2. and 4.")
-    parser.add_argument("--problems", type=int, nargs="*", default=[300, 3000], help="QPs of the runs of 4.")
+    parser.add_argument("--problems", type=int, nargs="*", default=[100, 400], help="QPs of the runs of 4.")
     given = parser.parse_args()
     cores = machine.describe()
     print(f"{cores['cpu']}, {cores['threads']} threads, load {cores['load']}")
