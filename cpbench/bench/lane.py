@@ -10,10 +10,8 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
 from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr
 from cpbench.bench.planning.plan import Pair, Request
@@ -21,6 +19,7 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.scratch import Scratch
+from cpbench.bench.staff import Referee, Setting, Workers, obituary
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
@@ -29,38 +28,8 @@ GRACE = 0.2
 """Seconds after the limit at which a process is killed: it and all it started are gone half a second after it."""
 FULL = 0.25
 """Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
-STARTUP = 600.0
-"""Seconds a worker may take to import its guest and to compile (once a machine)."""
 LOAD_LIMIT = 120.0
 """Seconds the loading of a problem may take; no solver is charged for it."""
-
-REFEREE_SHARE = 2
-"""How many times the memory limit of a worker the referee has: it holds a problem with all its conversions."""
-REFEREE_LEAST = 2 * 2**30
-"""Bytes the referee has at least, however little a solver is to get by on."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What all processes of a lane have in common.
-
-    Attributes
-    ----------
-    threads : of every numerical library, set before it is imported. memory : the largest limit of any solve; the
-    referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere.
-    lanes : how many work side by side; rows tell, for their times are not those of a quiet machine.
-    """
-
-    threads: int = 1
-    memory: int = 4 * 2**30
-    fresh: bool = False
-    cpus: tuple[int, ...] = ()
-    lanes: int = 1
-
-    @property
-    def referee_memory(self) -> int:
-        """Bytes that conversions and judging may take (0: no limit)."""
-        return max(REFEREE_SHARE * self.memory, REFEREE_LEAST) if self.memory > 0 else 0
 
 
 class Surveyed(CpbenchError):
@@ -74,16 +43,12 @@ class Unsupported(Exception):
 class Lane:
     """The processes of one lane. Use as a context manager; leaving it kills them all."""
 
-    def __init__(self, setting: Setting = Setting()) -> None:
-        self.setting = setting
-        self._ctx = context(setting.threads)
+    def __init__(self, setting: Setting | None = None) -> None:
+        self.setting = setting = setting or Setting()
         self._scratch = Scratch()
-        self._referee: Child | None = None
-        self._workers: dict[str, Child] = {}
-        self._memory: dict[str, int] = {}
-        self._single: dict[str, bool] = {}
-        self.versions: dict[str, str] = {}
-        self.unavailable: dict[str, tuple[str, str]] = {}
+        means = context(setting.threads)
+        self.referee = Referee(means, setting, self._scratch.folder)
+        self.workers = Workers(means, setting)
 
     def __enter__(self) -> Lane:
         return self
@@ -93,57 +58,19 @@ class Lane:
 
     def close(self) -> None:
         """Kill every process and remove the temporary files; harmless when done before."""
-        for child in (*self._workers.values(), self._referee):
-            if child is not None:
-                child.kill()
-        self._workers, self._referee = {}, None
+        self.workers.close()
+        self.referee.close()
         self._scratch.remove()
 
     def interrupt(self) -> None:
         """Kill what is at work, from another thread than the lane's, which then meets the dead."""
-        for child in (*self._workers.values(), self._referee):
+        for child in (*self.workers.children, self.referee.child):
             if child is not None:
                 child.strike()
 
-    # ----------------------------------------------------------------------------------------- referee
-
-    def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
-        """Send the referee a command; the reply's header and vectors. One that dies, hangs or is full is replaced.
-
-        Who is found dead may have died of something else: a command is repeated once.
-        """
-        message = wire.pack(header, vectors)
-        reply, found = self._asked(seconds, message)
-        return self._asked(seconds, message) if reply["event"] == "died" else (reply, found)
-
-    def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
-        try:
-            if self._referee is None:
-                arguments = (str(self._scratch.folder), self.setting.referee_memory)
-                memory = self.setting.referee_memory
-                self._referee = Child(self._ctx, referee_process.main, arguments, memory=memory)
-            self._referee.output()
-            self._referee.send(message)
-            reply, found = wire.unpack(self._referee.receive(seconds))
-            if reply["event"] != "memory":
-                return reply, found
-        except TimedOut:
-            reply = {"event": "timeout", "message": f"no reply within {seconds:g} s"}
-        except Died as death:
-            reply = {"event": "memory" if death.out_of_memory else "died", "message": _obituary(death)}
-        except wire.WireError as noise:
-            reply = {"event": "died", "message": str(noise)}
-        if self._referee is not None:
-            self._referee.kill()
-            self._referee = None
-        if reply["event"] == "memory":
-            limit = self.setting.referee_memory
-            reply["message"] = f"ran out of memory, limited to {limit} bytes" if limit else "ran out of memory"
-        return reply, {}
-
     def survey(self, address: str, requests: Sequence[Request], format: str | None = None) -> dict[str, Any]:
         """Facts of a problem for the plan; raises CpbenchError with the reason a file is refused."""
-        reply, _ = self.ask(
+        reply, _ = self.referee.ask(
             LOAD_LIMIT, command="survey", address=address, format=format, requests=[r.header() for r in requests]
         )
         if reply["event"] != "surveyed":
@@ -151,67 +78,23 @@ class Lane:
             raise Surveyed(message if reply["event"] == "refused" else f"{address}: {message}")
         return {**reply, "address": address, "format": format}
 
-    # ----------------------------------------------------------------------------------------- workers
-
     def start(
         self, names: Iterable[str], memory: int | None = None, progress: Callable[[str], None] = lambda _: None
     ) -> None:
         """Start the workers and wait until every one has warmed up, so that none disturbs a measurement."""
         for name in names:
             progress(name)
-            self._worker(name, self.setting.memory if memory is None else memory)
-
-    def _worker(self, name: str, memory: int) -> Child | None:
-        """The warm worker of a solver, with this memory limit; None where the solver is not available."""
-        if name in self.unavailable:
-            return None
-        child = self._workers.get(name)
-        if child is not None and (self._memory[name] != memory or not child.alive):
-            self._drop(name)
-        if name not in self._workers:
-            reply = self._hired(name, memory)
-            if reply["event"] == "died":  # of something else, maybe: what killed its parent killed it too
-                reply = self._hired(name, memory)
-            if reply["event"] != "ready":
-                self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
-                return None
-            self.versions[name] = str(reply["version"])
-            self._single[name] = bool(reply["single"])
-        return self._workers[name]
-
-    def _hired(self, name: str, memory: int) -> dict[str, Any]:
-        """First message of a new worker; it is dropped unless it is ready."""
-        arguments = (name, memory, self.setting.fresh)
-        try:
-            child = Child(self._ctx, worker_process.main, arguments, cpus=self.setting.cpus, memory=memory)
-            self._workers[name], self._memory[name] = child, memory
-            reply, _ = wire.unpack(child.receive(STARTUP))
-        except TimedOut:
-            reply = {"event": "timeout", "detail": f"no sign of life within {STARTUP:g} s"}
-        except Died as death:
-            reply = {"event": "died", "detail": _obituary(death)}
-        except wire.WireError as noise:
-            reply = {"event": "noise", "detail": str(noise)}
-        if reply["event"] != "ready":
-            self._drop(name)
-        return reply
-
-    def _drop(self, name: str) -> None:
-        child = self._workers.pop(name, None)
-        if child is not None:
-            child.kill()
-
-    # -------------------------------------------------------------------------------------------- pairs
+            self.workers.get(name, self.setting.memory if memory is None else memory)
 
     def prepare(self, pair: Pair) -> dict[str, Any]:
         """Bring the pair's problem to its solver's node; the referee's reply, whatever it is.
 
         A problem that cannot be loaded, or is not the one that was planned, is told apart by `stage`.
         """
-        opened, _ = self.ask(LOAD_LIMIT, command="open", **_problem_of(pair))
+        opened, _ = self.referee.ask(LOAD_LIMIT, command="open", **_problem_of(pair))
         if opened["event"] != "opened":
             return {**opened, "stage": "loading"}
-        reply, _ = self.ask(
+        reply, _ = self.referee.ask(
             max(pair.limits.seconds, LOAD_LIMIT),
             command="prepare",
             **_problem_of(pair),
@@ -225,8 +108,7 @@ class Lane:
         """The outcome of one pair. Never raises for anything that a solver, a conversion or a file does."""
         begun = time.perf_counter()
         outcome = self._run(pair, prepared, before)
-        if self._single.get(pair.entry.solver):  # a worker that serves one request
-            self._drop(pair.entry.solver)
+        self.workers.served(pair.entry.solver)
         row = {
             **outcome.row,
             "wall": time.perf_counter() - begun,
@@ -244,11 +126,11 @@ class Lane:
             start, row["started"] = self._start_of(pair, before)
         except Unsupported as why:
             return Outcome({**row, "status": "unsupported", "message": str(why)})
-        worker = self._worker(name, pair.limits.memory)
+        worker = self.workers.get(name, pair.limits.memory)
         if worker is None:
-            state, detail = self.unavailable[name]
+            state, detail = self.workers.unavailable[name]
             return Outcome({**row, "status": "unavailable", "message": f"{state}: {detail}"})
-        row["version"] = self.versions[name]
+        row["version"] = self.workers.versions[name]
         promises = (Kind(row["kind"]), solvers.get(name).spec.kind)
         row["kind"] = str(max(promises, key=lambda kind: kind.rank))
         try:
@@ -270,21 +152,21 @@ class Lane:
                     result = Result.from_message(reply, time.perf_counter() - begun)
                     return self._answered(pair, row, result, vectors, worker, asked["history"])
         except TimedOut:
-            self._drop(name)
+            self.workers.drop(name)
             if "load" not in row:  # the solver was not asked yet
                 message = f"loading: the worker did not read the converted problem within {LOAD_LIMIT:g} s"
                 return Outcome({**row, "status": "error", "message": message})
             return Outcome({**row, "status": "timeout", "message": f"killed after {limit:g} s", "solve": limit})
         except Died as death:
-            self._drop(name)
+            self.workers.drop(name)
             status = "memout" if death.out_of_memory else "crash"
-            ending = {"message": _obituary(death), "signal": death.signal, "code": death.code}
+            ending = {"message": obituary(death), "signal": death.signal, "code": death.code}
             return Outcome({**row, "status": status, **ending})
         except (wire.WireError, KeyError, TypeError, ValueError) as noise:
-            self._drop(name)
+            self.workers.drop(name)
             return Outcome({**row, "status": "error", "message": f"the worker sent no valid message: {noise}"})
         if reply["event"] == "memory":
-            self._drop(name)  # what is left of its memory is not worth trusting
+            self.workers.drop(name)  # what is left of its memory is not worth trusting
             return Outcome({**row, "status": "memout", "message": f"over {pair.limits.memory} bytes"})
         status = "unsupported" if reply["event"] == "unsupported" else "error"
         return Outcome({**row, "status": status, "message": str(reply.get("message", reply["event"]))})
@@ -301,7 +183,7 @@ class Lane:
         earlier = None
         if before is not None:
             earlier = {"address": before.address, "format": before.format, "fingerprint": before.fingerprint}
-        reply, vectors = self.ask(
+        reply, vectors = self.referee.ask(
             LOAD_LIMIT,
             {"answer": before.answer} if before is not None and before.answer is not None else None,
             command="start",
@@ -336,7 +218,7 @@ class Lane:
             or result.threads > pair.limits.threads
             or 0 < pair.limits.memory * FULL < result.grown
         ):
-            self._drop(pair.entry.solver)  # what one problem left behind must not count against the next
+            self.workers.drop(pair.entry.solver)  # what one problem left behind must not count against the next
         told = [flag for flag, holds in (*result.flags(pair.limits.threads), ("repeat", bool(lost))) if holds]
         row |= {
             "claim": result.claim,
@@ -358,7 +240,7 @@ class Lane:
             "tolerance": pair.tolerance,
             "measure": pair.measure,
         }
-        reply, extra = self.ask(
+        reply, extra = self.referee.ask(
             max(pair.limits.seconds, LOAD_LIMIT),
             vectors,
             command="judge",
@@ -383,7 +265,7 @@ class Lane:
         history = None
         if trail is not None:
             header, snapshots = trail
-            judged, blobs = self.ask(
+            judged, blobs = self.referee.ask(
                 max(pair.limits.seconds, LOAD_LIMIT), snapshots, command="judge_history", **asked, trail=header
             )
             history = blobs.get("history") if judged["event"] == "history" else None
@@ -424,17 +306,13 @@ class Lane:
         except TimedOut:
             lost = f"killed after {patience:g} s"
         except Died as death:
-            lost = _obituary(death)
+            lost = obituary(death)
         except (wire.WireError, KeyError, TypeError, ValueError) as noise:
             lost = f"no valid message: {noise}"
-        self._drop(pair.entry.solver)
+        self.workers.drop(pair.entry.solver)
         return None, {}, f"a {what} failed: {lost}"
 
 
 def _problem_of(pair: Pair) -> dict[str, Any]:
     """What every message about a pair says of its problem."""
     return {"address": pair.address, "format": pair.format, "fingerprint": pair.fingerprint}
-
-
-def _obituary(death: Died) -> str:
-    return f"{death.cause}: {death.output}" if death.output else death.cause

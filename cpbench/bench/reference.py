@@ -10,11 +10,11 @@ import numpy as np
 
 import cpbench.bench.worker as worker_process
 from cpbench import storage
-from cpbench.bench.lane import STARTUP, Setting
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.scratch import Scratch
+from cpbench.bench.staff import STARTUP, Setting
 from cpbench.formulations import LCP
 
 SOLVER = "lemke"

@@ -13,11 +13,12 @@ from typing import Any, Protocol
 from cpbench.bench import block as blocks
 from cpbench.bench import machine
 from cpbench.bench.block import Block, Notice, silent
-from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.reference import Reference
 from cpbench.bench.results.store import Store
+from cpbench.bench.staff import Setting
 
 REFERENCE_EVERY = 100
 """Pairs between two reference solves."""

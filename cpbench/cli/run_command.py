@@ -13,12 +13,13 @@ import click
 from click.core import ParameterSource
 
 from cpbench.bench import campaign, history
-from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.lane import Lane
 from cpbench.bench.planning import dry_run, plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly, assemble
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
 from cpbench.bench.runner import settings
+from cpbench.bench.staff import Setting
 from cpbench.cli.options import Counts, Names, Numbers, Sections, format_option, limit_options
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError

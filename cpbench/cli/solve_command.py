@@ -12,9 +12,10 @@ import click
 
 from cpbench import storage
 from cpbench.bench import starts
-from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.referee import unblob
+from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Counts, force_option, format_option, limit_options, number, tolerance_option
 from cpbench.errors import CpbenchError, NoRoute

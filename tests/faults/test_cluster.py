@@ -23,12 +23,13 @@ from cpbench.bench.cluster import crew as cluster
 from cpbench.bench.cluster import keeper, lenders
 from cpbench.bench.cluster.crew import Cluster
 from cpbench.bench.cluster.parcel import pack_blocks
-from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.processes import wire
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
+from cpbench.bench.staff import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations import LCP
 from cpbench.generators.collection import write_collections

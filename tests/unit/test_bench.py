@@ -14,12 +14,13 @@ import pytest
 
 from cpbench import graph, storage
 from cpbench.bench import lane as lanes
-from cpbench.bench.lane import Lane, Setting
+from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.processes import wire
 from cpbench.bench.referee import Referee, _Charged
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
+from cpbench.bench.staff import Setting
 from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
 from cpbench.factorization import Factorization
@@ -217,8 +218,8 @@ def test_a_referee_that_dies_is_replaced(lane: Lane, tmp_path: Path) -> None:
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     prepared = lane.prepare(pair)
     assert lane.run(pair, prepared).status == "solved"
-    assert lane._referee is not None
-    lane._referee.kill()
+    assert lane.referee.child is not None
+    lane.referee.child.kill()
     assert lane.run(pair, prepared).status == "solved"
 
 
@@ -228,8 +229,8 @@ def test_a_file_that_changed_after_planning_is_refused(lane: Lane, tmp_path: Pat
     survey = lane.survey(str(path), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     prepared = lane.prepare(pair)
-    assert lane._referee is not None
-    lane._referee.kill()
+    assert lane.referee.child is not None
+    lane.referee.child.kill()
     changed = LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p")
     storage.save(changed, path, force=True)
     late = lane.run(pair, prepared).row
@@ -306,7 +307,7 @@ def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
         row = small.run(first, small.prepare(first)).row
         assert row["status"] == "memout"
         assert row["message"] == f"conversion: ran out of memory, limited to {2**31} bytes"
-        assert small._referee is None
+        assert small.referee.child is None
         assert small.run(second, small.prepare(second)).status == "solved"
 
 
@@ -319,8 +320,8 @@ def test_a_worker_never_meets_a_dead_referees_file(lane: Lane, tmp_path: Path) -
         pairs += plan.pairs([survey], entries, asked, 1e-6, LIMITS)
     first = lane.prepare(pairs[0])
     assert lane.run(pairs[0], first).status == "solved"
-    assert lane._referee is not None
-    lane._referee.kill()
+    assert lane.referee.child is not None
+    lane.referee.child.kill()
     second = lane.prepare(pairs[1])
     assert second["path"] != first["path"]
     assert lane.run(pairs[1], second).status == "solved"

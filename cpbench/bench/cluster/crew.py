@@ -28,10 +28,10 @@ from cpbench import storage
 from cpbench.bench.block import Block, Ending, Notice
 from cpbench.bench.cluster import keeper
 from cpbench.bench.cluster.parcel import pack_blocks, read_outcome
-from cpbench.bench.lane import Setting
 from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes import wire
+from cpbench.bench.staff import Setting
 from cpbench.errors import CpbenchError
 from cpbench.registry import PLUGIN_FILES
 from cpbench.storage.base import split_address

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench.cluster.crew import Cluster
-from cpbench.bench.lane import Setting
+from cpbench.bench.staff import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 
 BATCH = {

@@ -57,7 +57,7 @@ class Outpost:
         for pair in (*block.pairs, *block.before.values()):
             file, member = places[pair.address]
             if file not in self._here:
-                reply, _ = self._lane.ask(
+                reply, _ = self._lane.referee.ask(
                     LOAD_LIMIT,
                     command="open",
                     address=_address(file, member),

@@ -78,7 +78,8 @@ def _serve(
     # what knows solvers and conversions looks for plugins when it is imported
     from cpbench.bench import machine
     from cpbench.bench.cluster.outpost import Outpost
-    from cpbench.bench.lane import Lane, Setting
+    from cpbench.bench.lane import Lane
+    from cpbench.bench.staff import Setting
 
     with Lane(Setting(**opening["setting"])) as lane:
         described = {**machine.describe(), **{f"version {k}": v for k, v in machine.versions().items()}}

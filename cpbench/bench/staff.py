@@ -1,0 +1,163 @@
+"""Who works in a lane: a referee, and one persistent worker a solver; replaced when they die, hang or are full."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cpbench.bench.referee as referee_process
+import cpbench.bench.worker as worker_process
+from cpbench.bench.processes import wire
+from cpbench.bench.processes.launch import Context
+from cpbench.bench.processes.process import Child, Died, TimedOut
+
+STARTUP = 600.0
+"""Seconds a worker may take to import its guest and to compile (once a machine)."""
+REFEREE_SHARE = 2
+"""How many times the memory limit of a worker the referee has: it holds a problem with all its conversions."""
+REFEREE_LEAST = 2 * 2**30
+"""Bytes the referee has at least, however little a solver is to get by on."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all processes of a lane have in common.
+
+    Attributes
+    ----------
+    threads : of every numerical library, set before it is imported. memory : the largest limit of any solve; the
+    referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere.
+    lanes : how many work side by side; rows tell, for their times are not those of a quiet machine.
+    """
+
+    threads: int = 1
+    memory: int = 4 * 2**30
+    fresh: bool = False
+    cpus: tuple[int, ...] = ()
+    lanes: int = 1
+
+    @property
+    def referee_memory(self) -> int:
+        """Bytes that conversions and judging may take (0: no limit)."""
+        return max(REFEREE_SHARE * self.memory, REFEREE_LEAST) if self.memory > 0 else 0
+
+
+class Referee:
+    """The seat of the referee: who sits there may change, who asks need not know."""
+
+    def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
+        self._context, self._limit, self._scratch = context, setting.referee_memory, scratch
+        self.child: Child | None = None
+
+    def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
+        """Send a command; the reply's header and vectors, whatever it is: `timeout`, `died`, `memory` are replies too.
+
+        Who is found dead may have died of something else: a command is repeated once.
+        """
+        message = wire.pack(header, vectors)
+        reply, found = self._asked(seconds, message)
+        return self._asked(seconds, message) if reply["event"] == "died" else (reply, found)
+
+    def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+        try:
+            if self.child is None:
+                arguments = (str(self._scratch), self._limit)
+                self.child = Child(self._context, referee_process.main, arguments, memory=self._limit)
+            self.child.output()
+            self.child.send(message)
+            reply, found = wire.unpack(self.child.receive(seconds))
+            if reply["event"] != "memory":
+                return reply, found
+        except TimedOut:
+            reply = {"event": "timeout", "message": f"no reply within {seconds:g} s"}
+        except Died as death:
+            reply = {"event": "memory" if death.out_of_memory else "died", "message": obituary(death)}
+        except wire.WireError as noise:
+            reply = {"event": "died", "message": str(noise)}
+        self.close()
+        if reply["event"] == "memory":
+            limited = f", limited to {self._limit} bytes" if self._limit else ""
+            reply["message"] = f"ran out of memory{limited}"
+        return reply, {}
+
+    def close(self) -> None:
+        child, self.child = self.child, None
+        if child is not None:
+            child.kill()
+
+
+class Workers:
+    """The warm workers, by solver.
+
+    Attributes
+    ----------
+    versions : of the solvers that were started. unavailable : state and detail of those that cannot be.
+    """
+
+    def __init__(self, context: Context, setting: Setting) -> None:
+        self._context, self._setting = context, setting
+        self._children: dict[str, Child] = {}
+        self._memory: dict[str, int] = {}
+        self._single: dict[str, bool] = {}
+        self.versions: dict[str, str] = {}
+        self.unavailable: dict[str, tuple[str, str]] = {}
+
+    @property
+    def children(self) -> list[Child]:
+        return list(self._children.values())
+
+    def get(self, name: str, memory: int) -> Child | None:
+        """The worker of a solver, with this memory limit; None where the solver is not available."""
+        if name in self.unavailable:
+            return None
+        child = self._children.get(name)
+        if child is not None and (self._memory[name] != memory or not child.alive):
+            self.drop(name)
+        if name not in self._children:
+            reply = self._hired(name, memory)
+            if reply["event"] == "died":  # of something else, maybe: what killed its parent killed it too
+                reply = self._hired(name, memory)
+            if reply["event"] != "ready":
+                self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
+                return None
+            self.versions[name] = str(reply["version"])
+            self._single[name] = bool(reply["single"])
+        return self._children[name]
+
+    def served(self, name: str) -> None:
+        """After a request: a worker that serves only one makes room for the next."""
+        if self._single.get(name):
+            self.drop(name)
+
+    def drop(self, name: str) -> None:
+        child = self._children.pop(name, None)
+        if child is not None:
+            child.kill()
+
+    def close(self) -> None:
+        for name in list(self._children):
+            self.drop(name)
+
+    def _hired(self, name: str, memory: int) -> dict[str, Any]:
+        """First message of a new worker; it is dropped unless it is ready."""
+        arguments = (name, memory, self._setting.fresh)
+        try:
+            child = Child(self._context, worker_process.main, arguments, cpus=self._setting.cpus, memory=memory)
+            self._children[name], self._memory[name] = child, memory
+            reply, _ = wire.unpack(child.receive(STARTUP))
+        except TimedOut:
+            reply = {"event": "timeout", "detail": f"no sign of life within {STARTUP:g} s"}
+        except Died as death:
+            reply = {"event": "died", "detail": obituary(death)}
+        except wire.WireError as noise:
+            reply = {"event": "noise", "detail": str(noise)}
+        if reply["event"] != "ready":
+            self.drop(name)
+        return reply
+
+
+def obituary(death: Died) -> str:
+    """What it died of, and its last words."""
+    return f"{death.cause}: {death.output}" if death.output else death.cause
