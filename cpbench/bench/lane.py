@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import cpbench.bench.worker as worker_process
+from cpbench.bench.desk import Case
 from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr
 from cpbench.bench.planning.plan import Pair, Request
 from cpbench.bench.processes import wire
@@ -97,10 +98,7 @@ class Lane:
         reply, _ = self.referee.ask(
             max(pair.limits.seconds, LOAD_LIMIT),
             command="prepare",
-            **_problem_of(pair),
-            node=pair.target,
-            request=pair.request.header(),
-            tolerance=pair.tolerance,
+            case=Case.header(pair),
         )
         return reply
 
@@ -187,10 +185,7 @@ class Lane:
             LOAD_LIMIT,
             {"answer": before.answer} if before is not None and before.answer is not None else None,
             command="start",
-            **_problem_of(pair),
-            node=pair.target,
-            request=pair.request.header(),
-            tolerance=pair.tolerance,
+            case=Case.header(pair),
             policy=pair.start,
             before=earlier,
         )
@@ -233,18 +228,12 @@ class Lane:
             "solve_iqr": iqr(solves),
             "flags": ",".join(told),
         }
-        asked = {
-            **_problem_of(pair),
-            "node": pair.target,
-            "request": pair.request.header(),
-            "tolerance": pair.tolerance,
-            "measure": pair.measure,
-        }
+        case = Case.header(pair)
         reply, extra = self.referee.ask(
             max(pair.limits.seconds, LOAD_LIMIT),
             vectors,
             command="judge",
-            **asked,
+            case=case,
             claim=result.claim,
             answered=result.answered,
         )
@@ -266,7 +255,7 @@ class Lane:
         if trail is not None:
             header, snapshots = trail
             judged, blobs = self.referee.ask(
-                max(pair.limits.seconds, LOAD_LIMIT), snapshots, command="judge_history", **asked, trail=header
+                max(pair.limits.seconds, LOAD_LIMIT), snapshots, command="judge_history", case=case, trail=header
             )
             history = blobs.get("history") if judged["event"] == "history" else None
         return Outcome(row, extra.get("answer"), history)

@@ -10,7 +10,7 @@ import psutil
 
 from cpbench import checking, graph, storage
 from cpbench.bench.planning import plan
-from cpbench.bench.referee import parse_request
+from cpbench.bench.planning.plan import parse_request
 from cpbench.cli.options import Counts, Memory, force_option, format_option, number, tolerance_option
 from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line

@@ -55,7 +55,7 @@ def _write_answers(store: Store, path: Path) -> int:
     """One group a problem, one dataset a label, with status, error and solver as attributes; the number written."""
     import h5py
 
-    from cpbench.bench.referee import unblob
+    from cpbench.bench.results import answers
 
     partial = path.with_name(f".{path.name}.partial")
     count = 0
@@ -65,7 +65,7 @@ def _write_answers(store: Store, path: Path) -> int:
                 row = store.row(key)
                 group = file.require_group(f"{row['problem']}-{row['fingerprint'][:8]}")
                 group.attrs.update({"node": row["node"], "fingerprint": row["fingerprint"], "address": row["address"]})
-                data = group.create_dataset(f"{row['label']} tol={row['tolerance']:g}", data=unblob(blob))
+                data = group.create_dataset(f"{row['label']} tol={row['tolerance']:g}", data=answers.unpack(blob))
                 data.attrs.update(
                     {k: row[k] for k in ("status", "error", "claim", "route", "solver") if row[k] is not None}
                 )

@@ -6,7 +6,7 @@ import click
 
 from cpbench import graph, storage
 from cpbench.bench.planning import plan
-from cpbench.bench.referee import parse_request
+from cpbench.bench.planning.plan import parse_request
 from cpbench.cli.options import Counts, format_option
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations

@@ -14,7 +14,7 @@ from cpbench import storage
 from cpbench.bench import starts
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
-from cpbench.bench.referee import unblob
+from cpbench.bench.results import answers
 from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Counts, force_option, format_option, limit_options, number, tolerance_option
@@ -86,7 +86,7 @@ def command(
         _print(pair, row)
     if answer is not None and output is not None:
         asked_problem = storage.load(problem, format=file_format)
-        point = asked_problem.point_from_vector(unblob(answer))
+        point = asked_problem.point_from_vector(answers.unpack(answer))
         if not write_plain(point, output, force=force):
             said = {"solver": pair.label, "claim": row["claim"], "verdict": row["status"], "residual": row["error"]}
             said |= {"tolerance": tolerance}

@@ -10,7 +10,7 @@ import subprocess
 import pandas as pd
 import pytest
 
-from cpbench.bench.referee import unblob
+from cpbench.bench.results import answers
 from cpbench.bench.results.store import Store
 
 LIMIT = 1.0
@@ -163,7 +163,7 @@ def test_a_repeat_that_fails_costs_no_answer(results: Store, fault: str) -> None
 
 def test_answers_are_kept_with_their_rows(results: Store) -> None:
     table = results.table().set_index("key")
-    kept = {key: unblob(blob) for key, blob in results.answers()}
+    kept = {key: answers.unpack(blob) for key, blob in results.answers()}
     answered = table[table.status.isin(["solved", "wrong", "inaccurate"]) & (table.solver != "faulty-nothing")]
     assert set(kept) == set(answered.index)
     for key, row in answered.iterrows():

@@ -7,17 +7,20 @@ import sqlite3
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cpbench import graph, storage
 from cpbench.bench import lane as lanes
+from cpbench.bench.desk import Case, Charged
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.processes import wire
-from cpbench.bench.referee import Referee, _Charged
+from cpbench.bench.referee import Referee
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
 from cpbench.bench.staff import Setting
@@ -47,6 +50,10 @@ def _lcp(folder: Path, name: str = "p", n: int = 3) -> Path:
     path = folder / f"{name}.h5"
     storage.save(LCP(M=2.0 * np.eye(n), q=-np.ones(n), name=name), path)
     return path
+
+
+def _case(address: str, fingerprint: str, node: str, request: dict[str, Any]) -> dict[str, Any]:
+    return asdict(Case(address, None, fingerprint, node, request, 1e-6))
 
 
 def test_messages_carry_vectors_and_bytes() -> None:
@@ -111,8 +118,8 @@ def test_a_factorization_made_to_see_whether_an_edge_applies_is_charged(tmp_path
     address = str(tmp_path / "p.h5")
     referee = Referee(tmp_path)
     referee.survey(None, address, None, [request])  # asks for the LU
-    asked = (None, address, None, problem.fingerprint)
-    reply, _ = wire.unpack(referee.prepare(*asked, request["nodes"][0], request, 1e-6))
+    case = _case(address, problem.fingerprint, request["nodes"][0], request)
+    reply, _ = wire.unpack(referee.prepare(None, case))
     assert reply["convert"] > 0.5 * min(_seconds_of_lu(A) for _ in range(3))
 
 
@@ -126,10 +133,10 @@ def test_a_conversion_shared_by_two_routes_counts_in_both(tmp_path: Path) -> Non
     """Contact to LCP to MLCP: the first step is done once, and is part of the time of either."""
     address = str(_contact(tmp_path))
     (request,) = (r.header() for r in plan.facets("inner", 64))
-    asked = (None, address, None, storage.load(address).fingerprint)
+    fingerprint = storage.load(address).fingerprint
     referee = Referee(tmp_path)
-    first, _ = wire.unpack(referee.prepare(*asked, "lcp", request, 1e-6))
-    second, _ = wire.unpack(referee.prepare(*asked, "mlcp", request, 1e-6))
+    first, _ = wire.unpack(referee.prepare(None, _case(address, fingerprint, "lcp", request)))
+    second, _ = wire.unpack(referee.prepare(None, _case(address, fingerprint, "mlcp", request)))
     assert second["route"].startswith(first["route"])
     assert second["convert"] > first["convert"] > 0
 
@@ -138,11 +145,11 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
     """Without free unknowns, elimination and splitting make the same LCP: each QP lifts along its own way."""
     problem = MLCP(A=np.zeros((0, 0)), B=np.eye(2), C=np.zeros((0, 2)), D=np.zeros((2, 0)), a=[], b=[-1.0, 1.0])
     storage.save(problem, tmp_path / "p.h5")
-    asked = (None, str(tmp_path / "p.h5"), None, problem.fingerprint)
     referee = Referee(tmp_path)
     for way in ("mlcp-lcp-schur", "mlcp-lcp-split"):
         request = plan.pinned([way], {}).header()
-        reply, _ = wire.unpack(referee.prepare(*asked, "qp", request, 1e-6))
+        case = _case(str(tmp_path / "p.h5"), problem.fingerprint, "qp", request)
+        reply, _ = wire.unpack(referee.prepare(None, case))
         steps = storage.load(reply["path"]).provenance
         assert " > ".join(step.conversion for step in steps) == reply["route"]
         assert steps[0].conversion == way
@@ -340,7 +347,7 @@ def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):
         return real(self, p)
 
     monkeypatch.setattr(type(edge), "apply", first_slow)
-    charged = _Charged()
+    charged = Charged()
     try:
         converted = charged(edge, problem)
     finally:

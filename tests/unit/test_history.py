@@ -148,7 +148,7 @@ class Scene:
         path = folder / f"{problem.fingerprint}.h5"
         storage.save(problem, path)
         self.referee = Referee(folder)
-        self.asked: dict[str, Any] = {
+        self.case: dict[str, Any] = {
             "address": str(path),
             "format": None,
             "fingerprint": problem.fingerprint,
@@ -159,7 +159,7 @@ class Scene:
 
     def judged(self, message: bytes, **given: Any) -> History:
         trail, vectors = wire.unpack(message)
-        reply, found = wire.unpack(self.referee.judge_history(vectors, **self.asked, trail=trail, **given))
+        reply, found = wire.unpack(self.referee.judge_history(vectors, self.case, trail, **given))
         assert reply["event"] == "history"
         return History.unpack(found["history"])
 

@@ -22,7 +22,7 @@ from cpbench.analysis.starts import paired
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.referee import unblob
+from cpbench.bench.results import answers
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
 from cpbench.generators.collection import write_collections
@@ -114,7 +114,7 @@ def test_a_run_that_is_killed_goes_on_from_the_kept_answer(scene: Path, both: pd
     assert list(rows["error"]) == list(calm["error"])
     with Store(output) as store:
         kept = dict(store.answers())
-    assert all(np.array_equal(unblob(kept[key]), unblob(blob)) for key, blob in before.items())
+    assert all(np.array_equal(answers.unpack(kept[key]), answers.unpack(blob)) for key, blob in before.items())
 
 
 def test_a_step_whose_predecessor_failed_starts_cold_and_says_so(scene: Path, tmp_path: Path) -> None:

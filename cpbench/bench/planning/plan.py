@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from cpbench.conversions.base import find_via, make
+from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import parse_options, solvers
@@ -156,6 +156,12 @@ def requests(routes: str, counts: Sequence[int]) -> list[Request]:
         asked += [r for n in counts for r in facets("outer", n)]
         asked += [Request(name, (*EXACT_KINDS, str(kind))) for name, kind in BEYOND.items()]
     return asked
+
+
+def parse_request(request: Mapping[str, Any]) -> tuple[frozenset[Kind], tuple[Conversion, ...]]:
+    """Kinds and pinned conversions of a route request."""
+    via = tuple(make(name, dict(parameters)) for name, parameters in request["via"])
+    return frozenset(Kind(k) for k in request["kinds"]), via
 
 
 def parse_entry(text: str) -> Entry:

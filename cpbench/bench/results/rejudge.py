@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import storage, verification
-from cpbench.bench.referee import unblob
+from cpbench.bench.results import answers
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
@@ -44,7 +44,7 @@ def _judge(
     """Status and error of a kept answer; by the row's own measure and tolerance where none is given."""
     if problem.fingerprint != row["fingerprint"]:
         raise CpbenchError(f"{row['address']}: is not the problem that was solved (its fingerprint changed)")
-    point = problem.point_from_vector(unblob(blob))
+    point = problem.point_from_vector(answers.unpack(blob))
     verdict = verification.judge(problem, point, tolerance or float(row["tolerance"]), measure or row["measure"])
     proven = row["status"] == "infeasible"
     return verification.status(verdict, str(row["claim"]), proven_infeasible=proven), verdict.error

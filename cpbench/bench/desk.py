@@ -1,0 +1,152 @@
+"""The referee's desk: one problem with all its conversions, each done once, timed, and kept to lift answers."""
+
+from __future__ import annotations
+
+import copy
+import os
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from cpbench import graph, storage
+from cpbench.bench.planning.plan import Pair, parse_request
+from cpbench.conversions import Conversion
+from cpbench.errors import ProblemError
+from cpbench.formulations.base import Kind, Problem
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a referee needs to know of a pair: the problem that was asked, and the way to the solver's node."""
+
+    address: str
+    format: str | None
+    fingerprint: str
+    node: str
+    request: Mapping[str, Any]
+    tolerance: float
+    measure: str | None = None
+
+    @staticmethod
+    def header(pair: Pair) -> dict[str, Any]:
+        """The case of a pair as part of a message."""
+        return {
+            "address": pair.address,
+            "format": pair.format,
+            "fingerprint": pair.fingerprint,
+            "node": pair.target,
+            "request": pair.request.header(),
+            "tolerance": pair.tolerance,
+            "measure": pair.measure,
+        }
+
+
+@dataclass
+class Prepared:
+    """A problem brought to a node: what solvers load, and what lifts their answers."""
+
+    problem: Problem
+    kind: Kind
+    label: str
+    steps: int
+    seconds: float
+    path: str
+
+
+class Desk:
+    """One problem at a time; its conversions are written to `scratch` for the solvers to load."""
+
+    def __init__(self, scratch: Path) -> None:
+        self._scratch = scratch
+        self._address = ""
+        self._source: Problem | None = None
+        self._prepared: dict[tuple[str, str], Prepared] = {}
+        self._conversions = Charged()
+        self._files = 0
+
+    def open(self, address: str, format: str | None, fingerprint: str = "") -> Problem:
+        """The problem, loaded unless it is the one that is held; raises ProblemError when it is not the one planned."""
+        if self._address != address or self._source is None:
+            for prepared in self._prepared.values():
+                Path(prepared.path).unlink(missing_ok=True)
+            self._prepared, self._conversions, self._source = {}, Charged(), None
+            self._source = storage.load(address, format=format)
+            self._address = address
+        source = self._source
+        assert source is not None
+        if fingerprint and source.fingerprint != fingerprint:
+            raise ProblemError(
+                address,
+                f"the file changed after it was planned: fingerprint {source.fingerprint}, planned {fingerprint}; "
+                "run the same command again to plan what it holds now",
+            )
+        return source
+
+    def ready(self, case: Case) -> tuple[Problem, Prepared]:
+        """The problem, and what became of it at the node; converted when it is asked for the first time."""
+        problem = self.open(case.address, case.format, case.fingerprint)
+        key = (str(case.request["name"]), case.node)
+        if key not in self._prepared:
+            self._prepared[key] = self._bring(problem, case)
+        return problem, self._prepared[key]
+
+    def _bring(self, problem: Problem, case: Case) -> Prepared:
+        """Convert the problem and write what solvers load."""
+        kinds, via = parse_request(case.request)
+        arrival = graph.arrive(problem, case.node, kinds, via, self._conversions)
+        # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
+        path = self._scratch / f"problem-{os.getpid()}-{self._files}.h5"
+        self._files += 1
+        storage.save(arrival.problem, path, compress=False, force=True)
+        return Prepared(
+            arrival.problem,
+            arrival.kind,
+            arrival.route.label,
+            len(arrival.route.steps),
+            self._conversions.seconds(problem, arrival.route),  # not of dead ends before it
+            str(path),
+        )
+
+
+class Charged(graph.Memory):
+    """Conversions, each done and timed once: whether the edge applies, what it promises, and the step.
+
+    What was asked of a problem while routes were sought (a factorization, a least eigenvalue) stays with it; its
+    conversion starts without, so that all it needs is in its time. One that had to load a compiled kernel, which
+    happens once in a process and never again, is done once more.
+    """
+
+    def __call__(self, edge: Conversion, problem: Problem) -> Problem:
+        key = (id(problem), edge.label)
+        if key not in self._done:
+            loaded = _kernels()
+            converted, seconds = _timed(edge, problem)
+            if _kernels() != loaded:
+                converted, seconds = _timed(edge, problem)
+            self._done[key] = (problem, converted, seconds)
+        return self._done[key][1]
+
+
+def _timed(edge: Conversion, problem: Problem) -> tuple[Problem, float]:
+    fresh = _without_caches(problem)
+    begun = time.perf_counter()
+    edge.require(fresh)
+    return edge.step(fresh), time.perf_counter() - begun
+
+
+def _kernels() -> set[str]:
+    """Modules of compiled loops that this process has."""
+    return {name for name in sys.modules if name.startswith(("numba", "cpbench.conversions.kernels"))}
+
+
+def _without_caches(problem: Problem) -> Problem:
+    """The same problem, its data shared, without what cached properties keep except for its fingerprint."""
+    fresh = copy.copy(problem)
+    for name in [n for n in vars(fresh) if isinstance(getattr(type(fresh), n, None), cached_property)]:
+        del vars(fresh)[name]
+    vars(fresh)["fingerprint"] = problem.fingerprint  # a name for the provenance, no part of a conversion
+    return fresh
