@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import graph, storage
+from cpbench.bench import handover
 from cpbench.bench.planning.plan import Pair, parse_request
 from cpbench.conversions import Conversion
 from cpbench.errors import ProblemError
@@ -39,7 +40,7 @@ class Case:
             "format": pair.format,
             "fingerprint": pair.fingerprint,
             "node": pair.target,
-            "request": pair.request.header(),
+            "request": pair.request.header,
             "tolerance": pair.tolerance,
             "measure": pair.measure,
         }
@@ -99,9 +100,9 @@ class Desk:
         kinds, via = parse_request(case.request)
         arrival = graph.arrive(problem, case.node, kinds, via, self._conversions)
         # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
-        path = self._scratch / f"problem-{os.getpid()}-{self._files}.h5"
+        path = self._scratch / f"problem-{os.getpid()}-{self._files}"
         self._files += 1
-        storage.save(arrival.problem, path, compress=False, force=True)
+        handover.write(arrival.problem, path)
         return Prepared(
             arrival.problem,
             arrival.kind,

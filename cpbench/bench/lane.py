@@ -72,7 +72,7 @@ class Lane:
     def survey(self, address: str, requests: Sequence[Request], format: str | None = None) -> dict[str, Any]:
         """Facts of a problem for the plan; raises CpbenchError with the reason a file is refused."""
         reply, _ = self.referee.ask(
-            LOAD_LIMIT, command="survey", address=address, format=format, requests=[r.header() for r in requests]
+            LOAD_LIMIT, command="survey", address=address, format=format, requests=[r.header for r in requests]
         )
         if reply["event"] != "surveyed":
             message = reply.get("message", reply["event"])
@@ -133,17 +133,22 @@ class Lane:
         row["kind"] = str(max(promises, key=lambda kind: kind.rank))
         try:
             worker.output()
+            held = self.workers.holds(name, prepared["path"])
             asked = {
                 "path": prepared["path"],
+                "held": held,
                 "budget": {"tolerance": prepared["tolerance"], "seconds": limit},
                 "options": dict(pair.entry.options),
                 "repeats": pair.limits.repeats,
                 "history": pair.limits.history and Trait.HISTORY in solvers.get(name).spec.traits,
             }
             worker.send(wire.pack(asked, start))
-            reply, _ = wire.unpack(worker.receive(LOAD_LIMIT))
+            reply: dict[str, Any] = {"event": "loaded", "load": 0.0}
+            if not held:
+                reply, _ = wire.unpack(worker.receive(LOAD_LIMIT))
             if reply["event"] == "loaded":
                 row["load"] = float(reply["load"])
+                self.workers.loaded(name, prepared["path"])
                 begun = time.perf_counter()
                 reply, vectors = wire.unpack(worker.receive(limit + GRACE))
                 if reply["event"] == "result":

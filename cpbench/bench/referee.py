@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import time
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import limit_memory
 from cpbench.bench.results import answers
+from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Kind, Problem
 
@@ -182,10 +184,16 @@ def _open_nodes(problem: Problem, request: dict[str, Any]) -> list[str]:
     for node in graph.formulations.names():
         if request["nodes"] and node not in request["nodes"]:
             continue
-        routes = graph.candidates(problem.node, node, kinds, via)
+        routes = _routes(problem.node, node, kinds, via)
         if any(not r.steps or r.steps[0].obstacle(problem) is None for r in routes):
             nodes.append(node)
     return nodes
+
+
+@lru_cache(maxsize=2**12)
+def _routes(source: str, target: str, kinds: frozenset[Kind], via: tuple[Conversion, ...]) -> tuple[graph.Route, ...]:
+    """Paths between nodes, found once for all problems of a node."""
+    return tuple(graph.candidates(source, target, kinds, via))
 
 
 def _measured(source: Problem, prepared: Prepared, x: Any, measure: str | None) -> tuple[float, tuple[str, ...]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import cpbench.bench.worker as worker_process
-from cpbench import storage
+from cpbench.bench import handover
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
@@ -29,11 +29,11 @@ class Reference:
 
     def __init__(self, setting: Setting) -> None:
         self._scratch = Scratch()
-        self._path = str(self._scratch.folder / "reference.h5")
+        self._path = str(self._scratch.folder / "reference")
         rng = np.random.default_rng(0)
         A = rng.standard_normal((ORDER, ORDER))
         problem = LCP(M=A @ A.T + np.eye(ORDER), q=rng.standard_normal(ORDER), name="reference")
-        storage.save(problem, self._path, compress=False)
+        handover.write(problem, self._path)
         arguments = (SOLVER, 0, False)
         ctx = context(setting.threads)
         self._child = Child(ctx, worker_process.main, arguments, cpus=setting.cpus)

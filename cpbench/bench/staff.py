@@ -28,7 +28,8 @@ class Setting:
     Attributes
     ----------
     threads : of every numerical library, set before it is imported. memory : the largest limit of any solve; the
-    referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere.
+    referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere;
+    the referee runs elsewhere, for it would leave them cold caches.
     lanes : how many work side by side; rows tell, for their times are not those of a quiet machine.
     """
 
@@ -48,7 +49,8 @@ class Referee:
     """The seat of the referee: who sits there may change, who asks need not know."""
 
     def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
-        self._context, self._limit, self._scratch = context, setting.referee_memory, scratch
+        self._context, self._scratch = context, scratch
+        self._limit = setting.referee_memory
         self.child: Child | None = None
 
     def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
@@ -65,7 +67,6 @@ class Referee:
             if self.child is None:
                 arguments = (str(self._scratch), self._limit)
                 self.child = Child(self._context, referee_process.main, arguments, memory=self._limit)
-            self.child.output()
             self.child.send(message)
             reply, found = wire.unpack(self.child.receive(seconds))
             if reply["event"] != "memory":
@@ -101,6 +102,7 @@ class Workers:
         self._children: dict[str, Child] = {}
         self._memory: dict[str, int] = {}
         self._single: dict[str, bool] = {}
+        self._holds: dict[str, str] = {}
         self.versions: dict[str, str] = {}
         self.unavailable: dict[str, tuple[str, str]] = {}
 
@@ -126,6 +128,15 @@ class Workers:
             self._single[name] = bool(reply["single"])
         return self._children[name]
 
+    def loaded(self, name: str, path: str) -> None:
+        """A worker has told that it holds this problem; a fresh process takes it along when it ends."""
+        if not self._setting.fresh:
+            self._holds[name] = path
+
+    def holds(self, name: str, path: str) -> bool:
+        """Whether a worker need not load a problem, nor say that it has."""
+        return self._holds.get(name) == path
+
     def served(self, name: str) -> None:
         """After a request: a worker that serves only one makes room for the next."""
         if self._single.get(name):
@@ -133,6 +144,7 @@ class Workers:
 
     def drop(self, name: str) -> None:
         child = self._children.pop(name, None)
+        self._holds.pop(name, None)
         if child is not None:
             child.kill()
 

@@ -1,8 +1,8 @@
 """The process that runs one solver. It loads, warms up, solves and reports; it judges nothing.
 
-Messages in: the path of a problem, budget, options. Messages out: `ready`, then for every request `loaded`,
-`result`, and where they are asked for `repeats` and `history`; or one that says why not: `unsupported`, `error`,
-`memory`. The limit of the runner counts from `loaded`.
+Messages in: the path of a problem, budget, options. Messages out: `ready`, then for every request `loaded` (unless
+the runner knows that the problem is `held`), `result`, and where they are asked for `repeats` and `history`; or one
+that says why not: `unsupported`, `error`, `memory`. The limit of the runner counts from `loaded`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import storage
+from cpbench.bench import handover
 from cpbench.bench.history import recorded
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.apart import apart
@@ -118,7 +118,8 @@ class Bench:
     def _answer(self) -> dict[str, Any] | None:
         begun = time.perf_counter()
         problem = self._loaded()
-        self.tell(event="loaded", load=time.perf_counter() - begun)
+        if not self._header.get("held"):
+            self.tell(event="loaded", load=time.perf_counter() - begun)
         why = self._solver.obstacle(problem)
         if why is not None:
             self.tell(event="unsupported", message=why)
@@ -161,7 +162,7 @@ class Bench:
         path = self._header["path"]
         if self._problem is None or self._path != path:
             self._problem = None  # two problems at a time might not fit
-            self._problem = storage.load(path)
+            self._problem = handover.read(path)
             self._path, self._checksum = path, checksum(self._problem)
         return self._problem
 

@@ -58,7 +58,7 @@ def command(
     """
     formulations.get(node)
     problem = storage.load(source, format=file_format)
-    pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header())[1] if via else ()
+    pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header)[1] if via else ()
     room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
     arrival = graph.arrive(problem, node, kinds, pinned, lambda edge, p: converting(edge, p, done, room))

@@ -39,7 +39,7 @@ def command(
     if node is not None:
         formulations.get(node)
     problem = storage.load(source, format=file_format)
-    pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header())[1] if via else ()
+    pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header)[1] if via else ()
     target = node or (pinned[-1].target if pinned else problem.node)
     problem = graph.arrive(problem, target, kinds, pinned).problem
     click.echo(show_tex.fragment(problem) if tex else show.text(problem))

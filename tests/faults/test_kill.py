@@ -81,7 +81,7 @@ def test_a_killed_run_leaves_no_folder_for_ever(bench) -> None:
     environment = {**os.environ, "TMPDIR": str(bench.folder)}
     command = bench.command([bench.problem("p", 3)], ["faulty-hang"], "--timeout", "100s")
     running = subprocess.Popen(command, cwd=bench.folder, env=environment)
-    _wait(lambda: list(bench.folder.glob("cpbench-run-*/*.h5")) != [])
+    _wait(lambda: list(bench.folder.glob("cpbench-run-*/problem-*")) != [])
     running.kill()
     running.wait()
     left = set(bench.folder.glob("cpbench-run-*"))

@@ -114,7 +114,7 @@ def test_a_factorization_made_to_see_whether_an_edge_applies_is_charged(tmp_path
         H = np.eye(n)[:, :3]
         problem = GlobalFrictionContact(M=A + A.T, H=H, f=np.ones(n), w=np.ones(3), mu=[0.5], dimension=3)
     storage.save(problem, tmp_path / "p.h5")
-    request = plan.exact().header() | {"nodes": [{"mlcp": "lcp", "gfc": "fc"}[node]]}
+    request = plan.exact().header | {"nodes": [{"mlcp": "lcp", "gfc": "fc"}[node]]}
     address = str(tmp_path / "p.h5")
     referee = Referee(tmp_path)
     referee.survey(None, address, None, [request])  # asks for the LU
@@ -132,7 +132,7 @@ def _seconds_of_lu(A: np.ndarray) -> float:
 def test_a_conversion_shared_by_two_routes_counts_in_both(tmp_path: Path) -> None:
     """Contact to LCP to MLCP: the first step is done once, and is part of the time of either."""
     address = str(_contact(tmp_path))
-    (request,) = (r.header() for r in plan.facets("inner", 64))
+    (request,) = (r.header for r in plan.facets("inner", 64))
     fingerprint = storage.load(address).fingerprint
     referee = Referee(tmp_path)
     first, _ = wire.unpack(referee.prepare(None, _case(address, fingerprint, "lcp", request)))
@@ -147,10 +147,10 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
     storage.save(problem, tmp_path / "p.h5")
     referee = Referee(tmp_path)
     for way in ("mlcp-lcp-schur", "mlcp-lcp-split"):
-        request = plan.pinned([way], {}).header()
+        request = plan.pinned([way], {}).header
         case = _case(str(tmp_path / "p.h5"), problem.fingerprint, "qp", request)
         reply, _ = wire.unpack(referee.prepare(None, case))
-        steps = storage.load(reply["path"]).provenance
+        steps = referee._desk.ready(Case(**case))[1].problem.provenance
         assert " > ".join(step.conversion for step in steps) == reply["route"]
         assert steps[0].conversion == way
 

@@ -153,7 +153,7 @@ class Scene:
             "format": None,
             "fingerprint": problem.fingerprint,
             "node": node,
-            "request": plan.exact().header(),
+            "request": plan.exact().header,
             "tolerance": 1e-10,
         }
 

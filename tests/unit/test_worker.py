@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import storage
-from cpbench.bench import worker
+from cpbench.bench import handover, worker
 from cpbench.bench.processes import meter, wire
 from cpbench.bench.processes.apart import apart
 from cpbench.bench.processes.launch import context
@@ -95,8 +94,8 @@ def test_a_checksum_sees_every_change(make) -> None:
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> str:
-    where = tmp_path_factory.mktemp("worker") / "p.h5"
-    storage.save(LCP(M=np.diag([2.0, 3.0]), q=np.array([-2.0, 3.0]), name="p"), where)
+    where = tmp_path_factory.mktemp("worker") / "p"
+    handover.write(LCP(M=np.diag([2.0, 3.0]), q=np.array([-2.0, 3.0]), name="p"), where)
     return str(where)
 
 

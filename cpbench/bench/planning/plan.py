@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
 
 from cpbench.conversions.base import Conversion, find_via, make
@@ -53,7 +54,9 @@ class Request:
     via: tuple[tuple[str, Mapping[str, Any]], ...] = ()
     nodes: tuple[str, ...] = ()
 
+    @cached_property
     def header(self) -> dict[str, Any]:
+        """As part of a message."""
         return asdict(self)
 
 
@@ -97,7 +100,7 @@ class Pair:
     sequence: str = ""
     step: int = 0
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Identity of the row: fingerprint, route request, solver, options, tolerance, start, threads."""
         parts = [

@@ -6,6 +6,7 @@ was told to, no length is believed before the bytes are there, and what was sent
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import time
@@ -43,6 +44,9 @@ class Channel:
         """A new request; raises OSError when nobody listens, TimeoutError when nobody reads for `seconds`."""
         self._turn = (self._turn + 1) % 2**32
         rest = memoryview(_HEAD.pack(_MARK, self._turn, len(message)) + message)
+        self._socket.setblocking(False)
+        with contextlib.suppress(BlockingIOError):  # nearly always there is room at once
+            rest = rest[self._socket.send(rest) :]
         deadline = time.monotonic() + seconds
         while rest:
             self._socket.settimeout(max(deadline - time.monotonic(), 1e-3))

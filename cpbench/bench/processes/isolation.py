@@ -14,7 +14,6 @@ import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from cpbench.bench.processes import cgroup
 from cpbench.errors import CpbenchError, UnknownName
@@ -138,7 +137,11 @@ def address_space() -> int:
     """Bytes of this process's address space, what RLIMIT_AS counts (0 where the system does not say)."""
     if sys.platform != "linux":
         return 0
-    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    descriptor = os.open("/proc/self/statm", os.O_RDONLY)
+    try:
+        return int(os.read(descriptor, 64).split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    finally:
+        os.close(descriptor)
 
 
 def limit_address_space(growth: int) -> None:

@@ -76,8 +76,9 @@ def checksum(problem: Problem) -> int:
 
 
 def _tasks() -> int:
+    """Threads of this process. A folder has a link from itself, from its parent, and from every folder in it."""
     try:
-        return len(os.listdir("/proc/self/task"))
+        return os.stat("/proc/self/task").st_nlink - 2
     except OSError:
         return threading.active_count()
 
@@ -95,20 +96,7 @@ def _forget_peak() -> None:
 
 
 def _peak() -> int:
-    """High-water mark of resident memory [bytes]."""
-    try:
-        descriptor = os.open("/proc/self/status", os.O_RDONLY)
-    except OSError:
-        return _peak_elsewhere()
-    try:
-        status = os.read(descriptor, 2**14)
-    finally:
-        os.close(descriptor)
-    at = status.find(b"VmHWM:")
-    return int(status[at + 6 : status.index(b"kB", at)]) * 1024 if at >= 0 else _peak_elsewhere()
-
-
-def _peak_elsewhere() -> int:
+    """High-water mark of resident memory [bytes]; on Linux since `_forget_peak`."""
     if os.name != "posix":
         return int(psutil.Process().memory_info().peak_wset)
     import resource

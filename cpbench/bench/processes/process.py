@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import selectors
 import signal
 import time
@@ -104,8 +105,11 @@ class Child:
                 self._log.started()
         self._first = _found(self.pid)
         self._selector.register(self._channel, selectors.EVENT_READ)
+        self._end: Any = None
         if os.name == "posix":
             self._selector.register(self._process.sentinel, selectors.EVENT_READ)
+            self._end = select.poll()
+            self._end.register(self._process.sentinel, select.POLLIN)
 
     @property
     def pid(self) -> int:
@@ -114,7 +118,7 @@ class Child:
     @property
     def alive(self) -> bool:
         """Whether it still runs: one may die while nobody asks it anything."""
-        return self._process.exitcode is None
+        return self._process.exitcode is None if self._end is None else not self._end.poll(0)
 
     def send(self, message: bytes) -> None:
         """A new request. Raises Died when nobody listens any more, TimedOut when nobody reads."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zlib
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,20 @@ import numpy as np
 
 def pack(point: Any) -> bytes:
     """The answer as one compressed .npy, parts one after the other (`Problem.point_from_vector` splits them)."""
-    buffer = io.BytesIO()
-    np.save(buffer, np.concatenate(list(point.arrays().values())), allow_pickle=False)
-    return zlib.compress(buffer.getvalue(), 1)
+    vector = np.concatenate(list(point.arrays().values()))
+    return zlib.compress(_header(vector.size) + vector.tobytes(), 1)
 
 
 def unpack(blob: bytes) -> Any:
     """The vector in a kept answer."""
     return np.load(io.BytesIO(zlib.decompress(blob)), allow_pickle=False)
+
+
+@lru_cache(maxsize=2**10)
+def _header(size: int) -> bytes:
+    """What stands before the numbers of a .npy file with one vector of float64."""
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        buffer, {"descr": np.dtype(np.float64).str, "fortran_order": False, "shape": (size,)}
+    )
+    return buffer.getvalue()

@@ -1,0 +1,75 @@
+"""A problem on its way from the referee to the workers: one file of raw numbers, gone after the block.
+
+No format of problems: nobody but the referee writes it, and a worker of the same run reads it at once, at the speed of
+memory. What solvers do not look at (info, provenance, geometry of contacts) stays behind.
+
+The file: 8 bytes with the length of a JSON header, the header, then the arrays, each from a multiple of 64 bytes on,
+so that compiled loops meet them as they meet arrays of NumPy's own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.formulations.base import Problem, formulations
+
+ALIGNED = 64
+LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
+
+
+def write(problem: Problem, path: str | Path) -> None:
+    """Raises OSError."""
+    data = problem.data()
+    arrays = [(name, array) for name, matrix in data.items() for array in _arrays(matrix)]
+    others = {f.name for f in dataclasses.fields(problem)} - data.keys() - LEFT_BEHIND
+    header = {
+        "node": problem.node,
+        "name": problem.name,
+        "fields": {name: getattr(problem, name) for name in sorted(others)},
+        "shapes": {name: matrix.shape for name, matrix in data.items()},
+        "arrays": [(name, array.dtype.str, array.size) for name, array in arrays],
+    }
+    head = json.dumps(header).encode()
+    with open(path, "wb") as file:
+        file.write(len(head).to_bytes(8, "little") + head)
+        for _, array in arrays:
+            file.write(bytes(-file.tell() % ALIGNED))
+            file.write(np.ascontiguousarray(array).data)
+
+
+def read(path: str | Path) -> Problem:
+    """The problem of a file that `write` made; raises OSError, and ValueError when it is none."""
+    whole = np.fromfile(path, np.uint8)
+    whole.flags.writeable = False
+    at = 8 + int.from_bytes(whole[:8].tobytes(), "little")
+    header = json.loads(whole[8:at].tobytes())
+    found: dict[str, list[Any]] = {}
+    for name, kind, size in header["arrays"]:
+        at += -at % ALIGNED
+        end = at + size * np.dtype(kind).itemsize
+        found.setdefault(name, []).append(whole[at:end].view(kind))
+        at = end
+    parts = {name: _matrix(found[name], tuple(shape)) for name, shape in header["shapes"].items()}
+    return formulations.get(header["node"])(name=header["name"], **parts, **header["fields"])
+
+
+def _arrays(matrix: Any) -> Iterator[Any]:
+    """The numbers of a matrix or vector; those of a CSR with its indices."""
+    if isinstance(matrix, sp.csr_array):
+        yield from (matrix.data, matrix.indices, matrix.indptr)
+    else:
+        yield matrix
+
+
+def _matrix(arrays: list[Any], shape: tuple[int, ...]) -> Any:
+    if len(arrays) == 1:
+        return arrays[0].reshape(shape)
+    return matrices.adopt(sp.csr_array(tuple(arrays), shape=shape))  # as it was in a problem before
