@@ -3,6 +3,10 @@ a process for every solve."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 LIMIT = 2.0
@@ -80,3 +84,15 @@ def test_an_unknown_isolation_is_refused(bench) -> None:
     assert done.returncode == 2
     assert "unknown isolation in CPBENCH_ISOLATION 'chroot'" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_modules_of_the_folder_are_not_taken_for_others(bench) -> None:
+    """A `numpy.py` where the run is started is the user's affair, and nobody's import."""
+    for name in ("numpy", "json", "cpbench"):
+        (bench.folder / f"{name}.py").write_text("raise RuntimeError('the wrong module')\n")
+    problem = bench.problem("p", 3)
+    script = str(Path(sys.executable).with_name("cpbench"))
+    command = [script, "run", problem, "-s", "lemke", "--no-report", "-q", "-o", "r.sqlite"]
+    done = subprocess.run(command, cwd=bench.folder, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert list(bench.store().table().status) == ["solved"]

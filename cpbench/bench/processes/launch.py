@@ -5,12 +5,13 @@ On Linux it comes from a forkserver that has the numerical packages loaded (`pre
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing as mp
 import os
 import signal
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -28,6 +29,7 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "RAYON_NUM_THREADS",
 )
+SAFE_PATH = "PYTHONSAFEPATH"
 PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.processes.preload"]
 
 
@@ -69,12 +71,26 @@ def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any
     for patience in (0.2, 0.0):
         process = ctx.Process(target=_enter, args=(start, target, args), daemon=True)
         try:
-            process.start()
+            with _apart_from_here():
+                process.start()
             return process
         except (OSError, EOFError) as cause:
             why = f"{type(cause).__name__}: {cause}"
             time.sleep(patience)
     raise OSError(why)
+
+
+@contextlib.contextmanager
+def _apart_from_here() -> Generator[None]:
+    """The forkserver, where it starts now, is not to import a `numpy.py` of the folder that the run was started in."""
+    if SAFE_PATH in os.environ:
+        yield
+        return
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(SAFE_PATH, None)
 
 
 _here: Isolation | None = None

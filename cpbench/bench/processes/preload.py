@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import os
 import pkgutil
 from pathlib import Path
 
@@ -32,6 +33,7 @@ def preload() -> None:
                 if compiled(Path(package.__path__[0]) / f"{module.name}.py"):
                     kernel_cache.load(f"{package.__name__}.{module.name}")
 
+    os.environ.pop("PYTHONSAFEPATH", None)  # was for this process alone (`launch`)
     package_version("cpbench")  # reads what is installed, once for all
     gc.collect()
     gc.freeze()  # nobody forked from here walks through all this again
