@@ -16,7 +16,7 @@ from cpbench import graph, storage
 from cpbench.bench import handover
 from cpbench.bench.planning.plan import Pair, parse_request
 from cpbench.conversions import Conversion
-from cpbench.errors import ProblemError
+from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Kind, Problem
 
 
@@ -102,7 +102,10 @@ class Desk:
         # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
         path = self._scratch / f"problem-{os.getpid()}-{self._files}"
         self._files += 1
-        handover.write(arrival.problem, path)
+        try:
+            handover.write(arrival.problem, path)
+        except OSError as cause:
+            raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
         return Prepared(
             arrival.problem,
             arrival.kind,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 from cpbench.bench.block import Block, Ending
@@ -49,8 +50,8 @@ def read_outcome(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Outco
 
 
 def _pair_header(pair: Pair) -> dict[str, Any]:
-    parts: dict[str, Any] = {"request": pair.request, "entry": pair.entry, "limits": pair.limits}
-    return {**vars(pair), "sizes": dict(pair.sizes), **{name: dict(vars(part)) for name, part in parts.items()}}
+    """Its fields, without what cached properties keep."""
+    return asdict(replace(pair, sizes=dict(pair.sizes), entry=Entry(pair.entry.solver, dict(pair.entry.options))))
 
 
 def _pair(header: Mapping[str, Any]) -> Pair:

@@ -108,8 +108,9 @@ class Child:
         self._end: Any = None
         if os.name == "posix":
             self._selector.register(self._process.sentinel, selectors.EVENT_READ)
-            self._end = select.poll()
-            self._end.register(self._process.sentinel, select.POLLIN)
+            if ctx.isolation.forks:  # where it is spawned, children of the child hold the sentinel open
+                self._end = select.poll()
+                self._end.register(self._process.sentinel, select.POLLIN)
 
     @property
     def pid(self) -> int:
