@@ -16,8 +16,6 @@ from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome, Predecessor
 from cpbench.bench.planning.plan import Pair
 
-PREVIOUS = "previous"
-"""The start policy by which a step of a sequence starts from the answer to the step before."""
 VERIFIED = ("solved", "stationary")
 """Statuses of answers that a next step may start from."""
 
@@ -50,7 +48,7 @@ class Block:
     @property
     def chained(self) -> bool:
         """Whether its pairs start from one another, so that they cannot be run apart."""
-        return any(map(_follows, self.pairs))
+        return any(pair.scene for pair in self.pairs)
 
     def rest(self, endings: Mapping[str, Ending]) -> Block | None:
         """What is left when some of its pairs have ended, by key; None when all have."""
@@ -94,11 +92,11 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         members = grouped[name]
         draw.shuffle(members)
         place = {variant(p): k for k, p in enumerate(members)}
-        members.sort(key=lambda p: (p.step if _follows(p) else 0, place[variant(p)], p.tolerance))
+        members.sort(key=lambda p: (p.step if p.scene else 0, place[variant(p)], p.tolerance))
         todo = tuple(p for p in members if p.key in pending)
         if todo:
             keys = {p.key for p in todo}
-            before = {key: pair for key, pair in _befores(members).items() if key in keys}
+            before = {key: pair for key, pair in befores(members).items() if key in keys}
             known = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
             made.append(Block(todo, before, known))
     return made
@@ -106,20 +104,20 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
 
 def block_name(pair: Pair) -> str:
     """Pairs of one name are run in one go, by one lane."""
-    return f"sequence {pair.sequence}" if _follows(pair) else f"problem {pair.address}"
+    return f"sequence {pair.scene}" if pair.scene else f"problem {pair.address} {pair.format or ''}"
 
 
 def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pair, Outcome]]:
     """The outcome of every pair of the block, one after the other."""
     lane.start(block.solvers, block.pairs[0].limits.memory, lambda name: notice("start", None, {"solver": name}))
-    prepared: dict[tuple[str, str, float], dict[str, Any]] = {}
+    prepared: dict[tuple[str, str, float, float], dict[str, Any]] = {}
     endings: dict[str, Ending] = dict(block.known)
     derived: dict[str, Outcome] = {}
-    address = ""
+    held: tuple[str, str | None] = ("", None)
     for pair in block.pairs:
-        if pair.address != address:  # the referee holds one problem
-            address, prepared = pair.address, {}
-        where = (pair.request.name, pair.target, pair.tolerance)
+        if (pair.address, pair.format) != held:  # the referee holds one problem
+            held, prepared = (pair.address, pair.format), {}
+        where = (pair.request.name, pair.target, pair.tolerance, pair.limits.seconds)
         if where not in prepared:
             prepared[where] = lane.prepare(pair)
         notice("solve", pair, {})
@@ -144,27 +142,27 @@ def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Ou
         return {}
     wanted = {p.tolerance: p.key for p in pairs if p.tolerance > pair.tolerance and variant(p) == variant(pair)}
     rows = derived_rows(outcome.row, History.unpack(outcome.history), wanted)
-    return {wanted[tolerance]: Outcome(row) for tolerance, row in rows.items()}
+    limit = pair.limits.seconds
+    return {wanted[t]: Outcome(row) for t, row in rows.items() if row["setup"] + row["solve"] <= limit}
 
 
 def variant(pair: Pair) -> tuple[Any, ...]:
-    """Pairs of one variant differ by their tolerance; told apart only where a history makes one of them enough."""
-    if not pair.limits.history:
+    """Pairs of one variant differ by their tolerance; told apart only where a history makes one of them enough, which
+    it does not for a step that others start from."""
+    if not pair.limits.history or pair.scene:
         return (pair.key,)
     return (pair.set, pair.address, pair.label, pair.start, pair.measure)
 
 
-def _follows(pair: Pair) -> bool:
-    return pair.start == PREVIOUS and bool(pair.sequence)
-
-
-def _befores(members: Sequence[Pair]) -> dict[str, Pair]:
+def befores(members: Sequence[Pair]) -> dict[str, Pair]:
     """The pair of the step before with the same solver, options, request and tolerance, by key; steps are sorted."""
-    last: dict[tuple[str, str, float], Pair] = {}
+    last: dict[tuple[Any, ...], Pair] = {}
     found: dict[str, Pair] = {}
-    for pair in filter(_follows, members):
-        track = (pair.set, pair.label, pair.tolerance)
-        if track in last:
+    for pair in members:
+        if pair.scene is None:
+            continue
+        track = (pair.scene, pair.label, pair.tolerance, pair.measure)
+        if track in last and last[track].step < pair.step:
             found[pair.key] = last[track]
         last[track] = pair
     return found

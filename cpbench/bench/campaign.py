@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from cpbench.bench import machine
-from cpbench.bench.lane import Lane
+from cpbench.bench.block import befores
+from cpbench.bench.lane import FELL_BACK, Lane
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN, RETRIED
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
+from cpbench.errors import CpbenchError
 from cpbench.solvers.base import solvers
 
 
@@ -35,6 +37,15 @@ class Watcher(Protocol):
         ...
 
 
+def require_answers(asked: RunPlan, planned: Sequence[Pair]) -> None:
+    """Raises CpbenchError when steps are to start from answers that nobody keeps."""
+    if asked.keep != "all" and any(pair.scene for pair in planned):
+        raise CpbenchError(
+            f"--keep {asked.keep} with --start previous: a step starts from the kept answer to the one before; leave "
+            "--keep out"
+        )
+
+
 def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> None:
     """Put the plan into the results: its rows, its files, what is to be run again, and how it was asked for.
 
@@ -44,6 +55,7 @@ def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> Non
     store.plan(assembly.pairs)
     if asked.rerun:
         store.reset(RERUN[asked.rerun], [pair.key for pair in assembly.pairs])
+        _reset_followers(store, assembly.pairs)
     store.note_files(assembly.read, assembly.refused)
     store.set_meta(
         command=command,
@@ -73,6 +85,7 @@ def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Seq
         for attempt in range(1 + asked.retry):
             if attempt and not store.reset(RETRIED, mine):
                 break
+            _reset_followers(store, planned)
             watcher.begin(planned, store.pending())
             try:
                 execute(crew, store, planned, asked.seed, notice)
@@ -80,6 +93,22 @@ def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Seq
                 watcher.end()
     finally:
         store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions))
+
+
+def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
+    """Steps that began cold because the step before had failed are run again when that one is."""
+    ordered = sorted((pair for pair in planned if pair.scene), key=lambda pair: pair.step)
+    before = befores(ordered)
+    pending = store.pending()
+    again: list[str] = []
+    for pair in ordered:
+        if pair.key in pending or pair.key not in before or before[pair.key].key not in pending:
+            continue
+        if str(store.row(pair.key)["started"] or "").startswith(FELL_BACK):
+            again.append(pair.key)
+            pending.add(pair.key)
+    if again:
+        store.reset(None, again)
 
 
 def statuses(path: Path) -> dict[str, str]:

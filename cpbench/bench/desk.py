@@ -15,6 +15,7 @@ from typing import Any
 from cpbench import graph, storage
 from cpbench.bench import handover
 from cpbench.bench.planning.plan import Pair, parse_request
+from cpbench.bench.processes.meter import checksum
 from cpbench.conversions import Conversion
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Kind, Problem
@@ -56,6 +57,7 @@ class Prepared:
     steps: int
     seconds: float
     path: str
+    checksum: int
 
 
 class Desk:
@@ -63,7 +65,7 @@ class Desk:
 
     def __init__(self, scratch: Path) -> None:
         self._scratch = scratch
-        self._address = ""
+        self._held: tuple[str, str | None] = ("", None)
         self._source: Problem | None = None
         self._prepared: dict[tuple[str, str], Prepared] = {}
         self._conversions = Charged()
@@ -71,12 +73,12 @@ class Desk:
 
     def open(self, address: str, format: str | None, fingerprint: str = "") -> Problem:
         """The problem, loaded unless it is the one that is held; raises ProblemError when it is not the one planned."""
-        if self._address != address or self._source is None:
+        if self._held != (address, format) or self._source is None:
             for prepared in self._prepared.values():
                 Path(prepared.path).unlink(missing_ok=True)
             self._prepared, self._conversions, self._source = {}, Charged(), None
             self._source = storage.load(address, format=format)
-            self._address = address
+            self._held = (address, format)
         source = self._source
         assert source is not None
         if fingerprint and source.fingerprint != fingerprint:
@@ -113,6 +115,7 @@ class Desk:
             len(arrival.route.steps),
             self._conversions.seconds(problem, arrival.route),  # not of dead ends before it
             str(path),
+            checksum(arrival.problem),
         )
 
 

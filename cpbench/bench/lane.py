@@ -14,17 +14,19 @@ from typing import Any
 
 import cpbench.bench.worker as worker_process
 from cpbench.bench.desk import Case
-from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr
+from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, repeat_times
 from cpbench.bench.planning.plan import Pair, Request
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.scratch import Scratch
 from cpbench.bench.staff import Referee, Setting, Workers, obituary
-from cpbench.errors import CpbenchError
+from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
 
+FELL_BACK = "cold: the step before was"
+"""How `started` begins where a step had no answer to start from."""
 GRACE = 0.2
 """Seconds after the limit at which a process is killed: it and all it started are gone half a second after it."""
 FULL = 0.25
@@ -37,8 +39,12 @@ class Surveyed(CpbenchError):
     """A file was refused while planning; carries (address, reason)."""
 
 
-class Unsupported(Exception):
-    """A pair cannot be run, and no solver is to blame; the message becomes the row's."""
+class NoStart(Exception):
+    """There is no point to start from; message and status become the row's."""
+
+    def __init__(self, message: str, status: str = "unsupported") -> None:
+        self.status = status
+        super().__init__(message)
 
 
 class Lane:
@@ -105,7 +111,12 @@ class Lane:
     def run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None = None) -> Outcome:
         """The outcome of one pair. Never raises for anything that a solver, a conversion or a file does."""
         begun = time.perf_counter()
-        outcome = self._run(pair, prepared, before)
+        try:
+            outcome = self._run(pair, prepared, before)
+        except Exception as surprise:  # of what a worker said, in a way that nobody thought of
+            self.workers.drop(pair.entry.solver)
+            message = f"the worker sent no valid message: {type(surprise).__name__}: {surprise}"[:500]
+            outcome = Outcome({**conversion_row(prepared), "status": "error", "message": message})
         self.workers.served(pair.entry.solver)
         row = {
             **outcome.row,
@@ -122,8 +133,8 @@ class Lane:
         name, limit = pair.entry.solver, pair.limits.seconds
         try:
             start, row["started"] = self._start_of(pair, before)
-        except Unsupported as why:
-            return Outcome({**row, "status": "unsupported", "message": str(why)})
+        except NoStart as why:
+            return Outcome({**row, "status": why.status, "message": str(why)})
         worker = self.workers.get(name, pair.limits.memory)
         if worker is None:
             state, detail = self.workers.unavailable[name]
@@ -136,6 +147,7 @@ class Lane:
             held = self.workers.holds(name, prepared["path"])
             asked = {
                 "path": prepared["path"],
+                "checksum": prepared["checksum"],
                 "held": held,
                 "budget": {"tolerance": prepared["tolerance"], "seconds": limit},
                 "options": dict(pair.entry.options),
@@ -172,17 +184,19 @@ class Lane:
             self.workers.drop(name)  # what is left of its memory is not worth trusting
             return Outcome({**row, "status": "memout", "message": f"over {pair.limits.memory} bytes"})
         status = "unsupported" if reply["event"] == "unsupported" else "error"
+        if status == "error":
+            self.workers.drop(name)  # nobody has looked at what it left behind
         return Outcome({**row, "status": status, "message": str(reply.get("message", reply["event"]))})
 
     def _start_of(self, pair: Pair, before: Predecessor | None) -> tuple[Mapping[str, Any] | None, str]:
-        """Vectors of the point to start from, and what the row tells of it; raises Unsupported."""
+        """Vectors of the point to start from, and what the row tells of it; raises NoStart."""
         if pair.start == "cold":
             return None, "cold"
         spec = solvers.get(pair.entry.solver).spec
         if Trait.WARM_START not in spec.traits:
-            raise Unsupported(f"{spec.name} takes no starting point, and a cold start is not what was asked for")
+            raise NoStart(f"{spec.name} takes no starting point, and a cold start is not what was asked for")
         if pair.start == "previous" and (before is None or before.answer is None):
-            return None, "cold: first step" if before is None else f"cold: the step before was {before.status}"
+            return None, "cold: first step" if before is None else f"{FELL_BACK} {before.status}"
         earlier = None
         if before is not None:
             earlier = {"address": before.address, "format": before.format, "fingerprint": before.fingerprint}
@@ -195,7 +209,9 @@ class Lane:
             before=earlier,
         )
         if reply["event"] != "started":
-            raise Unsupported(str(reply.get("message", reply["event"])))
+            known = reply["event"] == "refused" and reply.get("cause") == NotApplicable.__name__
+            status = "unsupported" if known else "memout" if reply["event"] == "memory" else "error"
+            raise NoStart(f"{'' if known else 'start: '}{reply.get('message', reply['event'])}", status)
         return vectors, str(reply["told"])
 
     def _answered(
@@ -277,7 +293,11 @@ class Lane:
             return setups, solves, ""
         reply, _, lost = self._next(worker, pair, more * (pair.limits.seconds + GRACE), "repeat")
         if reply is not None and reply["event"] == "repeats":
-            times = [(float(setup), float(solve)) for setup, solve, *_ in reply["times"]]
+            try:
+                times = repeat_times(reply["times"], more)
+            except (KeyError, TypeError, ValueError, OverflowError) as noise:
+                self.workers.drop(pair.entry.solver)
+                return setups, solves, f"a repeat failed: no valid message: {noise}"
             setups += [setup for setup, _ in times]
             solves += [solve for _, solve in times]
         return setups, solves, lost
@@ -295,6 +315,8 @@ class Lane:
             reply, vectors = wire.unpack(worker.receive(patience))
             if reply["event"] not in ("memory", "died"):
                 told = "" if reply["event"] in ("repeats", "history") else str(reply.get("message", reply["event"]))
+                if told:
+                    self.workers.drop(pair.entry.solver)
                 return reply, vectors, told and f"a {what} failed: {told}"
             lost = f"over {pair.limits.memory} bytes" if reply["event"] == "memory" else str(reply["message"])
         except TimedOut:

@@ -62,22 +62,21 @@ class Result:
 
     @staticmethod
     def from_message(reply: Mapping[str, Any], waited: float) -> Result:
-        """Raises KeyError, TypeError, ValueError: what a process says that ran foreign code may be anything."""
-        setup, solve = float(reply["setup"]), float(reply["solve"])
-        if not (math.isfinite(setup + solve) and min(setup, solve) >= 0.0):
-            raise ValueError(f"took {setup} + {solve} s")
+        """Raises KeyError, TypeError, ValueError, OverflowError: what a process says that ran foreign code may be
+        anything."""
+        setup, solve = _seconds(reply["setup"]), _seconds(reply["solve"])
         return Result(
             claim=str(reply["claim"]),
             answered=bool(reply["answered"]),
             message=str(reply["message"]),
-            counters={str(k): int(v) for k, v in reply["counters"].items()},
+            counters={str(k): _count(v) for k, v in reply["counters"].items()},
             setup=setup,
             solve=solve,
-            cpu=float(reply["cpu"]),
-            grown=int(reply["grown"]),
-            peak=int(reply.get("peak", 0)),
-            children=int(reply.get("children", 0)),
-            threads=int(reply.get("threads", 1)),
+            cpu=_seconds(reply["cpu"]),
+            grown=_count(reply["grown"]),
+            peak=_count(reply.get("peak", 0)),
+            children=_count(reply.get("children", 0)),
+            threads=_count(reply.get("threads", 1)),
             wrote=bool(reply.get("wrote", False)),
             waited=waited,
         )
@@ -90,6 +89,26 @@ class Result:
             ("threads", self.threads > threads),
             ("clock", self.waited > LATE + LATE_SHARE * (self.setup + self.solve)),
         )
+
+
+def repeat_times(told: Any, most: int) -> list[tuple[float, float]]:
+    """Setup and solve seconds of at most so many repeats; raises as `Result.from_message` does."""
+    times = [(_seconds(setup), _seconds(solve)) for setup, solve, *_ in told]
+    if len(times) > most:
+        raise ValueError(f"{len(times)} repeats, {most} were asked for")
+    return times
+
+
+def _seconds(told: Any) -> float:
+    seconds = float(told)
+    if not 0.0 <= seconds < math.inf:
+        raise ValueError(f"a time of {seconds} s")
+    return seconds
+
+
+def _count(told: Any) -> int:
+    """Within what the results file keeps."""
+    return max(-(2**63), min(int(told), 2**63 - 1))
 
 
 def conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:

@@ -89,6 +89,7 @@ class Referee:
             {
                 "event": "prepared",
                 "path": ready.path,
+                "checksum": ready.checksum,
                 "route": ready.label,
                 "kind": str(ready.kind),
                 "convert": ready.seconds,

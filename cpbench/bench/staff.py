@@ -124,8 +124,8 @@ class Workers:
             if reply["event"] != "ready":
                 self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
                 return None
-            self.versions[name] = str(reply["version"])
-            self._single[name] = bool(reply["single"])
+            self.versions[name] = str(reply.get("version", ""))
+            self._single[name] = bool(reply.get("single"))
         return self._children[name]
 
     def loaded(self, name: str, path: str) -> None:
@@ -159,6 +159,8 @@ class Workers:
             child = Child(self._context, worker_process.main, arguments, cpus=self._setting.cpus, memory=memory)
             self._children[name], self._memory[name] = child, memory
             reply, _ = wire.unpack(child.receive(STARTUP))
+            if reply.get("event") not in ("ready", "unavailable"):
+                raise wire.WireError(f"the first message is {str(reply)[:200]}")
         except TimedOut:
             reply = {"event": "timeout", "detail": f"no sign of life within {STARTUP:g} s"}
         except Died as death:

@@ -166,6 +166,7 @@ def command(
                 _print_plan(asked, assembly)
                 return
             assembly.require_pairs()
+            campaign.require_answers(asked, assembly.pairs)
             crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
             store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
             campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))

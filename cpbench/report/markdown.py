@@ -22,6 +22,7 @@ from cpbench.report.run import Run, each, group_name
 from cpbench.report.run_sections import run_sections
 from cpbench.report.text import code, counted, listed, plain
 from cpbench.report.text import table as text_table
+from cpbench.verification import Status
 
 
 def write_report(
@@ -75,6 +76,9 @@ def _headline(run: Run) -> str:
         f"({counted(problems, 'problem')}, {counted(labels, 'solver configuration')}); "
         f"{counted(lies, 'claim does', 'claims do')} not hold on exact routes."
     )
+    waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
+    if waiting:
+        first = f"**Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet.**\\\n{first}"
     best = [
         f"{group_name(run, r.group)}: {listed(r.best, 3)} ({r.most} of {r.problems})"
         if r.best
@@ -92,7 +96,7 @@ def _facts(run: Run) -> str:
         "limit": _all_of(run, "seconds", "{:g} s a solve"),
         "threads": _all_of(run, "threads", "{:g}"),
         "repeats": _all_of(run, "repeats_asked", "{:g} of short solves"),
-        "start": ", ".join(sorted(set(run.rows["start"]) - {"", "cold"})),
+        "start": ", ".join(sorted(set(run.rows["start"]) - {""})),
         "run on": meta.get("date", ""),
         "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
         "rows": "`results.csv`, one a pair" if len(run.rows) else "",

@@ -123,7 +123,7 @@ def solve_command(row: Any) -> str:
         words += ["--timeout", f"{row['seconds']:g}s"]
     if row["start"] == "previous":  # one step needs those before it
         file = one_line(row["address"]).partition("::")[0]
-        words[1:3] = ["run", file]
+        words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
     if row["start"] != "cold":
         words += ["--start", row["start"]]
     return shlex.join(words)

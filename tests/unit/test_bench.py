@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from cpbench import graph, storage
+from cpbench.bench import handover
 from cpbench.bench import lane as lanes
-from cpbench.bench.desk import Case, Charged
+from cpbench.bench.desk import Case, Charged, Desk
 from cpbench.bench.lane import Lane
+from cpbench.bench.outcome import Result, repeat_times
 from cpbench.bench.planning import plan
 from cpbench.bench.processes import wire
 from cpbench.bench.referee import Referee
@@ -63,7 +65,23 @@ def test_messages_carry_vectors_and_bytes() -> None:
     assert parts["answer"] == b"\x00\xff"
 
 
-@pytest.mark.parametrize("noise", [b"", b"abc", b"\xff" * 40, wire.pack({"a": 1}, {"z": np.ones(2)})[:-1]])
+def _framed(header: bytes) -> bytes:
+    return len(header).to_bytes(4, "little") + header
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        b"",
+        b"abc",
+        b"\xff" * 40,
+        wire.pack({"a": 1}, {"z": np.ones(2)})[:-1],
+        _framed(b"[" * 200_000),
+        _framed(b"[1]"),
+        _framed(b'{"vectors": [["z", 1e999, false]]}'),
+    ],
+    ids=["empty", "short", "length", "cut", "deep", "list", "infinite"],
+)
 def test_noise_is_no_message(noise: bytes) -> None:
     with pytest.raises(wire.WireError):
         wire.unpack(noise)
@@ -355,3 +373,57 @@ def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):
     assert len(done) == 2
     assert charged.seconds(problem, graph.Route((edge,))) < 0.1
     assert converted.node == "avi"
+
+
+RESULT = {"claim": "solved", "answered": True, "message": "", "counters": {}, "setup": 0.1, "solve": 0.1, "cpu": 0.2}
+RESULT |= {"grown": 0, "peak": 0, "children": 0, "threads": 1, "wrote": False}
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        {"solve": -1.0},
+        {"solve": float("nan")},
+        {"setup": float("inf")},
+        {"cpu": 10**400},
+        {"grown": float("inf")},
+        {"counters": None},
+        {"counters": {"iterations": "many"}},
+        {"peak": None},
+    ],
+    ids=lambda forged: next(iter(forged)),
+)
+def test_what_a_worker_says_is_brought_to_its_type_or_refused(forged: dict[str, Any]) -> None:
+    assert Result.from_message(RESULT, 0.3).solve == 0.1
+    with pytest.raises((ValueError, TypeError, OverflowError, AttributeError)):
+        Result.from_message(RESULT | forged, 0.3)
+
+
+def test_numbers_that_the_results_file_cannot_keep_are_cut() -> None:
+    assert Result.from_message(RESULT | {"peak": 2**70}, 0.3).peak == 2**63 - 1
+
+
+@pytest.mark.parametrize("told", [[[0.0, -7.0]], [[0.0, 1.0]] * 3, [[1.0]], 5, [["x", 1.0]]], ids=str)
+def test_repeats_that_are_none_are_refused(told: Any) -> None:
+    assert repeat_times([[0.0, 1.0, 0.5]], 2) == [(0.0, 1.0)]
+    with pytest.raises((ValueError, TypeError)):
+        repeat_times(told, 2)
+
+
+def test_a_file_is_read_anew_for_another_format(tmp_path: Path) -> None:
+    """What is held is known by its address and by how it was read."""
+    desk = Desk(tmp_path)
+    first = desk.open(str(_lcp(tmp_path)), None)
+    assert desk.open(str(tmp_path / "p.h5"), None) is first
+    assert desk.open(str(tmp_path / "p.h5"), "native") is not first
+
+
+def test_a_scratch_file_that_a_solver_changed_is_not_solved(lane: Lane, tmp_path: Path) -> None:
+    """The worker compares what it reads with what the referee wrote."""
+    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    (pair,) = plan.pairs([survey], [plan.Entry("bpp")], [plan.exact()], 1e-6, LIMITS)
+    prepared = lane.prepare(pair)
+    handover.write(LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p"), prepared["path"])
+    row = lane.run(pair, prepared).row
+    assert row["status"] == "error"
+    assert "is not what the referee wrote" in row["message"]

@@ -226,7 +226,9 @@ def test_commands_name_the_route() -> None:
 
     assert command("lemke[rule=x]", "exact") == "cpbench solve p.h5 -s 'lemke[rule=x]' --tolerance 1e-08"
     warm = {**base, "address": "s.h5::3", "label": "nsgs", "request": "exact", "start": "previous"}
-    assert solve_command(warm) == "cpbench run s.h5 -s nsgs --tolerance 1e-08 --start previous"
+    assert (
+        solve_command(warm) == "cpbench run s.h5 --plan none -o again.sqlite -s nsgs --tolerance 1e-08 --start previous"
+    )
     assert command("lemke@outer8-mlcp", "outer8-mlcp") == (
         "cpbench solve p.h5 -s lemke --via fc-mlcp-outer --facets 8 --tolerance 1e-08"
     )

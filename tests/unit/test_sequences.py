@@ -19,6 +19,8 @@ import pytest
 from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.starts import paired
+from cpbench.bench import campaign
+from cpbench.bench.block import befores, block_name, variant
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
@@ -153,3 +155,64 @@ def test_one_step_is_solved_again_from_near_its_solution(scene: Path) -> None:
     refused = subprocess.run([*command, "previous"], capture_output=True, text=True, timeout=120, check=False)
     assert refused.returncode == 2
     assert "cpbench run --start previous" in refused.stderr
+
+
+def _steps(address: str, count: int, **given: Any) -> list[Pair]:
+    """Pairs that follow a scene, with as much of a problem as blocks look at."""
+    base: dict[str, Any] = {"problem": "p", "node": "fc", "family": "", "sizes": {}, "request": plan.exact()}
+    base |= {"entry": plan.Entry("nsgs"), "target": "fc", "tolerance": 1e-6, "start": "previous", "sequence": "scene"}
+    return [
+        Pair(**{**base, "address": address.format(k), "fingerprint": f"{k}", "step": k, **given}) for k in range(count)
+    ]
+
+
+def test_scenes_of_one_name_in_two_places_are_two() -> None:
+    """Twins of steps too: the same problem at two places of a scene at rest is two rows."""
+    members = [*_steps("a/{}.h5", 3), *_steps("b/{}.h5", 3)]
+    assert len({pair.key for pair in members}) == 6
+    assert len({block_name(pair) for pair in members}) == 2
+    found = befores(sorted(members, key=lambda pair: pair.step))
+    assert {p.address: found[p.key].address for p in members if p.key in found} == {
+        **{f"a/{k}.h5": f"a/{k - 1}.h5" for k in (1, 2)},
+        **{f"b/{k}.h5": f"b/{k - 1}.h5" for k in (1, 2)},
+    }
+    rest = _steps("s.h5::step-{}", 3, fingerprint="same")
+    assert len({pair.key for pair in rest}) == 3
+
+
+def test_a_step_that_follows_is_not_read_off_a_history() -> None:
+    tight, loose = _steps("a/{}.h5", 1, limits=plan.Limits(history=True)), _steps("a/{}.h5", 1, tolerance=1e-3)
+    assert variant(tight[0]) != variant(loose[0])
+
+
+def test_followers_of_a_step_that_is_run_again_are_run_again(scene: Path, tmp_path: Path) -> None:
+    """Step 0 had crashed and step 1 begun cold: when 0 is reset, so is 1, and 2, which had an answer, is not."""
+    with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
+        planned = sorted(_plan(lane, scene, ("previous",)), key=lambda pair: pair.step)[:3]
+        store.plan(planned)
+        store.finish(planned[0].key, {"status": "crash", "started": "cold: first step"})
+        store.finish(planned[1].key, {"status": "solved", "started": "cold: the step before was crash"})
+        store.finish(planned[2].key, {"status": "solved", "started": "previous"})
+        store.reset(("crash",), [pair.key for pair in planned])
+        campaign._reset_followers(store, planned)
+        assert store.pending() == {planned[0].key, planned[1].key}
+
+
+def test_steps_need_the_answers_before(scene: Path, tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "cpbench",
+        "run",
+        str(scene),
+        "-s",
+        "nsgs",
+        "--start",
+        "previous",
+        "--keep",
+        "none",
+    ]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    assert "--keep none with --start previous" in done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -11,6 +11,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from cpbench.conversions.base import Conversion, find_via, make
@@ -18,6 +19,8 @@ from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import parse_options, solvers
 
+PREVIOUS = "previous"
+"""The start policy by which a step of a sequence starts from the answer to the step before."""
 EXACT_KINDS = (str(Kind.EQUIVALENT), str(Kind.ONE_WAY))
 FACET_NODES = ("lcp", "mlcp")
 """Where facet routes lead: their LCPs are not symmetric, so that no quadratic program is worth a row."""
@@ -100,9 +103,18 @@ class Pair:
     sequence: str = ""
     step: int = 0
 
+    @property
+    def scene(self) -> tuple[str, str] | None:
+        """The sequence whose steps this pair follows, by the pack or folder it is in and its name; None for others."""
+        if self.start != PREVIOUS or not self.sequence:
+            return None
+        file, pack, _ = self.address.partition("::")
+        return (file if pack else str(Path(file).parent)), self.sequence
+
     @cached_property
     def key(self) -> str:
-        """Identity of the row: fingerprint, route request, solver, options, tolerance, start, threads."""
+        """Identity of the row: fingerprint, route request, solver, options, tolerance, start, threads; the measure
+        where one decides alone, the place where a sequence is followed."""
         parts = [
             self.fingerprint,
             self.request.name,
@@ -112,6 +124,7 @@ class Pair:
             self.start,
             str(self.limits.threads),
             *filter(None, [self.measure]),
+            *([Path(self.scene[0]).name, self.scene[1], str(self.step)] if self.scene else []),
         ]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]
 

@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import storage
-from cpbench.bench.block import PREVIOUS
 from cpbench.bench.planning import features, where
-from cpbench.bench.planning.plan import Pair
+from cpbench.bench.planning.plan import PREVIOUS, Pair
 from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.storage.base import SEPARATOR, split_address
@@ -135,8 +134,8 @@ def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
 
 
 def _unit(pair: Pair) -> str:
-    followed = pair.start == PREVIOUS and pair.sequence
-    return f"sequence {pair.sequence}" if followed else f"problem {pair.fingerprint}"
+    """What stays together; a folder by its last name, which is the same on every machine."""
+    return f"sequence {Path(pair.scene[0]).name} {pair.scene[1]}" if pair.scene else f"problem {pair.fingerprint}"
 
 
 def _hash(text: str) -> bytes:

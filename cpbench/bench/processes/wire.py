@@ -38,6 +38,8 @@ def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
     try:
         (length,) = _LENGTH.unpack_from(message)
         header = json.loads(message[4 : 4 + length])
+        if not isinstance(header, dict):
+            raise ValueError(f"a header of type {type(header).__name__}")
         at, vectors = 4 + length, dict[str, Any]()
         for name, size, is_bytes in header.pop("vectors"):
             part = memoryview(message)[at : at + int(size)]
@@ -45,7 +47,7 @@ def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
             at += int(size)
         if at != len(message):
             raise ValueError(f"{len(message) - at} bytes left over")
-    except (struct.error, ValueError, KeyError, TypeError, UnicodeDecodeError) as cause:
+    except (struct.error, ValueError, KeyError, TypeError, RecursionError, OverflowError) as cause:
         raise WireError(f"malformed message of {len(message)} bytes: {cause}") from None
     return header, vectors
 
