@@ -143,7 +143,7 @@ class Lane:
         promises = (Kind(row["kind"]), solvers.get(name).spec.kind)
         row["kind"] = str(max(promises, key=lambda kind: kind.rank))
         try:
-            worker.output()
+            worker.forget()
             held = self.workers.holds(name, prepared["path"])
             asked = {
                 "path": prepared["path"],

@@ -48,6 +48,11 @@ class Log:
             self._forget()
         return text
 
+    def forget(self) -> None:
+        """Begin anew, where anything was printed: what came this very moment may still count as new."""
+        if self._seen:
+            self.take()
+
     def empty(self) -> None:
         """Read what there is now, for the thread, which need not come back when nobody can write any more."""
         with self._lock:

@@ -161,6 +161,11 @@ class Child:
         """What the child printed since the last call, first and last part."""
         return self._log.take() if self._log is not None else ""
 
+    def forget(self) -> None:
+        """What was printed so far is of no interest."""
+        if self._log is not None:
+            self._log.forget()
+
     def strike(self) -> None:
         """SIGKILL to the child and all that it started, until nobody is left.
 
