@@ -118,12 +118,12 @@ def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pai
         if (pair.address, pair.format) != held:  # the referee holds one problem
             held, prepared = (pair.address, pair.format), {}
         where = (pair.request.name, pair.target, pair.tolerance, pair.limits.seconds)
-        if where not in prepared:
+        outcome = derived.pop(pair.key, None)
+        if outcome is None and where not in prepared:
             prepared[where] = lane.prepare(pair)
         notice("solve", pair, {})
-        before = block.before.get(pair.key)
-        outcome = derived.pop(pair.key, None)
         if outcome is None:
+            before = block.before.get(pair.key)
             outcome = lane.run(pair, prepared[where], before and _predecessor(before, endings[before.key]))
             derived |= _looser(pair, outcome, block.pairs)
         endings[pair.key] = (outcome.status, outcome.answer)

@@ -313,12 +313,12 @@ class Lane:
         """One more message of a worker that has answered; what it did instead does not cost the answer."""
         try:
             reply, vectors = wire.unpack(worker.receive(patience))
-            if reply["event"] not in ("memory", "died"):
+            if reply["event"] != "memory":
                 told = "" if reply["event"] in ("repeats", "history") else str(reply.get("message", reply["event"]))
                 if told:
                     self.workers.drop(pair.entry.solver)
                 return reply, vectors, told and f"a {what} failed: {told}"
-            lost = f"over {pair.limits.memory} bytes" if reply["event"] == "memory" else str(reply["message"])
+            lost = f"over {pair.limits.memory} bytes"
         except TimedOut:
             lost = f"killed after {patience:g} s"
         except Died as death:
