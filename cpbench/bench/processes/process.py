@@ -83,7 +83,7 @@ class Child:
     ) -> None:
         self._isolation, self._memory = ctx.isolation, memory
         self._ceiling = 0
-        self._heard = False
+        self._heard = self._over = False
         self._log = Log(ctx.start) if ctx.isolation.output else None
         self._cgroup = _cgroup(ctx.isolation)
         self._channel, theirs = channel.pair()
@@ -119,6 +119,8 @@ class Child:
     @property
     def alive(self) -> bool:
         """Whether it still runs: one may die while nobody asks it anything."""
+        if self._over:
+            return False
         return self._process.exitcode is None if self._end is None else not self._end.poll(0)
 
     def send(self, message: bytes) -> None:
@@ -181,16 +183,16 @@ class Child:
                     process.kill()
             time.sleep(0.001)
         if self._isolation.guard and self._lives():
-            self._process.join(BURIAL)
+            self._join(BURIAL)
         while self._lives() and time.monotonic() < deadline:
             with contextlib.suppress(psutil.Error):
                 cast(psutil.Process, self._first).kill()
-            self._process.join(LOOK)
+            self._join(LOOK)
 
     def kill(self) -> None:
         """`strike`, and bury."""
         self.strike()
-        self._process.join(LOOK)
+        self._join(LOOK)
         self._release()
 
     # ------------------------------------------------------------------------------------------- within
@@ -205,6 +207,12 @@ class Child:
             self._log.close()
         if self._cgroup is not None:
             self._cgroup.remove()
+
+    def _join(self, seconds: float) -> None:
+        """Wait for the end. Whoever has taken the exit code remembers it: nothing is left to be read from then on,
+        and the forkserver hangs up only a moment later."""
+        self._process.join(seconds)
+        self._over = self._process.exitcode is not None
 
     def _lives(self) -> bool:
         """Whether the process is there, whatever is told of it: who could tell may have been killed itself."""
@@ -250,11 +258,11 @@ class Child:
 
     def _death(self) -> Died:
         """Why it ended; one that goes on without its connection is killed."""
-        self._process.join(LAST_WORDS)
+        self._join(LAST_WORDS)
         reason = "closed its connection" if self.alive and self._family() else ""
         if reason:
             self.strike()
-        self._process.join(guard.PATIENCE)  # a guard that is about to say how its worker ended
+        self._join(guard.PATIENCE)  # a guard that is about to say how its worker ended
         full = self._cgroup is not None and self._cgroup.out_of_memory
         return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)
 
