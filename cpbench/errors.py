@@ -63,3 +63,26 @@ class DuplicateName(CpbenchError):
 
 class StoreError(CpbenchError):
     """A results file cannot be used: wrong schema, other limits, not a results file."""
+
+
+class Unavailable(CpbenchError):
+    """A solver that is installed cannot run after all: a licence that ran out, a program that does not start.
+
+    `state` : missing, broken or licence, as in `Availability`; `detail` : what it said, and what to do.
+    """
+
+    def __init__(self, state: str, detail: str) -> None:
+        self.state, self.detail = state, detail
+        super().__init__(f"{state}: {detail}")
+
+
+class Ended(CpbenchError):
+    """The process in which a solver works ended in the middle of its work.
+
+    `code` : its exit code, or minus the number of the signal that killed it (as `subprocess` has it).
+    """
+
+    def __init__(self, who: str, code: int) -> None:
+        self.who, self.code = who, code
+        how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
+        super().__init__(f"{who} {how} before it answered")

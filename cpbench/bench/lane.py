@@ -183,7 +183,7 @@ class Lane:
         if reply["event"] == "memory":
             self.workers.drop(name)  # what is left of its memory is not worth trusting
             return Outcome({**row, "status": "memout", "message": f"over {pair.limits.memory} bytes"})
-        status = "unsupported" if reply["event"] == "unsupported" else "error"
+        status = reply["event"] if reply["event"] in ("unsupported", "unavailable") else "error"
         if status == "error":
             self.workers.drop(name)  # nobody has looked at what it left behind
         return Outcome({**row, "status": status, "message": str(reply.get("message", reply["event"]))})
@@ -243,6 +243,7 @@ class Lane:
             "solve": statistics.median(solves),
             "cpu": result.cpu,
             "peak": result.peak,
+            "reported": result.reported,
             "repeats": len(solves),
             "samples": json.dumps([float(f"{s:.6g}") for s in solves]),
             "solve_min": min(solves),

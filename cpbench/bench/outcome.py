@@ -58,6 +58,7 @@ class Result:
     children: int
     threads: int
     wrote: bool
+    reported: float | None
     waited: float
 
     @staticmethod
@@ -78,6 +79,7 @@ class Result:
             children=_count(reply.get("children", 0)),
             threads=_count(reply.get("threads", 1)),
             wrote=bool(reply.get("wrote", False)),
+            reported=None if reply.get("reported") is None else _seconds(reply["reported"]),
             waited=waited,
         )
 

@@ -20,11 +20,12 @@ import numpy as np
 
 from cpbench.bench import handover
 from cpbench.bench.history import recorded
-from cpbench.bench.processes import wire
+from cpbench.bench.processes import guard, wire
 from cpbench.bench.processes.apart import apart
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import forks, limit_memory
 from cpbench.bench.processes.meter import Meter, checksum
+from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
@@ -52,7 +53,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     version = solver.version()
     limit_memory(memory)
     bench = Bench(connection, solver)
-    forked = fresh and forks() and bench.meter.threads == 1
+    forked = fresh and forks() and bench.meter.threads == 1 and not bench.meter.helpers
     if forked:
         gc.freeze()  # what is warm is not walked through again in every process forked from it
     seconds = time.perf_counter() - started
@@ -72,7 +73,7 @@ class Bench:
 
     def __init__(self, connection: Channel, solver: Solver) -> None:
         self._connection, self._solver = connection, solver
-        self._path, self._problem, self._checksum = "", None, 0
+        self._path, self._problem, self._handed, self._checksum = "", None, None, 0
         self._header: Mapping[str, Any] = {}
         self._start: Mapping[str, Any] = {}
         self.meter = Meter()
@@ -106,9 +107,15 @@ class Bench:
         except BaseException as error:
             _end_unless(me)
             if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
-                self._path, self._problem = "", None
+                self._forget()
                 gc.collect()
                 self.tell(event="memory")
+            elif isinstance(error, Ended):
+                guard.end_like(error.code)
+            elif isinstance(error, NotApplicable):
+                self.tell(event="unsupported", message=error.obstacle)
+            elif isinstance(error, Unavailable):
+                self.tell(event="unavailable", message=str(error))
             else:
                 self.tell(event="error", message=_told(error))
             return None
@@ -118,20 +125,23 @@ class Bench:
     def _answer(self) -> dict[str, Any] | None:
         begun = time.perf_counter()
         problem = self._loaded()
-        if not self._header.get("held"):
-            self.tell(event="loaded", load=time.perf_counter() - begun)
         why = self._solver.obstacle(problem)
         if why is not None:
             self.tell(event="unsupported", message=why)
             return None
+        if self._handed is None:
+            self._handed = self._solver.hand_over(problem)
+        if not self._header.get("held"):
+            self.tell(event="loaded", load=time.perf_counter() - begun)
         asked = self._asked(problem)
         self.meter.begin()
-        output, setup, solve, cpu = _timed(self._solver, problem, *asked)
+        output, setup, solve, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)
         used = self.meter.end(setup + solve, cpu)
+        output = self._solver.collect(output)
         vectors, counters, notes = _checked(output, problem)
         wrote = checksum(problem) != self._checksum
         if wrote:
-            self._path, self._problem = "", None
+            self._forget()
         self.tell(
             vectors,
             event="result",
@@ -142,14 +152,17 @@ class Bench:
             setup=setup,
             solve=solve,
             cpu=cpu,
+            reported=output.reported,
             wrote=wrote,
             **used,
         )
         return {"short": setup + solve < SHORT, "wrote": wrote}
 
     def _repeat(self) -> tuple[float, float, float]:
-        problem = self._loaded()
-        return _timed(self._solver, problem, *self._asked(problem))[1:]
+        asked = self._asked(self._loaded())
+        if self._handed is None:
+            self._handed = self._solver.hand_over(self._problem)
+        return _timed(self._solver, self._handed, *asked, self.meter.cpu)[1:]
 
     def _record(self) -> bool:
         me, problem = os.getpid(), self._loaded()
@@ -161,13 +174,16 @@ class Bench:
     def _loaded(self) -> Problem:
         path = self._header["path"]
         if self._problem is None or self._path != path:
-            self._problem = None  # two problems at a time might not fit
+            self._forget()  # two problems at a time might not fit
             self._problem = handover.read(path)
             self._path, self._checksum = path, checksum(self._problem)
             if self._header.get("checksum", self._checksum) != self._checksum:  # files are within reach of every solver
-                self._problem = None
+                self._forget()
                 raise ValueError(f"loading: {path} is not what the referee wrote")
         return self._problem
+
+    def _forget(self) -> None:
+        self._path, self._problem, self._handed = "", None, None
 
     def _asked(self, problem: Problem) -> tuple[Budget, Any, Any]:
         """Budget, options and starting point of the request."""
@@ -180,17 +196,18 @@ def _here(step: Callable[[], Any]) -> Any:
 
 
 def _timed(
-    solver: Solver, problem: Problem, budget: Budget, options: Any, start: Any
+    solver: Solver, problem: Any, budget: Budget, options: Any, start: Any, clock: Callable[[], float]
 ) -> tuple[SolverOutput, float, float, float]:
+    """Output, seconds of `setup` and of `solve`, and by `clock` the CPU seconds of both."""
     me = os.getpid()
     gc.collect(0)
-    cpu = time.process_time()
+    cpu = clock()
     begun = time.perf_counter()
     prepared = solver.setup(problem, budget, options)
     between = time.perf_counter()
     output = solver.solve(prepared, budget, options, start)
     ended = time.perf_counter()
-    seconds = time.process_time() - cpu
+    seconds = clock() - cpu
     _end_unless(me)
     return output, between - begun, ended - between, seconds
 

@@ -58,6 +58,7 @@ class SolverSpec:
     requires : import names of the packages it needs, `install` : how to get them.
     kind : EQUIVALENT, or RELAXATION where the solver drops a term of the law.
     options : frozen dataclass of typed options with defaults.
+    by_default : whether a run that names no solver takes it; of a large family only the best known members do.
     known_failures : conformance check -> reason, strict (an unexpected pass fails).
     """
 
@@ -73,6 +74,7 @@ class SolverSpec:
     kind: Kind = Kind.EQUIVALENT
     traits: frozenset[Trait] = frozenset()
     options: type = NoOptions
+    by_default: bool = True
     known_failures: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -96,13 +98,15 @@ class Budget:
 @dataclass(frozen=True, kw_only=True)
 class SolverOutput:
     """What came out: a claim, an answer if there is one, counters (iterations, pivots, factorizations,
-    matrix_vector_products, projections, ...), a message, and a proof of infeasibility if there is one."""
+    matrix_vector_products, projections, ...), a message, a proof of infeasibility if there is one, and the seconds
+    that the solver says it took (`reported`: kept beside our own time, never in its place)."""
 
     claim: Claim
     point: Any | None = None
     counters: Mapping[str, int] = field(default_factory=dict)
     message: str = ""
     certificate: Vector | None = None
+    reported: float | None = None
 
 
 Record: TypeAlias = Callable[[int, float, Callable[[], Any]], None]
@@ -135,6 +139,11 @@ class Solver(ABC):
         """Why this problem is not for this solver (cheap to tell), else None."""
         return None
 
+    def hand_over(self, problem: Any) -> Any:
+        """Bring the problem to where it is solved; what this returns is what `setup` gets. Never timed: another
+        process has to read what a solver in this one finds in its memory. Raises Unavailable, Ended, NotApplicable."""
+        return problem
+
     def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
         """What is done once a problem (change of storage, a model): timed as `setup`, passed to `solve`."""
         return problem
@@ -143,7 +152,12 @@ class Solver(ABC):
     def solve(
         self, prepared: Any, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        """Solve what `setup` returned. May raise: the message becomes the row of an `error`."""
+        """Solve what `setup` returned. May raise: the message becomes the row of an `error`; NotApplicable,
+        Unavailable and Ended (a process of its own died) have rows of their own."""
+
+    def collect(self, output: SolverOutput) -> SolverOutput:
+        """Bring the answer back from where it was found. Never timed, as `hand_over`."""
+        return output
 
     def run(
         self,
@@ -153,10 +167,11 @@ class Solver(ABC):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        """`setup` and `solve` in one go, with default budget and options (scripts, tests)."""
+        """All steps in one go, with default budget and options (scripts, tests)."""
         budget = budget or Budget()
         options = self.spec.options() if options is None else options
-        return self.solve(self.setup(problem, budget, options), budget, options, start, record)
+        prepared = self.setup(self.hand_over(problem), budget, options)
+        return self.collect(self.solve(prepared, budget, options, start, record))
 
     def warmup(self) -> None:
         """Load and compile whatever the first solve would: called once a process, never timed."""

@@ -123,6 +123,11 @@ def end_as(status: int) -> NoReturn:
     os._exit(os.waitstatus_to_exitcode(status) & 0xFF)
 
 
+def end_like(code: int) -> NoReturn:
+    """End this process as one with this return code of `subprocess`, which must not look like success."""
+    end_as(-code if code < 0 else (code or 1) << 8)
+
+
 def finish(work: Callable[[], None]) -> NoReturn:
     """Run `work` and end this forked process, with the exit code that Python gives to what it raised."""
     code = 0

@@ -7,6 +7,7 @@ without control groups, as on a machine where they belong to the administrator.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import multiprocessing as mp
 import os
@@ -14,6 +15,8 @@ import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import psutil
 
 from cpbench.bench.processes import cgroup
 from cpbench.errors import CpbenchError, UnknownName
@@ -145,11 +148,16 @@ def address_space() -> int:
 
 
 def limit_address_space(growth: int) -> None:
-    """Let the address space grow by at most `growth` bytes from what it is now."""
+    """Let the address space grow by at most `growth` bytes from what it is now; that of child processes too."""
     import resource
 
     limit = address_space() + growth
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    if sys.platform == "linux":
+        for child in psutil.Process().children(recursive=True):
+            with contextlib.suppress(psutil.Error):
+                most = child.memory_info().vms + growth
+                child.rlimit(psutil.RLIMIT_AS, (most, most))
 
 
 def no_core_dumps() -> None:

@@ -5,9 +5,11 @@ All of it is read outside the timed part, in less than 100 µs for small problem
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import threading
+import time
 import zlib
 from typing import Any, cast
 
@@ -19,16 +21,22 @@ from cpbench.bench.processes import guard
 from cpbench.bench.processes.isolation import address_space
 from cpbench.formulations.base import Problem
 
+if os.name == "posix":
+    import resource
+
 BUSY = 0.05
 """Seconds from which CPU time over wall time tells how many threads were at work."""
 
 
 class Meter:
-    """Made once the process is warm: what it has by then is not charged to a solve."""
+    """Made once the process is warm: what it has by then is not charged to a solve.
+
+    `helpers` : the processes it has by then. What they do in a solve counts as done by this one.
+    """
 
     def __init__(self) -> None:
         self._space = address_space()
-        self._helpers = children(0)
+        self.helpers = descendants()
         self._tasks, self._memory = 1, 0
 
     @property
@@ -36,11 +44,25 @@ class Meter:
         """Those that this process has now."""
         return _tasks()
 
+    def cpu(self) -> float:
+        """CPU seconds of this process, of those it has waited for, and of its helpers."""
+        seconds = time.process_time()
+        if os.name == "posix":
+            ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+            seconds += ended.ru_utime + ended.ru_stime
+        for helper in self.helpers:
+            with contextlib.suppress(psutil.Error):
+                used = helper.cpu_times()
+                seconds += used.user + used.system
+        return seconds
+
     def begin(self) -> None:
         """Just before a solve."""
         self._tasks = _tasks()
         _forget_peak()
-        self._memory = _peak()
+        for helper in self.helpers:
+            _forget_peak(str(helper.pid))
+        self._memory = self._peak()
 
     def end(self, seconds: float, cpu: float) -> dict[str, int]:
         """Just after a solve that took these wall and CPU seconds.
@@ -51,18 +73,21 @@ class Meter:
         """
         busy = round(cpu / seconds) if seconds >= BUSY else 1
         return {
-            "peak": max(_peak() - self._memory, 0),
+            "peak": max(self._peak() - self._memory, 0),
             "grown": address_space() - self._space,
             "threads": max(1, 1 + _tasks() - self._tasks, busy),
-            "children": children(self._helpers),
+            "children": max(len(descendants()) - len(self.helpers), 0),
         }
 
+    def _peak(self) -> int:
+        return _peak() + sum(_peak_of(helper.pid) for helper in self.helpers)
 
-def children(helpers: int) -> int:
-    """Processes that descend from this one and run, beyond the `helpers` that did before."""
+
+def descendants() -> tuple[psutil.Process, ...]:
+    """The processes that descend from this one and run."""
     if os.name == "posix" and not guard.has_children():
-        return 0
-    return max(len(psutil.Process().children(recursive=True)) - helpers, 0)
+        return ()
+    return tuple(psutil.Process().children(recursive=True))
 
 
 def checksum(problem: Problem) -> int:
@@ -83,10 +108,10 @@ def _tasks() -> int:
         return threading.active_count()
 
 
-def _forget_peak() -> None:
+def _forget_peak(process: str = "self") -> None:
     """Linux: let the high-water mark of resident memory begin anew."""
     try:
-        descriptor = os.open("/proc/self/clear_refs", os.O_WRONLY)
+        descriptor = os.open(f"/proc/{process}/clear_refs", os.O_WRONLY)
     except OSError:
         return
     try:
@@ -99,7 +124,14 @@ def _peak() -> int:
     """High-water mark of resident memory [bytes]; on Linux since `_forget_peak`."""
     if os.name != "posix":
         return int(psutil.Process().memory_info().peak_wset)
-    import resource
-
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def _peak_of(pid: int) -> int:
+    """The same for another process, where the system tells (Linux), else 0."""
+    try:
+        with open(f"/proc/{pid}/status") as status:
+            return next((1024 * int(line.split()[1]) for line in status if line.startswith("VmHWM")), 0)
+    except OSError:
+        return 0

@@ -24,9 +24,10 @@ MEASURED = {
     "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL", "peak": "INTEGER",
     "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL", "signal": "INTEGER",
     "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER", "jobs": "INTEGER",
-    "host": "TEXT", "loadavg": "REAL", "finished": "TEXT",
+    "host": "TEXT", "loadavg": "REAL", "reported": "REAL", "origin": "TEXT", "finished": "TEXT",
 }  # fmt: skip
-"""Columns that the run fills; `attempts` counts how often it did."""
+"""Columns that the run fills; `attempts` counts how often it did, `reported` is the time by the solver's own account,
+`origin` is empty for what this tool solved and says where an imported answer was made."""
 _OURS = {"rows", "answers", "meta"}
 _COLUMNS = ", ".join(
     f'"{name}" {kind}{" PRIMARY KEY" if name == "key" else ""}' for name, kind in {**PLANNED, **MEASURED}.items()
