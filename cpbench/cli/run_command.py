@@ -69,7 +69,7 @@ EXAMPLES = (
     "solvers",
     multiple=True,
     metavar="NAME[opt=value]",
-    help="Only these solvers: names, globs, and grids as nsgs[omega=0.8:1.4:0.2,shuffle=true|false]. Repeatable.",
+    help="Only these solvers: names, globs, all, and grids as nsgs[omega=0.8:1.4:0.2,shuffle=true|false]. Repeatable.",
 )
 @click.option(
     "--routes",

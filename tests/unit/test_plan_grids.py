@@ -6,6 +6,7 @@ import pytest
 
 from cpbench.bench.planning import grids, quantities
 from cpbench.errors import CpbenchError
+from cpbench.solvers.base import solvers
 
 
 def labels(*texts: str) -> list[str]:
@@ -46,11 +47,17 @@ def test_globs_choose_among_the_names() -> None:
     assert labels("lemke", "l?mke", "lemke") == ["lemke"], "each once"
 
 
+def test_a_run_that_names_none_takes_those_that_run_by_default() -> None:
+    chosen = [solver.spec.name for solver in solvers if solver.spec.by_default]
+    assert [entry.label for entry in grids.by_default()] == chosen
+    assert labels("all") == labels("*") == solvers.names()
+
+
 @pytest.mark.parametrize(
     ("text", "word"),
     [
         ("nsga", "did you mean nsgs"),
-        ("neuton-*", "no solver matches 'neuton-*'"),
+        ("neuton-*", "unknown solver 'neuton-*'"),
         ("nsgs[omga=1|2]", "omega"),
         ("nsgs*[omega=1", "not closed"),
         ("nsgs[omega]", "'omega' is no option"),

@@ -12,7 +12,6 @@ from cpbench.bench.planning import grids, plan, selection
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
 from cpbench.errors import CpbenchError, NoRoute
-from cpbench.solvers.base import solvers
 
 Reading = Callable[[Sequence[str]], Iterable[str]]
 """Shows how far the reading of files has come."""
@@ -106,7 +105,7 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
 
 
 def _entries(part: ProblemSet) -> list[Entry]:
-    return grids.entries(part.solvers) or [Entry(name) for name in solvers.names()]
+    return grids.entries(part.solvers) or grids.by_default()
 
 
 def _requests(part: ProblemSet) -> list[Request]:

@@ -2,6 +2,7 @@
 
     nsgs                                      one entry
     newton-*                                  every solver of that name
+    all                                       every solver, those too that a run takes only when they are named
     nsgs[omega=0.8:1.4:0.2,shuffle=true|false]   4 x 2 entries: a range with its end and step, a list
 
 Numbers of a range are decimal: 0.8:1.4:0.2 is 0.8, 1.0, 1.2, 1.4, whatever binary fractions make of the sum.
@@ -19,10 +20,17 @@ from cpbench.bench.planning.plan import Entry
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 
+ALL = "all"
+"""What stands for every solver among the names; without any name a run takes those of `by_default`."""
 LARGEST = 10_000
 """Entries of one grid."""
 ROUNDING = Decimal("1e-9")
 """A range meets its end when it comes this close to it, in steps."""
+
+
+def by_default() -> list[Entry]:
+    """The solvers of a run that names none, with their default options."""
+    return [Entry(solver.spec.name) for solver in solvers if solver.spec.by_default]
 
 
 def entries(texts: Iterable[str]) -> list[Entry]:
@@ -47,15 +55,17 @@ def grid(text: str) -> list[Entry]:
         if option in written:
             raise CpbenchError(f"solver '{text}': option {option} is there twice; a list is {option}=1|2|3")
         written[option] = value
-    return [entry for name in _names(pattern.strip(), text) for entry in _entries(name, written, text)]
+    return [entry for name in _names(pattern.strip()) for entry in _entries(name, written, text)]
 
 
-def _names(pattern: str, text: str) -> list[str]:
+def _names(pattern: str) -> list[str]:
+    if pattern == ALL:
+        return solvers.names()
     if not set(pattern) & set("*?"):
         return [solvers.get(pattern).spec.name]
     names = [name for name in solvers.names() if fnmatch.fnmatchcase(name, pattern)]
     if not names:
-        raise CpbenchError(f"no solver matches '{text}': there are {', '.join(solvers.names())}")
+        raise UnknownName("solver", pattern, solvers.names())
     return names
 
 

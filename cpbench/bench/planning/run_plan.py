@@ -25,8 +25,9 @@ class ProblemSet:
 
     Attributes
     ----------
-    name : marks its rows. problems : files, folders, packs, globs, or `builtin`. solvers : names, globs and grids;
-    none for all. routes : exact, facets or all; empty for exact, and facets where all problems are built in.
+    name : marks its rows. problems : files, folders, packs, globs, or `builtin`. solvers : names, globs and grids,
+    or `all`; none for those of `SolverSpec.by_default`. routes : exact, facets or all; empty for exact, and facets
+    where all problems are built in.
     facets, via : facet counts, pinned conversions. tolerance : one pair each.
     timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides, None: all.
     start : start policy. format : of the files. family, where, keyword, max_problems, seed : the selection.
