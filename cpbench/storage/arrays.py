@@ -62,7 +62,7 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
                 name = entry.filename.removesuffix(".npy")
                 if entry.file_size > _EXPANSION * max(entry.compress_size, 1):
                     raise FormatError(path, name, f"declares {entry.file_size} bytes from {entry.compress_size}")
-                array = _read_npy(path, name, archive.read(entry), may_be_none=name in optional)
+                array = read_npy(path, name, archive.read(entry), may_be_none=name in optional)
                 if array is not None:
                     arrays[name] = array
     except _ZIP_DAMAGE as cause:
@@ -105,7 +105,7 @@ def _read(path: Path) -> Any:
     suffix = path.suffix.lower()
     if suffix == ".npy":
         read_head(path)
-        return _numbers(path, "", _read_npy(path, "", path.read_bytes()))
+        return _numbers(path, "", read_npy(path, "", path.read_bytes()))
     if suffix == ".npz":
         arrays = read_npz(path)
         if set(arrays) >= _SPARSE_KEYS:
@@ -126,7 +126,7 @@ def _numbers(path: Path, name: str, array: NDArray[Any] | None) -> NDArray[Any]:
     return array.astype(np.float64)
 
 
-def _read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) -> NDArray[Any] | None:
+def read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) -> NDArray[Any] | None:
     """One array in NumPy's format; the size in its header is compared with the bytes before reading."""
     stream = io.BytesIO(data)
     try:

@@ -1,0 +1,52 @@
+"""Exchanges: how a problem is handed to another program, and how its answer is read back.
+
+A format of `storage` keeps problems for people, with all that is known of them; an exchange is what a program that
+knows nothing of cpbench reads and writes. What comes back is data of somebody else's making: every size is checked.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import Any, ClassVar
+
+from cpbench.formulations.base import Point, Problem
+from cpbench.registry import Registry
+
+
+class Exchange(ABC):
+    """One way to hand problems over.
+
+    Attributes
+    ----------
+    name : what a declaration says (``exchange = "npy-dir"``). summary : one line for tables.
+    suffix : the end of a path's name, "" for a folder.
+    nodes : the formulations it can carry, None for all.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    suffix: ClassVar[str] = ""
+    nodes: ClassVar[frozenset[str] | None] = None
+
+    @abstractmethod
+    def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
+        """Put `problem` at `path`, in place of what is there; `dense`: no sparse matrix. Raises FormatError."""
+
+    @abstractmethod
+    def read_problem(self, path: Path) -> Problem:
+        """The problem at `path`; raises FormatError."""
+
+    @abstractmethod
+    def write_answer(self, point: Point, path: Path) -> None:
+        """Put an answer at `path`, in place of what is there. Raises FormatError."""
+
+    @abstractmethod
+    def read_answer(self, path: Path, problem: Problem) -> Any:
+        """The point at `path`, which has the shape of an answer to `problem`; its numbers may be NaN.
+
+        Raises FormatError when there is none, or it is of another shape or type.
+        """
+
+
+exchanges: Registry[Exchange] = Registry("exchange", "cpbench.storage.exchanges")
