@@ -18,6 +18,7 @@ from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
 from cpbench.registry import Registry
+from cpbench.solvers.options import choices, written
 
 
 class Trait(StrEnum):
@@ -57,7 +58,7 @@ class SolverSpec:
     name : registry name. node : the formulation it solves. summary : one line. method : kind of algorithm.
     requires : import names of the packages it needs, `install` : how to get them.
     kind : EQUIVALENT, or RELAXATION where the solver drops a term of the law.
-    options : frozen dataclass of typed options with defaults.
+    options : frozen dataclass of typed options with defaults; `options.searched` says where values lie.
     by_default : whether a run that names no solver takes it; of a large family only the best known members do.
     known_failures : conformance check -> reason, strict (an unexpected pass fails).
     """
@@ -219,13 +220,16 @@ def _distributions() -> Mapping[str, list[str]]:
 
 
 def parse_options(spec: SolverSpec, text: Mapping[str, str]) -> Any:
-    """Options dataclass from strings (`omega=1.2`); raises UnknownName or ValueError with the field named."""
+    """Options dataclass from strings (`omega=1.2`); raises UnknownName with the field named."""
     known = {f.name: f for f in dataclasses.fields(spec.options)}
     values: dict[str, Any] = {}
     for key, raw in text.items():
         if key not in known:
             raise UnknownName(f"option of {spec.name}", key, known)
         values[key] = _typed(spec.name, key, raw, known[key].default)
+        allowed = choices(spec.options, key)
+        if allowed and values[key] not in allowed:
+            raise UnknownName(f"value of {spec.name}[{key}]", raw, [written(choice) for choice in allowed])
     return spec.options(**values)
 
 

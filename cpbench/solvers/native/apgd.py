@@ -25,6 +25,7 @@ from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.natural_map import congruent, equilibrate
 from cpbench.solvers.native.progress import SHARE, Progress
+from cpbench.solvers.options import fixed
 
 GROW = 1.05
 HALVINGS = 60
@@ -34,8 +35,8 @@ HALVINGS = 60
 class APGDOptions:
     """`max_iterations`. `stall_window` : iterations without gain after which it gives up."""
 
-    max_iterations: int = 200_000
-    stall_window: int = 20_000
+    max_iterations: int = fixed(200_000)
+    stall_window: int = fixed(20_000)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from cpbench.solvers.native.lcp_claims import (
     scale,
     solve_linear,
 )
+from cpbench.solvers.options import fixed, searched
 
 PATIENCE = 3
 """Block changes allowed without a new least number of infeasibilities (Júdice and Pires: p)."""
@@ -30,8 +31,8 @@ PATIENCE = 3
 class BPPOptions:
     """`max_iterations` : 0 stands for 10n + 200. `feasibility_tolerance` : in data scaled to size one."""
 
-    max_iterations: int = 0
-    feasibility_tolerance: float = 1e-12
+    max_iterations: int = fixed(0)
+    feasibility_tolerance: float = searched(1e-12, low=1e-15, high=1e-8, log=True)
 
 
 @register

@@ -13,6 +13,7 @@ from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Dense, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp_claims import ScaledLCP, conclude, dense_obstacle, error_of, refined, scale
+from cpbench.solvers.options import fixed, searched
 
 SMALL = 64
 """Up to this size every pivot updates the tableau at once; beyond it BLOCK pivots are applied as one GEMM."""
@@ -24,9 +25,9 @@ class LemkeOptions:
     """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data scaled to size one,
     do not block. `tie_tolerance` : rows that a step would bring this close to zero count as tied."""
 
-    max_pivots: int = 0
-    pivot_tolerance: float = 1e-11
-    tie_tolerance: float = 1e-13
+    max_pivots: int = fixed(0)
+    pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
+    tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
 
 
 @register

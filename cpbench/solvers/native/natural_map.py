@@ -30,6 +30,7 @@ from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
 from cpbench.solvers.native.lcp_claims import solve_linear
 from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.options import fixed
 
 DESCENT = 1e-2
 LENGTHS = (1.0, 0.5, 0.25, 0.125)
@@ -50,7 +51,7 @@ ROUNDING = 16 * float(np.finfo(float).eps)
 class NewtonOptions:
     """`max_iterations` : steps of either kind."""
 
-    max_iterations: int = 20_000
+    max_iterations: int = fixed(20_000)
 
 
 @dataclass(frozen=True)

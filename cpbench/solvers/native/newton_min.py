@@ -22,6 +22,7 @@ from cpbench.solvers.native.lcp_claims import (
     scale,
     solve_linear,
 )
+from cpbench.solvers.options import fixed, searched
 
 ARMIJO = 1e-4
 ACCEPT = 0.9
@@ -33,8 +34,8 @@ BACKTRACKS = 40
 class NewtonMinOptions:
     """`max_iterations` : Newton steps. `regularisation` : first multiple of I added to a singular Jacobian."""
 
-    max_iterations: int = 300
-    regularisation: float = 1e-10
+    max_iterations: int = fixed(300)
+    regularisation: float = searched(1e-10, low=1e-14, high=1e-4, log=True)
 
 
 @register

@@ -14,6 +14,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.options import fixed, searched
 
 SINGULAR = 1e-12
 """Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
@@ -30,10 +31,10 @@ class NSGSOptions:
     """`omega` : relaxation of every contact's change. `shuffle` : a new random order for every sweep.
     `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
-    omega: float = 1.0
+    omega: float = searched(1.0, low=0.5, high=1.9)
     shuffle: bool = False
-    max_iterations: int = 100_000
-    stall_window: int = 10_000
+    max_iterations: int = fixed(100_000)
+    stall_window: int = fixed(10_000)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp_claims import conclude, dense_obstacle, error_of
 from cpbench.solvers.native.progress import Progress, next_stop
+from cpbench.solvers.options import fixed, searched
 
 CHUNK = 256
 """The most sweeps between two looks at the clock and the history; w is recomputed as often."""
@@ -23,15 +24,15 @@ CHUNK = 256
 class PGSOptions:
     """`max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
-    max_iterations: int = 100_000
-    stall_window: int = 5000
+    max_iterations: int = fixed(100_000)
+    stall_window: int = fixed(5000)
 
 
 @dataclass(frozen=True)
 class PSOROptions(PGSOptions):
     """`omega` : over-relaxation, in ]0, 2[."""
 
-    omega: float = 1.3
+    omega: float = searched(1.3, low=0.3, high=1.95)
 
 
 @dataclass(frozen=True)

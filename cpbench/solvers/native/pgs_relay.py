@@ -15,6 +15,7 @@ from cpbench.formulations.relay import Relay
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress, next_stop
+from cpbench.solvers.options import fixed, searched
 
 CHUNK = 256
 """The most sweeps between two measurements of the error."""
@@ -25,9 +26,9 @@ class PGSRelayOptions:
     """`omega` : over-relaxation, in ]0, 2[. `max_iterations` : sweeps. `stall_window` : sweeps without gain after
     which it gives up."""
 
-    omega: float = 1.0
-    max_iterations: int = 100_000
-    stall_window: int = 5000
+    omega: float = searched(1.0, low=0.3, high=1.95)
+    max_iterations: int = fixed(100_000)
+    stall_window: int = fixed(5000)
 
 
 @dataclass(frozen=True)
