@@ -1,0 +1,104 @@
+"""ADMM of Pinocchio on frictional contact, with a proximal term and OSQP's rule for ρ.
+
+Splits r = x = y: x from the damped linear system (W + ρτ + μ_prox) x = …, y from the projection on the cones, z → û.
+De Saxcé's term μ‖z_T‖ is that of the iterate before, so that the fixed point obeys Coulomb's law.
+
+Tolerance ε: Pinocchio stops when max|x − y|, ρ max|Δx| and every |z_cᵀy_c| are at most ε/10 in scaled data
+(`pinocchio_contacts`), or at once when the start fulfils the law that well. The claim is Pinocchio's own word.
+It knows no time limit; that of the budget is kept from outside.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.solvers.adapters import pinocchio_contacts
+from cpbench.solvers.adapters.pinocchio_contacts import PinocchioContacts
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+
+LARGEST_DENSE = 11_585
+"""Rows up to which a dense W, its copy and its factor (1 GB each) are made."""
+BEFORE_THE_LOOP = 1
+"""Factorizations when the start was good enough."""
+
+
+@dataclass(frozen=True)
+class PinocchioADMMOptions:
+    """`anderson` : iterates that Anderson's acceleration looks back on, 0 for none. `max_iterations` : the most."""
+
+    anderson: int = 0
+    max_iterations: int = 100_000
+
+
+@register
+class PinocchioADMM(Solver):
+    """One factorization for each ρ; a sparse W is factorized as such."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="pinocchio-admm",
+        node="fc",
+        summary="alternating directions with an adaptive penalty on contacts, Pinocchio",
+        method="operator splitting",
+        citation="Carpentier, Le Lidec and Montaut, RSS 2024: From compliant to rigid contact simulation",
+        requires=("pinocchio",),
+        install="pip install pin",
+        licence="BSD-3-Clause",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.DETERMINISTIC}),
+        options=PinocchioADMMOptions,
+    )
+
+    def obstacle(self, problem: FrictionContact) -> str | None:
+        if problem.q.size > LARGEST_DENSE and not sp.issparse(problem.W):
+            return f"W is dense and has {problem.q.size} rows > {LARGEST_DENSE}; give it sparse"
+        return pinocchio_contacts.obstacle(problem)
+
+    def setup(self, problem: FrictionContact, budget: Budget, options: PinocchioADMMOptions) -> PinocchioContacts:
+        return pinocchio_contacts.contacts(problem)
+
+    def solve(
+        self,
+        prepared: PinocchioContacts,
+        budget: Budget,
+        options: PinocchioADMMOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        import pinocchio as pin
+
+        n = prepared.g.size
+        if n == 0:
+            return SolverOutput(claim=Claim.SOLVED, point=FCPoint(np.zeros(0)), counters={"iterations": 0})
+        settings, result = pin.ADMMSolverSettings(), pin.ADMMSolverResult()
+        pinocchio_contacts.tell(settings, budget.tolerance)
+        settings.anderson_capacity = options.anderson
+        limit = budget.iterations or options.max_iterations
+        settings.max_iterations = limit - 1  # its loop has one more
+        if start is not None:
+            result.setConstraintImpulseGuess(prepared.guess(start.r))
+        # the operator keeps the damping of a run: each has its own
+        made = pin.DelassusOperatorSparse if sp.issparse(prepared.G) else pin.DelassusOperatorDense
+        converged = pin.ADMMConstraintSolver(n).solve(
+            made(prepared.G), prepared.g, prepared.models, prepared.data, settings, result
+        )
+        factorizations = int(result.delassus_decomposition_update_count)
+        iterations = 0 if factorizations == BEFORE_THE_LOOP else min(int(result.iterations) + 1, limit)
+        counters = {"iterations": iterations, "factorizations": factorizations}
+        x = np.array(result.retrieveConstraintImpulses())
+        if not np.isfinite(x).all():
+            return SolverOutput(claim=Claim.FAILED, counters=counters, message=f"not finite after {iterations}")
+        return SolverOutput(
+            claim=Claim.SOLVED if converged else Claim.MAX_ITER,
+            point=FCPoint(prepared.reactions(x)),
+            counters=counters,
+            message=f"primal {result.primal_feasibility:.1e}, dual {result.dual_feasibility:.1e}, "
+            f"complementarity {result.complementarity:.1e}, rho {result.rho:.1e}",
+        )
+
+    def warmup(self) -> None:
+        self.run(FrictionContact(W=np.eye(3), q=np.array([-1.0, 0.0, 0.0]), mu=np.array([0.5])))
