@@ -22,12 +22,16 @@ LICENCES = {
     "daqp": "MIT",
     "ecos": "GPL-3.0-only",
     "highs": "MIT",
+    "kvxopt": "GPL-3.0-or-later",
     "osqp": "Apache-2.0",
     "piqp": "BSD-2-Clause",
     "proxqp": "BSD-2-Clause",
+    "pyqpmad": "BSD-3-Clause",
     "qpalm": "LGPL-3.0-or-later",
+    "qtqp": "Apache-2.0",
     "quadprog": "GPL-2.0-or-later",
     "scs": "MIT",
+    "sip": "MIT",
 }
 BLOCK_AND_LIST = """
 import sys

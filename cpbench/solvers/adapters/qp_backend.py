@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
+import sys
 import warnings
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -16,7 +19,7 @@ from cpbench.formulations.qp import QP
 from cpbench.matrices import Matrix
 from cpbench.solvers.adapters.qp_standard_form import StandardForm, standard_form
 from cpbench.solvers.adapters.qp_tolerances import Settings, translate
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, package_version
+from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, package_version
 
 DENSE_LIMIT = 4000
 """Most unknowns that a backend with dense storage is given."""
@@ -133,6 +136,10 @@ class QPSolversBackend(QPBackend):
     def counters(self, solution: Any) -> Mapping[str, int]:
         return {}
 
+    def availability(self) -> Availability:
+        _import_qpsolvers()
+        return super().availability()
+
     def setup(self, problem: QP, budget: Budget, options: Any) -> StandardForm:
         form = super().setup(problem, budget, options)
         assert form.guest is not None  # made here, so that it is not timed as part of the solve
@@ -157,6 +164,17 @@ class QPSolversBackend(QPBackend):
                 if issubclass(w.category, UserWarning) and status.lower() not in (text := str(w.message)).lower()
             ),
         )
+
+
+def _import_qpsolvers() -> None:
+    """Import qpsolvers for the first time without what its backends warn of: they are all imported with it, jaxopt
+    says that it is no longer maintained, and where warnings are errors that would break every other backend."""
+    if "qpsolvers" in sys.modules:
+        return
+    # ImportError: `probe` says what is missing
+    with warnings.catch_warnings(), contextlib.suppress(ImportError):
+        warnings.simplefilter("ignore")
+        importlib.import_module("qpsolvers")
 
 
 def _positive_definite(Q: Matrix) -> bool:

@@ -131,6 +131,35 @@ def _highs(budget: Budget) -> Settings:
     } | _limits(budget, "qp_iteration_limit", 100_000, "time_limit")
 
 
+def _kvxopt(budget: Budget) -> Settings:
+    """As CVXOPT, of which it is a fork."""
+    return _cvxopt(budget)
+
+
+def _qtqp(budget: Budget) -> Settings:
+    """Clarabel's criteria, 2-norms and ‖x‖ + ‖s‖ in the scale: a tenth of ε. No time limit. The record of its
+    iterations is asked for, because it tells their number."""
+    e = 0.1 * budget.tolerance
+    return (
+        {"tol_feas": e, "tol_gap_abs": e, "tol_gap_rel": e, "collect_stats": True}
+        | _proofs("tol_infeas_abs", "tol_infeas_rel", e)
+        | _limits(budget, "max_iter", 200)
+    )
+
+
+def _sip(budget: Budget) -> Settings:
+    """Residuals and gap, absolute and relative."""
+    e = 0.1 * budget.tolerance
+    return {"eps_abs": e, "eps_rel": e} | _limits(budget, "max_iterations", 1000, "time_limit")
+
+
+def _pyqpmad(budget: Budget) -> Settings:
+    """Active set. Its one number is the absolute violation that ends it and the size below which a pivot is 0:
+    above its default 1e-12 it calls a problem with an objective in units of 1e8 infeasible, or solved at an error of
+    1e-2. So that is the most, and 1e-14 the least. No time limit."""
+    return {"tolerance": min(max(1e-6 * budget.tolerance, 1e-14), 1e-12)} | _limits(budget, "max_iter", 10_000)
+
+
 def _quadprog(budget: Budget) -> Settings:
     """Exact active set in machine precision: it has no tolerance, no iteration limit and no time limit."""
     return {}
@@ -142,10 +171,14 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "daqp": _daqp,
     "ecos": _ecos,
     "highs": _highs,
+    "kvxopt": _kvxopt,
     "osqp": _osqp,
     "piqp": _piqp,
     "proxqp": _proxqp,
+    "pyqpmad": _pyqpmad,
     "qpalm": _qpalm,
+    "qtqp": _qtqp,
     "quadprog": _quadprog,
     "scs": _scs,
+    "sip": _sip,
 }

@@ -1,13 +1,18 @@
-"""Interior-point QP backends, called through qpsolvers: clarabel, cvxopt, ecos, piqp."""
+"""Interior-point QP backends, called through qpsolvers: clarabel, cvxopt and its fork kvxopt, ecos, piqp, qtqp, sip."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+import scipy.sparse as sp
+
+from cpbench.formulations.qp import QP
 from cpbench.solvers.adapters.qp_backend import QPSolversBackend
+from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
-from cpbench.solvers.base import Claim, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
 
 
 @register
@@ -72,9 +77,41 @@ class Cvxopt(QPSolversBackend):
         return cvxopt_solve_problem
 
     def status(self, solution: Any, settings: Settings) -> str:
-        # "unknown" is all it says of a singular KKT matrix and of the iteration limit alike
-        stopped = solution.extras.get("iterations", 0) >= settings["maxiters"]
-        return "iteration limit" if stopped and not solution.found else solution.extras["status"]
+        return _cvxopt_status(solution, settings)
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        return {"iterations": int(solution.extras["iterations"])} if "iterations" in solution.extras else {}
+
+
+@register
+class Kvxopt(QPSolversBackend):
+    spec = SolverSpec(
+        name="kvxopt",
+        node="qp",
+        summary="fork of CVXOPT with more of SuiteSparse: path following with Nesterov-Todd scaling",
+        method="interior point",
+        citation="Vandenberghe, The CVXOPT linear and quadratic cone program solvers, 2010; kvxopt",
+        requires=("qpsolvers", "kvxopt"),
+        install="pip install cpbench[gpl]",
+        licence="GPL-3.0-or-later",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        by_default=False,  # the algorithm of cvxopt
+        known_failures={
+            "planted-unconstrained-psd": "refuses rank([Q; C; A]) < n by an exception",
+        },
+    )
+    sparse = None
+    bounds_as_rows = True
+    needs_inequality = True  # as cvxopt
+    claims = {"optimal": Claim.SOLVED, "iteration limit": Claim.MAX_ITER}
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.kvxopt_ import kvxopt_solve_problem
+
+        return kvxopt_solve_problem
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        return _cvxopt_status(solution, settings)
 
     def counters(self, solution: Any) -> Mapping[str, int]:
         return {"iterations": int(solution.extras["iterations"])} if "iterations" in solution.extras else {}
@@ -164,3 +201,87 @@ class Piqp(QPSolversBackend):
 
     def counters(self, solution: Any) -> Mapping[str, int]:
         return {"iterations": int(solution.extras["info"].iter)}
+
+
+@register
+class Qtqp(QPSolversBackend):
+    spec = SolverSpec(
+        name="qtqp",
+        node="qp",
+        summary="predictor-corrector interior point on the homogeneous embedding, sparse, in Python",
+        method="interior point",
+        citation="O'Donoghue, QTQP: an interior-point solver for QPs, github.com/google-deepmind/qtqp",
+        requires=("qpsolvers", "qtqp"),
+        install="pip install cpbench[qp]",
+        licence="Apache-2.0",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+    )
+    bounds_as_rows = True
+    needs_inequality = True  # qpsolvers does not call it without one
+    claims = {
+        "solved": Claim.SOLVED,
+        "almost_solved": Claim.INACCURATE,
+        "infeasible": Claim.INFEASIBLE,
+        "unbounded": Claim.UNBOUNDED,
+        "hit_max_iter": Claim.MAX_ITER,
+    }
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.qtqp_ import qtqp_solve_problem
+
+        return qtqp_solve_problem
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        return str(solution.extras["status"].value)
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        stats = solution.extras["stats"]  # one entry an iteration, the start first
+        return {"iterations": int(stats[-1]["iter"])} if stats else {}
+
+
+@register
+class Sip(QPSolversBackend):
+    """SIP, whose factorization is ordered by CVXOPT's AMD where that is installed, else by reverse Cuthill-McKee."""
+
+    spec = SolverSpec(
+        name="sip",
+        node="qp",
+        summary="barrier augmented Lagrangian: interior point with penalised equalities, sparse",
+        method="interior point",
+        citation="Sousa-Pinto, SIP, github.com/joaospinto/sip_qp",
+        requires=("qpsolvers", "sip_qp_python"),
+        install="pip install cpbench[qp]",
+        licence="MIT",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+    )
+    claims = {
+        "SOLVED": Claim.SOLVED,
+        "SUBOPTIMAL": Claim.INACCURATE,
+        "LOCALLY_INFEASIBLE": Claim.INFEASIBLE,
+        "ITERATION_LIMIT": Claim.MAX_ITER,
+        "TIMEOUT": Claim.MAX_ITER,
+    }
+
+    def guest_function(self) -> Any:
+        from qpsolvers.solvers.sip_ import sip_solve_problem
+
+        return sip_solve_problem
+
+    def setup(self, problem: QP, budget: Budget, options: Any) -> StandardForm:
+        form = super().setup(problem, budget, options)
+        # it refuses a Q that is symmetric to rounding only
+        return (
+            form if (form.P != form.P.T).nnz == 0 else dataclasses.replace(form, P=sp.csc_matrix(form.P + form.P.T) / 2)
+        )
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        return solution.extras["sip_output"].exit_status.name
+
+    def counters(self, solution: Any) -> Mapping[str, int]:
+        return {"iterations": int(solution.extras["sip_output"].num_iterations)}
+
+
+def _cvxopt_status(solution: Any, settings: Settings) -> str:
+    """CVXOPT's word; "unknown" is all it says of a singular KKT matrix and of the iteration limit alike."""
+    stopped = solution.extras.get("iterations", 0) >= settings["maxiters"]
+    return "iteration limit" if stopped and not solution.found else solution.extras["status"]
