@@ -46,7 +46,7 @@ def files(path: str | Path, format: str | None = None) -> list[Path]:
 def save(
     problem: Problem, path: str | Path, *, format: str | None = None, force: bool = False, compress: bool = True
 ) -> None:
-    """Write `problem` to `path`, completely or not at all; `format` None: by suffix (.h5, .hdf5, .dat, .npz).
+    """Write `problem` to `path`, completely or not at all; `format` None: by suffix (.h5, .dat, .npz, .mof.json).
 
     Raises FormatError when the file exists (unless `force`), or when the format cannot hold the problem.
     """
@@ -137,6 +137,8 @@ def _by_suffix(problem: Problem, file: Path) -> Format:
         return formats.get(f"siconos-{problem.node}{space}")
     if suffix == ".npz" and problem.node == "qp":
         return formats.get("qp-npz")
+    if file.name.lower().endswith(".mof.json"):
+        return formats.get("mof")
     raise FormatError(
         file, "", f"no format writes a problem of type {problem.node} to a name that ends in '{suffix}': use .h5"
     )
