@@ -74,6 +74,7 @@ def contacts(problem: FrictionContact) -> PinocchioContacts:
     order = (3 * np.arange(problem.nc)[:, None] + np.array([1, 2, 0])).ravel()
     if sp.issparse(problem.W):
         G = sp.csc_matrix(sp.csr_array(problem.W)[order][:, order] / w)
+        G.indices, G.indptr = G.indices.astype(np.int32), G.indptr.astype(np.int32)  # its binding knows no other
     else:
         G = np.asfortranarray(problem.W[np.ix_(order, order)] / w)
     world = pin.Model()

@@ -11,7 +11,10 @@ sweep may pass with an answer that is none. The claim is Pinocchio's own word.
 
 from __future__ import annotations
 
+import threading
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -27,7 +30,11 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 PRODUCTS_A_CALL = 2e7
 """Entries of W that a call may look at, some 10 ms: Pinocchio has no clock, and a sweep depends on r alone."""
 LARGEST = 16_384
-"""Rows of W up to which two dense copies (2 GB each) are made."""
+"""Rows of W up to which three dense copies (2 GB each) are made."""
+STACK, PAGE = 16 * 2**20, 4096
+"""Bytes of stack for all but W; what its size is a multiple of."""
+SHALLOW = 2**21
+"""Bytes of W that any stack holds."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +104,7 @@ class PinocchioPGS(Solver):
             sweeps = min(limit - done, max(1, int(PRODUCTS_A_CALL / n**2)))
             settings.max_iterations = sweeps - 1  # its loop has one more
             result.setConstraintImpulseGuess(x)
-            converged = solver.solve(delassus, model.g, model.models, model.data, settings, result)
+            converged = _deep(n, solver.solve, delassus, model.g, model.models, model.data, settings, result)
             x = np.array(result.retrieveConstraintImpulses())
             done += min(int(result.iterations) + 1, sweeps)
         counters = {"iterations": done, "projections": done * model.problem.nc}
@@ -112,3 +119,18 @@ class PinocchioPGS(Solver):
 
     def warmup(self) -> None:
         self.run(FrictionContact(W=np.eye(3), q=np.array([-1.0, 0.0, 0.0]), mu=np.array([0.5])))
+
+
+def _deep(n: int, solve: Callable[..., bool], *arguments: Any) -> bool:
+    """`solve(*arguments)` where a copy of W fits on the stack.
+
+    Pinocchio 4.1 makes one there: with the usual 8 MB, W of 1024 rows ends in a segmentation fault.
+    """
+    if 8 * n**2 <= SHALLOW:
+        return solve(*arguments)
+    before = threading.stack_size(8 * n**2 // PAGE * PAGE + STACK)
+    try:
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            return pool.submit(solve, *arguments).result()
+    finally:
+        threading.stack_size(before)
