@@ -13,11 +13,12 @@ import importlib.util
 import os
 import pkgutil
 import sys
+import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
-from cpbench.errors import DuplicateName, FormatError, UnknownName
+from cpbench.errors import CpbenchError, DuplicateName, FormatError, UnknownName
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -37,16 +38,28 @@ def load_plugins() -> None:
         for entry in entry_points(group=PLUGIN_GROUP):
             entry.load()
         for path in filter(None, os.environ.get(PLUGIN_FILES, "").split(os.pathsep)):
-            _import_file(Path(path))
+            load_plugin(Path(path))
 
 
-def _import_file(path: Path) -> None:
+def load_plugin(path: Path) -> None:
+    """Import a Python file, so that it registers what is in it.
+
+    Raises FormatError with the line and the exception when that fails, DuplicateName.
+    """
     spec = importlib.util.spec_from_file_location(f"cpbench_plugin_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
         raise FormatError(path, "", "is no Python file, but CPBENCH_PLUGINS or --plugin names it")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except CpbenchError:
+        raise
+    except (Exception, SystemExit) as cause:
+        lines = [frame.lineno for frame in traceback.extract_tb(cause.__traceback__) if frame.filename == str(path)]
+        where = lines[-1] if lines else getattr(cause, "lineno", None)
+        said = " ".join(str(cause).split()) or "no message"
+        raise FormatError(path, f"line {where}" if where else "", f"{type(cause).__name__}: {said}") from cause
 
 
 class Registry(Generic[T]):
