@@ -17,12 +17,15 @@ from cpbench.solvers.base import probe
 ADAPTERS = sorted([*TABLE, "cvxpy-relaxation"])
 LICENCES = {
     "clarabel": "Apache-2.0",
+    "copt": "proprietary",
     "cvxopt": "GPL-3.0-or-later",
     "cvxpy-relaxation": "Apache-2.0",
     "daqp": "MIT",
     "ecos": "GPL-3.0-only",
+    "gurobi": "proprietary",
     "highs": "MIT",
     "kvxopt": "GPL-3.0-or-later",
+    "mosek": "proprietary",
     "osqp": "Apache-2.0",
     "piqp": "BSD-2-Clause",
     "proxqp": "BSD-2-Clause",

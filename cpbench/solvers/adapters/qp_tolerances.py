@@ -160,6 +160,38 @@ def _pyqpmad(budget: Budget) -> Settings:
     return {"tolerance": min(max(1e-6 * budget.tolerance, 1e-14), 1e-12)} | _limits(budget, "max_iter", 10_000)
 
 
+COMMERCIAL_LEAST = 1e-9
+"""Gurobi and COPT refuse feasibilities below this."""
+
+
+def _gurobi(budget: Budget) -> Settings:
+    """Absolute feasibilities; the gap, relative, ends its barrier. One thread; DualReductions = 0 makes it say whether
+    infeasible or unbounded."""
+    e = 0.1 * budget.tolerance
+    feasibility = max(e, COMMERCIAL_LEAST)
+    return (
+        {"FeasibilityTol": feasibility, "OptimalityTol": feasibility, "BarConvTol": 0.1 * e}
+        | {"Method": 2, "DualReductions": 0, "Threads": 1}
+        | _limits(budget, "BarIterLimit", 1000, "TimeLimit")
+    )
+
+
+def _copt(budget: Budget) -> Settings:
+    """Absolute feasibilities; it has no tolerance on the gap of its barrier. One thread."""
+    e = max(0.1 * budget.tolerance, COMMERCIAL_LEAST)
+    return {"FeasTol": e, "DualTol": e, "Threads": 1} | _limits(budget, "BarIterLimit", 1000, "TimeLimit")
+
+
+def _mosek(budget: Budget) -> Settings:
+    """Feasibilities and gap relative to the data (MSK_DPAR_INTPNT_QO_TOL_*): a tenth of ε. One thread."""
+    e = 0.1 * budget.tolerance
+    return (
+        {"intpnt_qo_tol_pfeas": e, "intpnt_qo_tol_dfeas": e, "intpnt_qo_tol_rel_gap": e, "num_threads": 1}
+        | {"intpnt_qo_tol_infeas": min(e, INFEASIBILITY)}
+        | _limits(budget, "intpnt_max_iterations", 400, "optimizer_max_time")
+    )
+
+
 def _quadprog(budget: Budget) -> Settings:
     """Exact active set in machine precision: it has no tolerance, no iteration limit and no time limit."""
     return {}
@@ -167,11 +199,14 @@ def _quadprog(budget: Budget) -> Settings:
 
 TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "clarabel": _clarabel,
+    "copt": _copt,
     "cvxopt": _cvxopt,
     "daqp": _daqp,
     "ecos": _ecos,
+    "gurobi": _gurobi,
     "highs": _highs,
     "kvxopt": _kvxopt,
+    "mosek": _mosek,
     "osqp": _osqp,
     "piqp": _piqp,
     "proxqp": _proxqp,
