@@ -1,0 +1,302 @@
+"""Solvers served by a program that is started once: it loads a problem, solves it as often as it is asked, writes the
+answer. Loading, compiling and writing stay outside of what is timed. The requests, one JSON object a line each:
+
+    {"do": "hello", "protocol": 1}                  -> {"ok": true, "name": "mine", "version": "1.2"}
+    {"do": "warmup"}                                -> {"ok": true}      once, without a problem: compiling
+    {"do": "load", "problem": PATH, "node": "lcp"}  -> {"ok": true}      reads the problem into memory
+    {"do": "solve", "tolerance": 1e-6, "seconds": 10.0, "iterations": null, "seed": 0, "options": {}, "start": null}
+        -> {"ok": true, "claim": "solved", "iterations": 12, "seconds": 0.0012, "message": "", "counters": {}}
+    {"do": "write", "answer": PATH}                 -> {"ok": true}      a folder is there and empty, a file is not
+    {"do": "quit"}
+
+`start` is the path of a point, written as an answer is; infinity is null. `claim` is one of solved, inaccurate,
+infeasible, unbounded, max_iter, failed; where it is neither solved nor inaccurate `write` may write nothing. In place
+of {"ok": true}: {"error": "what"}, {"unsupported": "why"}, {"memory": "what"}, {"unavailable": "why", "state":
+"missing|broken|licence"}. Keys that nobody knows are ignored.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cpbench import matrices
+from cpbench.errors import CpbenchError, FormatError, Unavailable
+from cpbench.exchange import Exchange, exchanges
+from cpbench.formulations.base import Problem
+from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec
+from cpbench.solvers.external.folder import folder
+from cpbench.solvers.external.session import ProgramError, Session
+
+PROTOCOL = 1
+HELLO, WARMUP, FILES = 60.0, 600.0, 600.0
+"""Seconds for the first answer of a program, for its warm-up, and for reading a problem or writing an answer."""
+MATRICES = ("as-is", "dense", "csr")
+ANSWERED = (Claim.SOLVED, Claim.INACCURATE)
+"""Claims that have an answer; with others it may be missing."""
+Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], str | None]
+
+
+@dataclass(frozen=True, eq=False)
+class HandedOver:
+    """A problem in a folder, where a program finds it."""
+
+    problem: Problem
+    exchange: Exchange
+    place: tempfile.TemporaryDirectory[str]
+
+    @classmethod
+    def make(cls, problem: Problem, exchange: Exchange, form: str) -> HandedOver:
+        """Write `problem` with its matrices as they are, dense, or as CSR; raises FormatError."""
+        handed = cls(problem, exchange, folder())
+        written = problem
+        if form == "csr":
+            data = {name: value for name, value in problem.data().items() if value.ndim == 2}
+            written = dataclasses.replace(problem, **{name: matrices.sparse(M) for name, M in data.items()})
+        exchange.write_problem(written, handed.path("problem"), form == "dense")
+        return handed
+
+    def path(self, name: str) -> Path:
+        return Path(self.place.name, name + self.exchange.suffix)
+
+    def start(self, point: Any | None) -> str | None:
+        """Where the starting point stands, None for none."""
+        if point is None:
+            return None
+        self.exchange.write_answer(point, self.path("start"))
+        return str(self.path("start"))
+
+    def room(self) -> Path:
+        """The path for an answer: an empty folder, or no file."""
+        path = self.path("answer")
+        if path.is_dir():
+            shutil.rmtree(path)
+        path.unlink(missing_ok=True)
+        if not self.exchange.suffix:
+            path.mkdir()
+        return path
+
+    def answer(self, who: str, claim: Claim) -> Any | None:
+        """The answer that was written into `room`; raises ValueError where it is not what the claim needs."""
+        path = self.path("answer")
+        if claim not in ANSWERED and not (any(path.iterdir()) if path.is_dir() else path.exists()):
+            return None
+        try:
+            return self.exchange.read_answer(path, self.problem)
+        except FormatError as cause:
+            raise ValueError(f"{who} claims {claim}, its answer {cause.field} {cause.cause}") from None
+
+
+class ServedSolver(Solver):
+    """A solver in a program of its own.
+
+        ServedSolver(spec, command, exchange="npy-dir", matrices="as-is", env=None, cwd=None)
+
+    Parameters
+    ----------
+    spec : name, node, options, ... as of any solver; `spec.install` is what `availability` tells where the executable
+    is missing. The options of a solve are sent as they are, by name.
+    command : the executable and its arguments: an absolute path, a path in `cwd`, or a name looked up in PATH.
+    exchange : how problems and answers are handed over. matrices : "as-is", all "dense", or all "csr".
+    env : variables beside those of this process. cwd : the folder it runs in, None for that of this process.
+    """
+
+    def __init__(
+        self,
+        spec: SolverSpec,
+        command: Sequence[str],
+        exchange: str = "npy-dir",
+        matrices: str = "as-is",
+        env: Mapping[str, str] | None = None,
+        cwd: str | None = None,
+    ) -> None:
+        self.spec = spec  # pyright: ignore[reportAttributeAccessIssue] - one class, a spec for every program
+        self.command, self.exchange, self.matrices = tuple(command), exchange, matrices
+        self.env, self.cwd = dict(env or {}), cwd
+        self._session: Session | None = None
+
+    def obstacle(self, problem: Any) -> str | None:
+        nodes = exchanges.get(self.exchange).nodes
+        if nodes is not None and problem.node not in nodes:
+            return f"the exchange {self.exchange} carries {', '.join(sorted(nodes))}, not {problem.node}"
+        return None
+
+    def hand_over(self, problem: Any) -> HandedOver:
+        handed = HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)
+        self._load(self._running(), handed)
+        return handed
+
+    def setup(self, problem: HandedOver, budget: Budget, options: Any) -> HandedOver:
+        return problem
+
+    def solve(
+        self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+    ) -> SolverOutput:
+        """The point of the output is where it will be found: `collect` brings it."""
+        session = self._session
+        if session is None or not session.alive or session.holds is not prepared:
+            session = self._running()
+            self._load(session, prepared)
+        reply = session.ask(
+            "solve",
+            backstop(budget.seconds),
+            tolerance=budget.tolerance,
+            seconds=budget.seconds if math.isfinite(budget.seconds) else None,
+            iterations=budget.iterations,
+            seed=budget.seed,
+            options=dataclasses.asdict(options),
+            start=prepared.start(start),
+        )
+        return output(self.spec.name, reply, prepared)
+
+    def collect(self, output: SolverOutput) -> SolverOutput:
+        handed: HandedOver | None = output.point
+        session = self._session
+        if handed is None:
+            return output
+        if session is None or session.holds is not handed:
+            raise ProgramError(f"{self.spec.name}: holds another problem than the one whose answer is wanted")
+        session.ask("write", FILES, answer=str(handed.room()))
+        return dataclasses.replace(output, point=handed.answer(self.spec.name, output.claim))
+
+    def warmup(self) -> None:
+        self._running()
+
+    def version(self) -> str:
+        return _greet(self).version if self.availability().ok else ""
+
+    def availability(self) -> Availability:
+        return _greet(self).availability
+
+    def close(self) -> None:
+        """End the program; the next problem starts another one. Harmless when done before."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.close()
+
+    @property
+    def key(self) -> Key:
+        """Solvers of one key have one program."""
+        return self.command, tuple(sorted(self.env.items())), self.cwd
+
+    def _running(self) -> Session:
+        """The program, warm; started anew where it has ended since its last answer."""
+        session = self._session
+        if session is None or not session.alive or session.ended():
+            self.close()
+            session = _take_spare(self.key) or _started(self)[0]
+            session.pass_on()
+            try:
+                session.ask("warmup", WARMUP)
+            except BaseException:
+                session.kill()
+                raise
+            self._session = session
+        return session
+
+    def _load(self, session: Session, handed: HandedOver) -> None:
+        session.holds = None
+        session.ask("load", FILES, problem=str(handed.path("problem")), node=handed.problem.node)
+        session.holds = handed
+
+
+def backstop(seconds: float) -> float:
+    """When a program that does not heed its limit is killed, should nobody else do it: a run does, at the limit."""
+    return 1.5 * seconds + 5.0
+
+
+def output(who: str, reply: Mapping[str, Any], point: Any) -> SolverOutput:
+    """A claim with what else a program may say of its solve; raises ProgramError on a claim that is none."""
+    try:
+        claim = Claim(reply.get("claim"))
+    except ValueError:
+        raise ProgramError(f"{who}: claims {reply.get('claim')!r:.100}, expected {', '.join(Claim)}") from None
+    told, iterations, seconds = reply.get("counters"), reply.get("iterations"), reply.get("seconds")
+    counters = dict(told) if isinstance(told, dict) else {}
+    if iterations is not None:
+        counters["iterations"] = iterations
+    measured = isinstance(seconds, int | float) and not isinstance(seconds, bool) and 0 <= seconds < math.inf
+    message = "" if reply.get("message") is None else str(reply["message"])
+    reported = float(seconds) if measured and seconds is not None else None
+    return SolverOutput(claim=claim, point=point, counters=counters, message=message, reported=reported)
+
+
+# ------------------------------------------------------------------------------------------ the first words
+
+
+@dataclass(frozen=True)
+class _Greeting:
+    availability: Availability
+    version: str = ""
+
+
+_greetings: dict[Key, _Greeting] = {}
+_spare: tuple[Key, Session] | None = None
+"""The program that was asked last whether it is available: whoever runs it next need not start it again."""
+
+
+def executable(command: str, cwd: str | None, path: str | None = None) -> str | None:
+    """Where the executable is, None where there is none; a path is one from `cwd` on."""
+    if os.path.dirname(command):
+        return shutil.which(os.path.join(cwd or "", command))
+    return shutil.which(command, path=path)
+
+
+def _greet(solver: ServedSolver) -> _Greeting:
+    """What a program says when it is greeted, once a process."""
+    global _spare
+    known = _greetings.get(solver.key)
+    if known is None:
+        try:
+            session, version = _started(solver)
+            known = _Greeting(Availability("ok"), version)
+            if _spare is not None:
+                _spare[1].close()
+            _spare = (solver.key, session)
+        except Unavailable as cause:
+            known = _Greeting(Availability(cause.state, cause.detail))
+        except (CpbenchError, MemoryError, OSError) as cause:
+            known = _Greeting(Availability("broken", str(cause)))
+        _greetings[solver.key] = known
+    return known
+
+
+def _take_spare(key: Key) -> Session | None:
+    """The program of a key that was greeted and not used yet, if it is still there."""
+    global _spare
+    if _spare is None or _spare[0] != key:
+        return None
+    session, _spare = _spare[1], None
+    return None if session.ended() else session
+
+
+def _started(solver: ServedSolver) -> tuple[Session, str]:
+    """The program, greeted, and its version; raises Unavailable with what it said on its way out."""
+    first = solver.command[0]
+    if os.name != "posix":
+        raise Unavailable("broken", "programs are served through pipes of POSIX, which this system has not")
+    if executable(first, solver.cwd, solver.env.get("PATH")) is None:
+        raise Unavailable("missing", solver.spec.install or f"{first}: no such executable; build or install it")
+    session = Session(solver.spec.name, solver.command, solver.env, solver.cwd)
+    try:
+        reply = session.ask("hello", HELLO, protocol=PROTOCOL)
+    except Unavailable:
+        session.kill()
+        raise
+    except CpbenchError as cause:
+        session.kill()
+        said = "\n".join(filter(None, (session.words, str(cause))))
+        raise Unavailable("broken", f"{said}{_way_out(solver)}") from None
+    version = reply.get("version")
+    return session, "" if version is None else str(version)
+
+
+def _way_out(solver: ServedSolver) -> str:
+    return f"; {solver.spec.install}" if solver.spec.install else ""

@@ -1,0 +1,342 @@
+"""A program that is started once and answers every line of JSON on its stdin with one line of JSON on its stdout.
+
+Whatever it does instead (nothing, too much, noise, dying) ends the session with an exception that says so. Its stderr
+is passed on to ours, so that last words are found where those of a solver in this process would be.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import json
+import math
+import os
+import select
+import subprocess
+import time
+import weakref
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import psutil
+
+from cpbench.errors import CpbenchError, Ended, NotApplicable, Unavailable
+
+LONGEST = 2**20
+"""Bytes of a line that are taken."""
+WORDS = 4000
+"""Characters kept of what a program says."""
+LAST_WORDS = 0.5
+"""Seconds that a program has to end after it closed its stdout."""
+PARTING = 0.5
+"""Seconds in which a program that was told to quit may do so."""
+_LOOK = 0.05
+"""Seconds between two looks at the process, where the system does not tell of its end."""
+_CHUNK = 2**16
+STATES = ("missing", "broken", "licence")
+
+_open: weakref.WeakSet[Session] = weakref.WeakSet()
+
+
+class ProgramError(CpbenchError):
+    """A program answered with an error, with noise, with too much, or not at all."""
+
+
+class Session:
+    """One running program.
+
+    Parameters
+    ----------
+    name : what it is called in messages. command : the executable and its arguments; no shell is involved.
+    env : variables that it gets beside ours. cwd : its folder, None for ours.
+
+    Raises Unavailable when it cannot be started.
+    """
+
+    def __init__(
+        self, name: str, command: Sequence[str], env: Mapping[str, str] | None = None, cwd: str | None = None
+    ) -> None:
+        self.name = name
+        self.holds: Any = None
+        """The problem that the program has loaded, for whoever made it load one."""
+        self._rest, self._words = b"", b""
+        self._passing_on = False
+        try:
+            self._process = subprocess.Popen(
+                list(command),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+                env={**os.environ, **(env or {})},
+                cwd=cwd,
+            )
+        except OSError as cause:
+            state = "missing" if isinstance(cause, FileNotFoundError) else "broken"
+            raise Unavailable(state, f"{command[0]}: cannot be started ({cause.strerror or cause})") from None
+        stdin, stdout, stderr = self._process.stdin, self._process.stdout, self._process.stderr
+        assert stdin is not None
+        assert stdout is not None
+        assert stderr is not None
+        self._in, self._out, self._err = stdin.fileno(), stdout.fileno(), stderr.fileno()
+        self._end = _descriptor(self._process.pid)
+        self._poll = select.poll()
+        for descriptor in (self._in, self._out, self._err):
+            os.set_blocking(descriptor, False)
+        for descriptor in (self._out, self._err, self._end):
+            if descriptor is not None:
+                self._poll.register(descriptor, select.POLLIN)
+        self.alive = True
+        _open.add(self)
+
+    @property
+    def words(self) -> str:
+        """What it said on stderr that was not passed on, its last part."""
+        return self._words.decode(errors="replace").strip()[-WORDS:]
+
+    def ended(self) -> bool:
+        """Whether the program has ended while nobody asked it anything."""
+        if self.alive and self._end is not None:
+            return any(descriptor == self._end for descriptor, _ in self._poll.poll(0))
+        return not self.alive or self._code() is not None
+
+    def pass_on(self) -> None:
+        """From here on what it says on stderr goes to ours; what it said until now is forgotten."""
+        self._words, self._passing_on = b"", True
+
+    def ask(self, do: str, seconds: float, /, **request: Any) -> dict[str, Any]:
+        """Send a request; the reply. `seconds` may be infinite.
+
+        Raises Ended, ProgramError, NotApplicable, Unavailable, MemoryError. Of these, a reply that says what is
+        wrong leaves the program running; after anything else it is killed.
+        """
+        deadline = time.monotonic() + seconds
+        line = json.dumps({"do": do, **request}, allow_nan=False).encode() + b"\n"
+        try:
+            self._nothing_left(do)
+            self._send(do, line, deadline, seconds)
+            reply = self._reply(do, self._line(do, deadline, seconds))
+        except BaseException:
+            self.kill()
+            raise
+        self._raise(reply)
+        return reply
+
+    def close(self) -> None:
+        """Tell the program to quit, and see to it; harmless when done before."""
+        if self.alive:
+            with contextlib.suppress(OSError):
+                os.write(self._in, b'{"do": "quit"}\n')
+            for pipe in (self._process.stdin, self._process.stdout):  # who waits for more meets the end
+                if pipe is not None:
+                    pipe.close()
+            _wait(self._process, self._end, PARTING)
+        self.kill()
+
+    def kill(self) -> None:
+        """SIGKILL to the program and to all that it started; harmless when done before."""
+        if not self.alive:
+            return
+        self.alive = False
+        kill_tree(self._process)
+        self._pass(_read(self._err))
+        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+        if self._end is not None:
+            os.close(self._end)
+
+    # ------------------------------------------------------------------------------------------- within
+
+    def _nothing_left(self, do: str) -> None:
+        """A program that speaks without being asked is out of step from then on."""
+        left = self._rest + _read(self._out)
+        if left:
+            raise ProgramError(f"{self.name}: printed {_shown(left)} before it was asked to {do}: {_ADVICE}")
+
+    def _send(self, do: str, line: bytes, deadline: float, seconds: float) -> None:
+        while line:
+            try:
+                line = line[os.write(self._in, line) :]
+            except BlockingIOError:
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    raise ProgramError(f"{self.name}: did not read its stdin within {seconds:g} s") from None
+                select.select([], [self._in], [], min(left, _LOOK))
+            except BrokenPipeError:
+                self._over(do)
+
+    def _line(self, do: str, deadline: float, seconds: float) -> bytes:
+        """The next line on its stdout; what it sent before it died still counts."""
+        found = b""
+        while True:
+            ended = self._wait(do, deadline, seconds)
+            while part := _read_once(self._out):
+                found += part
+                line, newline, rest = found.partition(b"\n")
+                if newline:
+                    self._rest = rest
+                    return line
+                if len(found) > LONGEST:
+                    raise ProgramError(f"{self.name}: answered {do} with a line of more than {LONGEST} bytes")
+            if part == b"" or ended:
+                self._over(do, found)
+
+    def _wait(self, do: str, deadline: float, seconds: float) -> bool:
+        """Wait until there is something to read; whether the program has ended."""
+        while True:
+            left = deadline - time.monotonic()
+            if left <= 0:
+                raise ProgramError(f"{self.name}: did not answer {do} within {seconds:g} s")
+            patience = min(left, _LOOK if self._end is None else 3600.0)
+            ready = [descriptor for descriptor, _ in self._poll.poll(math.ceil(1000 * patience))]
+            if self._err in ready:
+                said = _read(self._err)
+                if not said:  # closed, as programs may
+                    self._poll.unregister(self._err)
+                self._pass(said)
+            if self._end in ready or (self._end is None and not ready and self._code() is not None):
+                return True
+            if self._out in ready:
+                return False
+
+    def _over(self, do: str, found: bytes = b"") -> NoReturn:
+        """It ended, or closed its stdout or stdin; raises what there is to say."""
+        code = _wait(self._process, self._end, LAST_WORDS)
+        if code:
+            raise Ended(self.name, code)
+        if found.strip():
+            raise ProgramError(f"{self.name}: answered {do} with {_shown(found)} and no end of line: {_ADVICE}")
+        if code == 0:
+            raise Ended(self.name, code)
+        if psutil.pid_exists(self._process.pid):
+            raise ProgramError(f"{self.name}: was asked to {do}, closed its stdin or stdout, and went on without")
+        raise ProgramError(f"{self.name}: ended before it answered {do}; its exit code is lost")
+
+    def _code(self) -> int | None:
+        return _wait(self._process, self._end, 0.0)
+
+    def _reply(self, do: str, line: bytes) -> dict[str, Any]:
+        try:
+            reply = json.loads(line)
+        except (ValueError, RecursionError):
+            reply = None
+        if not isinstance(reply, dict) or not (
+            reply.get("ok") is True or reply.keys() & {"error", "unsupported", "unavailable", "memory"}
+        ):
+            raise ProgramError(f"{self.name}: answered {do} with {_shown(line)}: {_ADVICE}")
+        return reply
+
+    def _raise(self, reply: Mapping[str, Any]) -> None:
+        """What a reply other than ok stands for."""
+        if "unavailable" in reply:
+            state = reply.get("state")
+            raise Unavailable(state if state in STATES else "broken", str(reply["unavailable"])[:WORDS])
+        if "unsupported" in reply:
+            raise NotApplicable(self.name, str(reply["unsupported"])[:WORDS])
+        if "memory" in reply:
+            raise MemoryError(f"{self.name}: {str(reply['memory'])[:WORDS]}")
+        if "error" in reply:
+            raise ProgramError(f"{self.name}: {str(reply['error'])[:WORDS]}")
+
+    def _pass(self, said: bytes) -> None:
+        if self._passing_on and said:
+            with contextlib.suppress(OSError):
+                os.write(2, said)
+        else:
+            self._words = (self._words + said)[-WORDS:]
+
+
+_ADVICE = "every answer is one JSON object on a line of stdout with ok = true or what is wrong; the rest is for stderr"
+
+
+def kill_tree(process: subprocess.Popen[bytes]) -> None:
+    """SIGKILL to a process and its descendants, and bury it."""
+    family: list[psutil.Process] = []
+    with contextlib.suppress(psutil.Error):
+        first = psutil.Process(process.pid)
+        family = [first, *first.children(recursive=True)] if process.returncode is None else []
+    for member in family:
+        with contextlib.suppress(psutil.Error):
+            member.kill()
+    if process.returncode is None:
+        with contextlib.suppress(ChildProcessError):
+            _, status = os.waitpid(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+        process.returncode = process.returncode or 0
+
+
+def wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:
+    """Wait for the end of a process as long as `seconds`, without looking again and again where the system can tell.
+
+    Its return code; None when it goes on.
+    """
+    end = _descriptor(process.pid)
+    try:
+        return _wait(process, end, seconds)
+    finally:
+        if end is not None:
+            os.close(end)
+
+
+def _wait(process: subprocess.Popen[bytes], end: int | None, seconds: float) -> int | None:
+    """The return code of a process that ends within `seconds`, None when it goes on or somebody else buried it.
+
+    `Popen.wait` is not used: where its child was buried by another part of this process it tells of success.
+    """
+    deadline = time.monotonic() + seconds
+    while process.returncode is None:
+        try:
+            ended, status = os.waitpid(process.pid, os.WNOHANG)
+        except ChildProcessError:
+            return None
+        if ended:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            break
+        left = deadline - time.monotonic()
+        if left <= 0:
+            return None
+        if end is None:
+            time.sleep(min(left, 0.001))
+        else:
+            poll = select.poll()
+            poll.register(end, select.POLLIN)
+            poll.poll(math.ceil(1000 * min(left, 3600.0)))
+    return process.returncode
+
+
+def _descriptor(pid: int) -> int | None:
+    """What tells of the end of a process (Linux), None where nothing does."""
+    try:
+        return os.pidfd_open(pid)
+    except (AttributeError, OSError):
+        return None
+
+
+def _read(descriptor: int) -> bytes:
+    """All that can be read now, at most `LONGEST` bytes."""
+    found = b""
+    while (part := _read_once(descriptor)) and len(found) < LONGEST:
+        found += part
+    return found
+
+
+def _read_once(descriptor: int) -> bytes | None:
+    """Some of what can be read now; None where that is nothing, b"" at the end."""
+    try:
+        return os.read(descriptor, _CHUNK)
+    except BlockingIOError:
+        return None
+    except OSError:
+        return b""
+
+
+def _shown(text: bytes) -> str:
+    shown = text[:200].decode(errors="replace")
+    return repr(shown if len(text) <= 200 else f"{shown}...")
+
+
+@atexit.register
+def _close_all() -> None:
+    for session in list(_open):
+        session.close()
