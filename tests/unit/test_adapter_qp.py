@@ -228,10 +228,13 @@ def test_a_licence_that_does_not_do_says_so(name: str) -> None:
     if solver.availability().state in ("missing", "broken"):
         pytest.skip("does not apply: proprietary package not installed")
     n = 2001
-    with pytest.raises(Unavailable) as refused:
+    try:
         solver.run(QP.build(Q=sp.csr_array(sp.eye_array(n)), p=-np.ones(n), lb=np.zeros(n)))
-    assert refused.value.state == "licence"
-    assert "\n" not in refused.value.detail
+    except Unavailable as refused:
+        assert refused.state == "licence"
+        assert "\n" not in refused.detail
+    else:
+        pytest.skip("does not apply: a licence without limits")
 
 
 # --------------------------------------------------------------------------------------- obstacles

@@ -17,6 +17,8 @@ from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Availability, Claim, SolverSpec, Trait, register
 
+_COPT_LICENCE = 4
+"""COPT's code for its licence, for which coptpy has no name."""
 _MOSEK_LICENCE = range(1000, 1041)
 """The codes of MOSEK's answers that are about its licence."""
 
@@ -114,7 +116,7 @@ class Copt(LicensedBackend):
     def refused(self, cause: Exception) -> bool:
         import coptpy
 
-        return isinstance(cause, coptpy.CoptError) and cause.retcode == coptpy.COPT.RETCODE_LICENSE
+        return isinstance(cause, coptpy.CoptError) and cause.retcode == _COPT_LICENCE
 
     def guest_function(self) -> Any:
         from qpsolvers.solvers.copt_ import copt_solve_problem
