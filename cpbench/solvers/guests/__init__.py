@@ -1,0 +1,1 @@
+"""Programs that run in another interpreter than cpbench's and need nothing of it: started by path, never imported."""
