@@ -2,31 +2,80 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator, Sequence
+
 import click
 
-from cpbench.bench import machine
+from cpbench.bench import checkup, machine
+from cpbench.bench.checkup import Checkup
 from cpbench.bench.processes import isolation
 
 
 @click.command()
 @click.option("--warm", is_flag=True, help="Compile and load every solver now, so that the first run need not.")
 def command(warm: bool) -> None:
-    """Say what works on this machine and how to get what does not."""
+    """Say what works on this machine and how to get what does not.
+
+    Every guest is imported, in a process of its own: one that crashes or hangs is told, and harms nobody.
+    """
     from cpbench.solvers.base import solvers
 
-    for name, value in machine.describe().items():
-        click.echo(f"{name:<12} {value}")
-    for name, value in machine.versions().items():
+    for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
     click.echo("isolation")
     for what, told in isolation.detect().told():
         click.echo(f"  {what:<10} {told}")
-    click.echo("solvers")
-    for solver in solvers:
-        state = solver.availability()
-        detail = solver.version() if state.ok else state.detail.strip().splitlines()[-1]
-        click.echo(f"  {solver.spec.name:<20} {solver.spec.node:<5} {state.state:<8} {detail}")
-        if state.ok and warm:
-            solver.warmup()
-        if state.state == "broken":
-            click.echo("\n".join(f"      {line}" for line in state.detail.splitlines()))
+    chosen = list(solvers)
+    seen: dict[str, Checkup] = {}
+    for one in checkup.examine(chosen, warm):
+        seen[one.name] = one
+        if sys.stderr.isatty():
+            click.echo(f"\r\x1b[2Ktrying solvers {len(seen)}/{len(chosen)} {one.name}", nl=False, err=True)
+    if sys.stderr.isatty():
+        click.echo("\r\x1b[2K", nl=False, err=True)
+    for line in _told([seen[solver.spec.name] for solver in chosen]):
+        click.echo(line)
+
+
+def _told(found: Sequence[Checkup]) -> Iterator[str]:
+    counts = {state: [one for one in found if one.state == state] for state in checkup.STATES}
+    yield f"solvers      {', '.join(f'{len(those)} {state}' for state, those in counts.items() if those)}"
+    for state, those in counts.items():
+        if those:
+            yield {
+                "ok": "ok",
+                "licence": "licence: installed, and not allowed to run",
+                "broken": "broken: installed, and failed when it was tried",
+                "missing": "missing: not installed; what to do, and what it brings",
+            }[state]
+            yield from (_ready if state == "ok" else _absent)(those)
+
+
+def _ready(those: Sequence[Checkup]) -> Iterator[str]:
+    """A line a solver, of those that run by default; the others are counted."""
+    from cpbench.cli.solver_tables import HEAD, cells, columns, families
+    from cpbench.solvers.base import solvers
+
+    specs = {one.name: solvers.get(one.name).spec for one in those}
+    shown = [one for one in those if specs[one.name].by_default]
+    rows = [cells(specs[one.name], one) for one in shown]
+    yield from (f"  {line}" for line in columns([HEAD, *rows]))
+    if any(specs[one.name].publishing for one in shown):
+        yield "  * figures must not be published without permission: cpbench list solvers NAME"
+    rest = [specs[one.name] for one in those if one not in shown]
+    if rest:
+        yield f"  and {len(rest)} that run only when they are named: {families(rest)}"
+
+
+def _absent(those: Sequence[Checkup]) -> Iterator[str]:
+    """A paragraph a reason, with all solvers that it keeps away."""
+    from cpbench.cli.solver_tables import folded_names
+
+    reasons: dict[str, list[str]] = {}
+    for one in those:
+        reasons.setdefault(one.detail.strip(), []).append(one.name)
+    for reason, names in reasons.items():
+        lines = reason.splitlines() or ["no reason was given"]
+        yield from (f"  {line}" for line in lines)
+        yield from folded_names(names)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -9,11 +11,37 @@ import click
 
 @click.command()
 @click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems", "readme"]))
+@click.argument("names", nargs=-1, metavar="[NAME|GLOB]...")
+@click.option("--all", "every", is_flag=True, help="Solvers: those too that run only when they are named.")
+@click.option("--available", is_flag=True, help="Solvers: only those that can run here.")
+@click.option("--node", metavar="NODE", help="Solvers: only those of this formulation.")
+@click.option(
+    "--check", is_flag=True, help="Solvers: import every guest and see, instead of looking whether it is there."
+)
+@click.option("--json", "as_json", is_flag=True, help="Solvers: for programs.")
 @click.option(
     "--write", type=click.Path(path_type=Path, exists=True), help="With readme: bring the tables in FILE up to date."
 )
-def command(what: str, write: Path | None) -> None:
-    """List formulations, conversions, solvers, formats or the built-in problems; readme: the tables in Markdown."""
+def command(
+    what: str,
+    names: tuple[str, ...],
+    every: bool,
+    available: bool,
+    node: str | None,
+    check: bool,
+    as_json: bool,
+    write: Path | None,
+) -> None:
+    """List formulations, conversions, solvers, formats or the built-in problems; readme: the tables in Markdown.
+
+    cpbench list solvers NAME shows one solver with its options.
+    """
+    if what == "solvers":
+        for line in _solvers(names, every, available, node, check, as_json):
+            click.echo(line)
+        return
+    if names or every or available or node or check or as_json:
+        raise click.UsageError(f"list {what}: takes no names and no options of solvers")
     if write is not None:
         from cpbench.report.registry_tables import registry_tables, replace_between_marks
 
@@ -22,7 +50,6 @@ def command(what: str, write: Path | None) -> None:
     for line in {
         "formulations": _formulations,
         "conversions": _conversions,
-        "solvers": _solvers,
         "formats": _formats,
         "problems": _problems,
         "readme": _readme,
@@ -43,15 +70,43 @@ def _conversions() -> list[str]:
     return [f"{e.name:<20} {e.source:>5} -> {e.target:<5} {promise(e):<25} {e.equation}" for e in edges()]
 
 
-def _solvers() -> list[str]:
+def _solvers(
+    names: Sequence[str], every: bool, available: bool, node: str | None, check: bool, as_json: bool
+) -> Iterator[str]:
+    """Those that were named, each with its sheet; else a table of those that a run takes, or of all."""
+    from cpbench.bench import checkup
+    from cpbench.bench.planning import grids
+    from cpbench.cli import solver_tables
+    from cpbench.formulations import formulations
     from cpbench.solvers.base import solvers
 
-    rows: list[str] = []
-    for solver in solvers:
-        spec, state = solver.spec, solver.availability()
-        note = "" if state.ok else f"  [{state.state}: {state.detail.splitlines()[-1]}]"
-        rows.append(f"{spec.name:<20} {spec.node:<5} {spec.summary}{note}")
-    return rows
+    if node is not None:
+        formulations.get(node)
+    named = [solvers.get(entry.solver) for entry in grids.entries(names)] if names else list(solvers)
+    of_node = [solver for solver in named if node in (None, solver.spec.node)]
+    chosen = [solver for solver in of_node if names or every or solver.spec.by_default]
+    looked = checkup.examine(chosen) if check else map(checkup.glance, chosen)
+    seen = {one.name: one for one in looked}
+    shown = [solver for solver in chosen if seen[solver.spec.name].usable or not available]
+    if as_json:
+        yield json.dumps([solver_tables.as_data(solver, seen[solver.spec.name]) for solver in shown], indent=1)
+        return
+    if names:
+        for i, solver in enumerate(shown):
+            yield from [""] * bool(i)
+            yield from solver_tables.sheet(solver, seen[solver.spec.name])
+        return
+    rows = [(*solver_tables.cells(s.spec, seen[s.spec.name]), seen[s.spec.name].line) for s in shown]
+    yield from solver_tables.columns([(*solver_tables.HEAD, "here"), *rows])
+    if any(solver.spec.publishing for solver in shown):
+        yield "* figures must not be published without permission: cpbench list solvers NAME"
+    if any(seen[solver.spec.name].state == "installed" for solver in shown):
+        yield "installed: its packages are there and were not imported; --check imports them, as cpbench doctor does"
+    if available and len(shown) < len(chosen):
+        yield f"{len(chosen) - len(shown)} more cannot run here: cpbench doctor says why"
+    rest = [solver.spec for solver in of_node if solver not in chosen]
+    if rest:
+        yield f"{len(rest)} more run only when they are named (--all shows them): {solver_tables.families(rest)}"
 
 
 def _formats() -> list[str]:

@@ -8,14 +8,19 @@ from cpbench.conversions import Conversion
 from cpbench.formulations import formulations
 from cpbench.graph import ALL, edges
 from cpbench.report.graph_drawing import draw, promise
-from cpbench.solvers.base import Trait, solvers
+from cpbench.solvers.base import SolverSpec, Trait, solvers
 from cpbench.storage import formats
 
 BEGIN, END = "<!-- tables from the registries: begin -->", "<!-- tables from the registries: end -->"
 
 
 def registry_tables() -> str:
-    """Formulations, conversions, solvers and formats, each a heading and a table, and the graph of the first two."""
+    """Formulations, conversions, solvers and formats, each a heading and a table, and the graph of the first two.
+
+    Solvers that run only when they are named are counted by family.
+    """
+    usual = [s.spec for s in solvers if s.spec.by_default]
+    named = [s.spec for s in solvers if not s.spec.by_default]
     parts = [
         ("Formulations", ["node", "problem", "lecture"], ([c.node, c.title, c.equation] for c in formulations)),
         (
@@ -26,7 +31,7 @@ def registry_tables() -> str:
         (
             "Solvers",
             ["solver", "solves", "method", "", "licence"],
-            ([f"`{s.spec.name}`", s.spec.node, s.spec.summary, _marks(s.spec.traits), s.spec.licence] for s in solvers),
+            ([f"`{s.name}`", s.node, s.summary, _marks(s.traits), s.licence] for s in usual),
         ),
         (
             "File formats",
@@ -35,6 +40,8 @@ def registry_tables() -> str:
         ),
     ]
     tables = [f"### {title}\n\n{_table(head, rows)}" for title, head, rows in parts]
+    if named:
+        tables[2] += f"\n\nAnd {len(named)} that run only when they are named: {_families(named)}."
     drawing = f"```mermaid\n{draw('mermaid', ALL)}\n```"
     return "\n\n".join([tables[0], drawing, *tables[1:]])
 
@@ -53,6 +60,14 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _summary(edge: Conversion) -> str:
     return (type(edge).__doc__ or "").strip().splitlines()[0].partition(". ")[0].rstrip(".")
+
+
+def _families(specs: Iterable[SolverSpec]) -> str:
+    """How many there are of each family, which is the name up to the first hyphen."""
+    found: dict[str, list[str]] = {}
+    for spec in specs:
+        found.setdefault(spec.name.partition("-")[0], []).append(spec.name)
+    return ", ".join(f"{len(n)} `{family}-*`" if len(n) > 1 else f"`{n[0]}`" for family, n in found.items())
 
 
 def _marks(traits: frozenset[Trait]) -> str:

@@ -1,0 +1,153 @@
+"""`cpbench list solvers` and `cpbench doctor`: what is there, what is not and how to get it, whatever guests do."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from cpbench.bench import checkup
+from cpbench.cli.solver_tables import columns
+from cpbench.solvers.base import solvers
+
+PLUGIN = '''
+from dataclasses import dataclass
+from cpbench.solvers.base import Availability, Claim, Solver, SolverOutput, SolverSpec, register
+from cpbench.solvers.options import fixed, searched
+
+@dataclass(frozen=True)
+class Options:
+    """`step` : how far."""
+
+    step: float = searched(0.5, low=0.1, high=0.9)
+    max_steps: int = fixed(10)
+
+class Plugged(Solver):
+    def solve(self, prepared, budget, options, start=None, record=None):
+        return SolverOutput(claim=Claim.FAILED)
+
+def plug(name, **more):
+    spec = SolverSpec(name=name, node="lcp", summary="does nothing", method="none", options=Options, **more)
+    register(type("Plugged_" + name.replace("-", "_"), (Plugged,), {"spec": spec}))
+
+plug("guest-absent", requires=("no_such_guest",), install="pip install no-such-guest")
+plug("guest-broken", requires=("broken_guest",))
+plug("guest-deadly", requires=("deadly_guest",))
+plug("guest-well", requires=("well_guest",), licence="proprietary", publishing="ask first")
+plug("guest-rare", requires=("well_guest",), by_default=False, known_failures={"case-x": "error 2e-3"})
+
+@register
+class Licensed(Plugged):
+    spec = SolverSpec(name="guest-licensed", node="lcp", summary="asks", method="none", requires=("well_guest",))
+
+    def availability(self):
+        return Availability("licence", "the licence ended on 2020-01-01; get one at example.org")
+'''
+GUESTS = {
+    "broken_guest": "raise ImportError('libguest.so.3: no such file')",
+    "deadly_guest": "import os; os.abort()",
+    "well_guest": "",
+}
+
+
+@pytest.fixture(scope="module")
+def plugged(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """An environment in which cpbench has the solvers above, and the packages that they need, or nearly."""
+    folder = tmp_path_factory.mktemp("guests")
+    for name, body in GUESTS.items():
+        (folder / f"{name}.py").write_text(body)
+    plugin = folder / "plugin.py"
+    plugin.write_text(PLUGIN)
+    return {**os.environ, "PYTHONPATH": str(folder), "CPBENCH_PLUGINS": str(plugin)}
+
+
+def cpbench(environment: dict[str, str], *arguments: str) -> str:
+    command = [sys.executable, "-m", "cpbench", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=240).stdout
+
+
+def test_a_list_of_those_that_a_run_takes_says_how_many_more_there_are(plugged: dict[str, str]) -> None:
+    begun = time.perf_counter()
+    told = cpbench(plugged, "list", "solvers", "--node", "lcp").splitlines()
+    assert time.perf_counter() - begun < 15.0, "nothing is imported"
+    assert next(line for line in told if "guest-absent" in line).endswith("missing: pip install no-such-guest")
+    assert next(line for line in told if "guest-broken" in line).endswith("installed"), "it was not imported"
+    assert "proprietary*" in next(line for line in told if "guest-well" in line)
+    assert not any(line.startswith("guest-rare") for line in told)
+    assert "more run only when they are named" in told[-1]
+    assert "guest-rare" in told[-1]
+    assert any(line.startswith("guest-rare") for line in cpbench(plugged, "list", "solvers", "--all").splitlines())
+
+
+def test_a_check_imports_the_guests_and_survives_them(plugged: dict[str, str]) -> None:
+    told = cpbench(plugged, "list", "solvers", "guest-*", "--check", "--json")
+    found = {sheet["name"]: sheet["availability"] for sheet in json.loads(told)}
+    states = {name: state["state"] for name, state in found.items()}
+    assert states == {
+        "guest-absent": "missing",
+        "guest-broken": "broken",
+        "guest-deadly": "broken",
+        "guest-licensed": "licence",
+        "guest-rare": "ok",
+        "guest-well": "ok",
+    }
+    assert "libguest.so.3" in found["guest-broken"]["detail"]
+    assert "SIGABRT" in found["guest-deadly"]["detail"]
+    able = cpbench(plugged, "list", "solvers", "guest-*", "--check", "--json", "--available")
+    assert [sheet["name"] for sheet in json.loads(able)] == ["guest-rare", "guest-well"]
+
+
+def test_the_doctor_tells_every_reason_once_with_what_to_do(plugged: dict[str, str]) -> None:
+    told = cpbench(plugged, "doctor")
+    assert "pip install no-such-guest" in told
+    assert "libguest.so.3: no such file" in told
+    assert "Traceback" in told
+    assert "SIGABRT" in told
+    assert "the licence ended on 2020-01-01" in told
+    assert "guest-well" in told
+    ok, _, rest = told.partition("\nlicence")
+    assert "nsgs " in ok
+    assert "guest-rare" in ok
+    assert "guest-broken" not in ok
+    assert "guest-broken" in rest
+
+
+def test_the_sheet_of_a_solver_shows_its_options(plugged: dict[str, str]) -> None:
+    told = cpbench(plugged, "list", "solvers", "guest-rare")
+    assert "when named" in told
+    assert "step" in told
+    assert "0.1 to 0.9" in told
+    assert "how far" in told
+    assert "max_steps" in told
+    assert "no" in told
+    assert "error 2e-3" in told
+    assert "publishing    ask first" in cpbench(plugged, "list", "solvers", "guest-well")
+
+
+def test_a_guest_that_hangs_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checkup, "PATIENCE", 0.5)
+    monkeypatch.setattr(checkup, "_main", _sleep)
+    found = list(checkup.examine([solvers.get("osqp"), solvers.get("lemke")]))
+    assert {one.name: one.state for one in found} == {"osqp": "broken", "lemke": "ok"}
+    assert "within 0.5 s" in next(one.detail for one in found if one.name == "osqp")
+
+
+def _sleep(*_: object) -> None:
+    time.sleep(60.0)
+
+
+def test_columns_are_as_wide_as_their_widest_cell() -> None:
+    assert list(columns([("a", "b", "c"), ("long", "b", "d e")])) == ["a     b  c", "long  b  d e"]
+    assert list(columns([])) == []
+
+
+@pytest.mark.parametrize("arguments", [("formats", "nsgs"), ("formats", "--all"), ("solvers", "--node", "lpc")])
+def test_what_makes_no_sense_is_refused(arguments: tuple[str, ...]) -> None:
+    done = subprocess.run([sys.executable, "-m", "cpbench", "list", *arguments], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith("cpbench: ")
+    assert done.stderr.count("\n") == 1
