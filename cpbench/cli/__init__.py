@@ -30,6 +30,7 @@ COMMANDS = {
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
+    "check": "Put a plugin through the conformance checks.",
     "doctor": "Say what works on this machine and how to get what does not.",
 }
 

@@ -1,4 +1,5 @@
-"""Public conformance checks: any formulation, conversion, solver or format, ours or another's, is put through them.
+"""Public conformance checks: any formulation, conversion, solver, format or collection of problems, ours or another's,
+is put through them.
 
 A check is a function `check_<what>(plugin, cases)` that raises AssertionError; `checks(kind)` lists those of a kind.
 No check knows a plugin by name: what a plugin cannot do stands in its own spec.
@@ -15,7 +16,7 @@ Check = Callable[[Any, list[Case]], None]
 
 
 def checks(kind: str) -> dict[str, Check]:
-    """The checks of a kind of plugin: formulation, conversion, solver or format."""
+    """The checks of a kind of plugin: formulation, conversion, solver, format or problem (a collection of them)."""
     import importlib
 
     module = importlib.import_module(f"cpbench.testing.checks_{kind}")

@@ -1,0 +1,62 @@
+"""`cpbench check`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+
+import click
+
+from cpbench.cli.options import Duration
+from cpbench.errors import UnknownName
+from cpbench.registry import PLUGIN_FILES
+
+
+@click.command()
+@click.argument("plugin")
+@click.option("--only", multiple=True, metavar="CHECK", help="Only this check. Repeatable.")
+@click.option(
+    "--timeout", type=Duration(), default="60s", show_default=True, help="Time limit of one check (30s, 5m, none)."
+)
+@click.option("--quiet", "-q", is_flag=True, help="Print only what failed, and the sums.")
+def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> None:
+    """Put a plugin through the public conformance checks.
+
+    PLUGIN is a Python file, a .toml file that declares solvers, or the name of something registered. Each check runs
+    in a process of its own making: one that hangs or crashes has failed, and the next one goes on. Exits with 1 when
+    a check failed, with 2 when the plugin does not load.
+
+    A check that your solver is known to fail goes, with the reason, into `known_failures` of its spec.
+    """
+    from cpbench.cli.plugin_checks import Desk, is_file
+
+    if is_file(plugin):
+        plugin = os.path.abspath(plugin)
+        others = [path for path in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if path and path != plugin]
+        os.environ[PLUGIN_FILES] = os.pathsep.join(others)  # it is loaded by who checks it, and by nobody before
+    failed = False
+    with Desk(plugin, timeout) as desk:
+        items = desk.items()
+        known = {check for item in items for check in item.checks}
+        for name in only:
+            if name not in known:
+                raise UnknownName("check", name, known)
+        for item in items:
+            click.echo(f"{item.kind} {item.name} ({' -> '.join(item.nodes)})")
+            count = Counter[str]()
+            for check, mark in desk.marks(item, only):
+                count[mark.word] += 1
+                bad = mark.word not in GOOD
+                failed = failed or bad
+                if bad or not quiet:
+                    reason = f"  {mark.reason}" if mark.reason else ""
+                    click.echo(f"  {mark.word:<15}{check:<{WIDE if reason else 0}}{reason}")
+            click.echo(f"  {', '.join(f'{number} {word}' for word, number in sorted(count.items()))}")
+    if failed:
+        sys.exit(1)
+
+
+GOOD = ("passed", "does not apply", "known failure")
+WIDE = 52
+"""Characters of the column of checks."""
