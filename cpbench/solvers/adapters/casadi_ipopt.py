@@ -1,0 +1,147 @@
+"""Ipopt (through CasADi) on an LCP or MLCP as a nonconvex program: minimise vᵀw subject to w = Kx + k, v, w ≥ 0."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations import LCP, MLCP
+from cpbench.solvers.adapters.casadi_guest import CITATION, INSTALL, as_dm, too_large
+from cpbench.solvers.adapters.scaled_mcp import ScaledMCP, scaled_mcp
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+
+CLAIMS = {
+    "Solve_Succeeded": Claim.SOLVED,
+    "Solved_To_Acceptable_Level": Claim.INACCURATE,
+    "Infeasible_Problem_Detected": Claim.INFEASIBLE,
+    "Diverging_Iterates": Claim.FAILED,
+    "Maximum_Iterations_Exceeded": Claim.MAX_ITER,
+    "Maximum_WallTime_Exceeded": Claim.MAX_ITER,
+}
+"""Its constraints are linear, so that a point where it cannot reduce their violation says that there is none."""
+LEAST = 1e-14
+"""Least tolerance that Ipopt is asked for: below, it only ends at its acceptable level."""
+CLOSE = 100.0
+"""A minimum whose error is within this factor of the tolerance is claimed `inaccurate`, beyond it `failed`."""
+
+
+@dataclass(frozen=True)
+class IpoptOptions:
+    """`max_iterations` : unless the budget bounds them. `first` : every component of the first (v, w)."""
+
+    max_iterations: int = 3000
+    first: float = 1.0
+
+
+@dataclass(frozen=True)
+class Program:
+    """The scaled problem, Ipopt for it, and the error that is asked for."""
+
+    mcp: ScaledMCP
+    solver: Any
+    error: float
+
+
+class IpoptComplementarity(Solver):
+    """A local minimum of vᵀw over the feasible set; it solves the problem when vᵀw is 0 there.
+
+    For v, w ≥ 0 is ‖min(v, w)‖² ≤ vᵀw: what Ipopt calls solved is claimed solved where its own objective is at most
+    the square of our tolerance, which is what its `tol` aims at. It relaxes the bounds by a hundredth of ours while it
+    works, for there may be no interior (w = 0 on the whole feasible set), and honours them in the end.
+    """
+
+    def obstacle(self, problem: LCP | MLCP) -> str | None:
+        n = sum(problem.point_sizes.values())
+        if n == 0:
+            return "has no unknown (n = 0): Ipopt refuses an empty program"
+        return too_large(n)
+
+    def setup(self, problem: LCP | MLCP, budget: Budget, options: IpoptOptions) -> Program:
+        import casadi as ca
+
+        mcp = scaled_mcp(problem)
+        n, free = mcp.k.size, mcp.free
+        error = budget.tolerance * mcp.strictness
+        x, w = ca.MX.sym("x", n), ca.MX.sym("w", n - free)
+        rows = ca.mtimes(as_dm(mcp.K), x) + ca.DM(mcp.k)
+        equal, unequal = ca.vertsplit(rows, [0, free, n])
+        v = ca.vertsplit(x, [0, free, n])[1]
+        program = {"x": ca.vertcat(x, w), "f": ca.dot(v, w), "g": ca.vertcat(equal, unequal - w)}
+        ipopt = {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": max(0.1 * error * error / n, LEAST),
+            "bound_relax_factor": 0.01 * error,
+            "honor_original_bounds": "yes",
+            "max_iter": options.max_iterations if budget.iterations is None else budget.iterations,
+        }
+        if math.isfinite(budget.seconds):
+            ipopt["max_wall_time"] = budget.seconds
+        quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "ipopt": ipopt}
+        return Program(mcp, ca.nlpsol("complementarity", "ipopt", program, quiet), error)
+
+    def solve(
+        self,
+        prepared: Program,
+        budget: Budget,
+        options: IpoptOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        n, free = prepared.mcp.k.size, prepared.mcp.free
+        first = np.full(2 * n - free, options.first)
+        first[:free] = 0.0
+        lower = np.where(np.arange(first.size) < free, -np.inf, 0.0)
+        result = prepared.solver(x0=first, lbx=lower, ubx=np.inf, lbg=0.0, ubg=0.0)
+        told = prepared.solver.stats()
+        claim = CLAIMS.get(told["return_status"], Claim.FAILED)
+        message, product = told["return_status"], float(result["f"])
+        if claim is Claim.SOLVED and product > prepared.error**2:
+            claim = Claim.INACCURATE if product <= (CLOSE * prepared.error) ** 2 else Claim.FAILED
+            message += f" at vᵀw = {product:.1e}"
+        return SolverOutput(
+            claim=claim,
+            point=prepared.mcp.point(np.asarray(result["x"])[:n]),
+            counters={"iterations": max(int(told["iter_count"]), 0)},
+            message=message,
+        )
+
+
+def _spec(name: str, node: str, **more: Any) -> SolverSpec:
+    return SolverSpec(
+        name=name,
+        node=node,
+        summary="Ipopt on min vᵀw over the feasible set: a local minimum, which may be no solution",
+        method="interior point",
+        citation=f"Wächter and Biegler, Math. Prog. 106 (2006); {CITATION}",
+        requires=("casadi",),
+        install=INSTALL,
+        licence="EPL-2.0 (Ipopt), LGPL-3.0-or-later (CasADi)",
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        options=IpoptOptions,
+        **more,
+    )
+
+
+@register
+class IpoptLCP(IpoptComplementarity):
+    """For the LCP."""
+
+    spec: ClassVar[SolverSpec] = _spec("casadi-ipopt", "lcp")
+
+    def warmup(self) -> None:
+        self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
+
+
+@register
+class IpoptMLCP(IpoptComplementarity):
+    """For the MLCP, its equations as constraints."""
+
+    spec: ClassVar[SolverSpec] = _spec("casadi-ipopt-mlcp", "mlcp")
+
+    def warmup(self) -> None:
+        one = np.eye(1)
+        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.ones(1), b=-np.ones(1)))
