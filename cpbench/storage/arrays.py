@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.matrices import Matrix, Vector
 from cpbench.storage.base import read_head, read_text
@@ -39,10 +40,9 @@ def read_matrix(path: str | Path) -> Matrix:
 def read_vector(path: str | Path) -> Vector:
     """A vector from .npy, .npz (one array), .mtx or text; one row or one column will do. Raises FormatError."""
     file = Path(path)
-    value = _read(file)
-    value = value.toarray() if sp.issparse(value) else value
+    value: Any = _read(file)
     if value.ndim == 2 and 1 in value.shape:
-        value = value.reshape(-1)
+        value = matrices.dense(value).reshape(-1)
     if value.ndim != 1:
         raise FormatError(file, "", f"has shape {value.shape}, expected a vector")
     return value
@@ -171,19 +171,28 @@ def _opcodes(data: bytes) -> list[tuple[str, Any]]:
 
 
 def _read_mtx(path: Path) -> Any:
+    """CSR of a coordinate file, an array of an array file.
+
+    SciPy's reader is only given what it can take: it divides by the number of rows of an array, and kills the process
+    where that is 0; and it loses the signs of zeros in arrays.
+    """
     import scipy.io
 
     head = read_head(path)
     try:
-        rows, cols, entries, _, field, _ = scipy.io.mminfo(path)
+        rows, cols, entries, layout, field, symmetry = scipy.io.mminfo(path)
         stored = path.stat().st_size
         if entries > stored or max(rows, cols) > stored + 10**7 or not head.startswith(b"%%MatrixMarket"):
             raise ValueError(f"declares {rows}x{cols} with {entries} entries in {stored} bytes")
-        value = scipy.io.mmread(path, spmatrix=False)
+        if field == "complex":
+            raise FormatError(path, "", "holds complex numbers, expected real ones")
+        if layout == "array" and symmetry == "general":
+            lines = read_text(path).splitlines()
+            tokens = " ".join(line for line in lines if not line.startswith("%")).split()[2:]
+            return np.array(tokens, np.float64).reshape((rows, cols), order="F")
+        value = scipy.io.mmread(path, spmatrix=False) if rows and cols else sp.coo_array((rows, cols))
     except (ValueError, OSError, TypeError, OverflowError) as cause:
         raise FormatError(path, "", f"is not a readable Matrix Market file ({cause})") from None
-    if field == "complex":
-        raise FormatError(path, "", "holds complex numbers, expected real ones")
     return sp.csr_array(value).astype(np.float64) if sp.issparse(value) else np.asarray(value, np.float64)
 
 

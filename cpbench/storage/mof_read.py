@@ -56,10 +56,18 @@ def load_json(path: Path) -> dict[str, Any]:
     return found  # pyright: ignore
 
 
+def as_float(value: float) -> float:
+    """A number of a JSON file, whose whole numbers have no end."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
 def offset(info: Info) -> float:
     """The constant of the objective."""
     value = info.properties.get(OFFSET, 0.0)
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else 0.0
+    return float(value) if isinstance(value, int | float) and math.isfinite(as_float(value)) else 0.0
 
 
 class _Reader:
@@ -274,9 +282,10 @@ class _Reader:
         return self._column[name]
 
     def _number(self, parent: Any, key: str, where: str) -> float:
-        value = self._get(parent, key, (int, float), where)  # pyright: ignore
-        if not -1.8e308 < value < 1.8e308:
-            raise FormatError(self._path, f"{where}/{key}", f"is {value}, expected a finite number")
+        value = parent.get(key) if isinstance(parent, dict) else None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(as_float(value)):
+            said = "is missing" if value is None else f"is {str(value)[:40]!r}"
+            raise FormatError(self._path, f"{where}/{key}", f"{said}, expected a finite number")
         return float(value)
 
 

@@ -10,8 +10,6 @@ array of bytes (uint8), so that every reader of .npz can open it.
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import os
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
@@ -23,15 +21,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench import matrices
-from cpbench.errors import FormatError, UnknownName
+from cpbench.errors import FormatError
 from cpbench.exchange import Exchange, exchanges
-from cpbench.formulations.base import Point, Problem, formulations
+from cpbench.formulations.base import Point, Problem
 from cpbench.storage.arrays import read_npy, read_npz, sparse_from_parts
-from cpbench.storage.base import build
+from cpbench.storage.exchanges import header
+from cpbench.storage.exchanges.header import HEADER
 
-HEADER = "problem.json"
 SPARSE = ("data", "indices", "indptr", "shape")
-_LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 Arrays = Mapping[str, NDArray[Any]]
 
 
@@ -39,7 +36,7 @@ class _ArrayExchange(Exchange):
     """Problems and answers as named arrays; where these lie is a subclass's matter."""
 
     @abstractmethod
-    def _put(self, path: Path, arrays: Arrays, header: bytes | None) -> None:
+    def _put(self, path: Path, arrays: Arrays, told: bytes | None) -> None:
         """Write arrays, and the header of a problem; raises OSError."""
 
     @abstractmethod
@@ -56,24 +53,11 @@ class _ArrayExchange(Exchange):
                 arrays[f"{name}.shape"] = np.array(value.shape, np.int64)
             else:
                 arrays[name] = matrices.dense(value)
-        others = {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - _LEFT_BEHIND
-        header = {"node": problem.node, "name": problem.name}
-        header |= {name: getattr(problem, name) for name in sorted(others)}
-        _written(path, lambda: self._put(path, arrays, json.dumps(header).encode()))
+        _written(path, lambda: self._put(path, arrays, header.encode(problem)))
 
     def read_problem(self, path: Path) -> Problem:
         _, text = self._get(path, ())
-        try:
-            header = json.loads(text)
-            cls = formulations.get(header.pop("node"))
-            name = str(header.pop("name", ""))
-        except (ValueError, TypeError, LookupError, AttributeError, RecursionError, UnknownName) as cause:
-            raise FormatError(path, HEADER, f"names no problem ({type(cause).__name__}: {cause})") from None
-        fields = {f.name: f for f in dataclasses.fields(cls)}
-        data = [name for name, f in fields.items() if "shape" in f.metadata]
-        unknown = header.keys() - (fields.keys() - data - _LEFT_BEHIND)
-        if unknown:
-            raise FormatError(path, HEADER, f"has {', '.join(sorted(unknown))}, which {cls.node} has not")
+        cls, fields, data = header.decode(path, text)
         arrays, _ = self._get(path, [*data, *(f"{name}.{part}" for name in data for part in SPARSE)])
         parts: dict[str, Any] = {}
         for key in data:
@@ -82,7 +66,7 @@ class _ArrayExchange(Exchange):
                 parts[key] = sparse_from_parts(path, f"{key}.", sparse)
             elif key in arrays:
                 parts[key] = arrays[key]
-        return build(path, cls, "", name=name, **parts, **header)
+        return header.assemble(path, cls, fields, parts)
 
     def write_answer(self, point: Point, path: Path) -> None:
         _written(path, lambda: self._put(path, point.arrays(), None))
@@ -107,12 +91,12 @@ class NpyFolder(_ArrayExchange):
     name = "npy-dir"
     summary = "a folder of .npy files and problem.json"
 
-    def _put(self, path: Path, arrays: Arrays, header: bytes | None) -> None:
+    def _put(self, path: Path, arrays: Arrays, told: bytes | None) -> None:
         path.mkdir(exist_ok=True)
         for left in path.iterdir():  # nobody is to read an array of the problem before
             left.unlink()
-        if header is not None:
-            (path / HEADER).write_bytes(header)
+        if told is not None:
+            (path / HEADER).write_bytes(told)
         for name, array in arrays.items():
             np.save(path / f"{name}.npy", array, allow_pickle=False)
 
@@ -135,17 +119,17 @@ class NpzFile(_ArrayExchange):
     summary = "one .npz archive, problem.json in it as bytes"
     suffix = ".npz"
 
-    def _put(self, path: Path, arrays: Arrays, header: bytes | None) -> None:
+    def _put(self, path: Path, arrays: Arrays, told: bytes | None) -> None:
         entries = dict(arrays)
-        if header is not None:
-            entries[HEADER] = np.frombuffer(header, np.uint8)
+        if told is not None:
+            entries[HEADER] = np.frombuffer(told, np.uint8)
         with path.open("wb") as file:  # a file, not a name, that savez might add a suffix to
             np.savez(file, allow_pickle=False, **entries)
 
     def _get(self, path: Path, wanted: Iterable[str]) -> tuple[Arrays, bytes]:
         found = read_npz(path)
-        header = found.get(HEADER, np.zeros(0, np.uint8))
-        return {name: found[name] for name in wanted if name in found}, header.tobytes()
+        told = found.get(HEADER, np.zeros(0, np.uint8))
+        return {name: found[name] for name in wanted if name in found}, told.tobytes()
 
 
 def _bytes(folder: Path, name: str) -> bytes | None:

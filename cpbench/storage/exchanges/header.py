@@ -1,0 +1,47 @@
+"""problem.json: what of a problem is no array. Node, name, and the plain fields of the node (dimension)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cpbench.errors import FormatError, UnknownName
+from cpbench.formulations.base import Problem, formulations
+from cpbench.storage.base import build
+
+HEADER = "problem.json"
+_LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
+
+
+def encode(problem: Problem) -> bytes:
+    """The file for `problem`."""
+    others = {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - _LEFT_BEHIND
+    header = {"node": problem.node, "name": problem.name}
+    return json.dumps(header | {name: getattr(problem, name) for name in sorted(others)}).encode()
+
+
+def decode(path: Path, text: bytes) -> tuple[type[Problem], dict[str, Any], list[str]]:
+    """Class, name and plain fields of the problem at `path`, and the names of its arrays; raises FormatError."""
+    try:
+        header = json.loads(text)
+        cls = formulations.get(header.pop("node"))
+        name = str(header.pop("name", ""))
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError, UnknownName) as cause:
+        raise FormatError(path, HEADER, f"names no problem ({type(cause).__name__}: {cause})") from None
+    fields = {f.name: f for f in dataclasses.fields(cls)}
+    data = [key for key, f in fields.items() if "shape" in f.metadata]
+    unknown = header.keys() - (fields.keys() - data - _LEFT_BEHIND)
+    if unknown:
+        raise FormatError(path, HEADER, f"has {', '.join(sorted(unknown))}, which {cls.node} has not")
+    return cls, {"name": name, **header}, data
+
+
+def assemble(path: Path, cls: type[Problem], fields: Mapping[str, Any], arrays: Mapping[str, Any]) -> Problem:
+    """The problem from what `decode` found and its arrays by name; raises FormatError."""
+    for f in dataclasses.fields(cls):
+        if "shape" in f.metadata and f.default is dataclasses.MISSING and f.name not in arrays:
+            raise FormatError(path, f.name, f"is missing, expected {' x '.join(f.metadata['shape'])} numbers")
+    return build(path, cls, "", **arrays, **fields)
