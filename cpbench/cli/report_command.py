@@ -13,7 +13,10 @@ from cpbench.bench.results.store import Store
 @click.argument("results", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder (default: reports/NAME).")
 @click.option("--title", help="Title of the report (default: name of the results file).")
-def command(results: Path, output: Path | None, title: str | None) -> None:
+@click.option(
+    "--publishable", is_flag=True, help="Leave out solvers whose licence restricts the publishing of figures."
+)
+def command(results: Path, output: Path | None, title: str | None, publishable: bool) -> None:
     """Write the report of a results file: Markdown, figures, CSV."""
     from cpbench.bench import history
     from cpbench.report.markdown import write_report
@@ -26,6 +29,7 @@ def command(results: Path, output: Path | None, title: str | None) -> None:
             output or Path("reports") / results.stem,
             title or results.stem,
             history.table(store.histories()),
+            publishable=publishable,
         )
     finally:
         store.close()

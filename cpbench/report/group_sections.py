@@ -13,7 +13,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
 from cpbench.report import convergence, figures
 from cpbench.report.matrix import legend, matrix
-from cpbench.report.run import Run, each, group_name
+from cpbench.report.run import Run, each, group_name, tunings
 from cpbench.report.text import code, counted, listed, number, plain, seconds, table
 
 MATRIX_PROBLEMS = 60
@@ -36,7 +36,7 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) ->
         f"{counted(problems, 'problem')}{f' ({sizes})' if sizes else ''}, "
         f"{counted(len(labels), 'solver configuration')}, {counted(len(rows), 'pair')}."
     )
-    yield from _times(counts, times, problems, shift, penalty)
+    yield from _times(counts, times, problems, shift, penalty, set(tunings(run)))
     yield from _figures(run, group, rows, times, several)
     yield from _verdicts(rows, labels)
     yield from _matrix(rows, labels, problems)
@@ -44,7 +44,9 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) ->
     yield from _unsolved(rows)
 
 
-def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, shift: float, penalty: float) -> Iterator[str]:
+def _times(
+    counts: pd.DataFrame, times: pd.DataFrame, problems: int, shift: float, penalty: float, tuned: set[str]
+) -> Iterator[str]:
     yield "### Solved and times"
     head = ["solver", "route", f"solved of {problems}", "planned", "claimed, is not", "fastest"]
     head += ["median of solved", "slowdown of solved", f"mean over {problems}"]
@@ -52,7 +54,7 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, shift: floa
         head,
         (
             [
-                code(r.label),
+                code(r.label) + (" (tuned)" if r.label in tuned else ""),
                 f"**{r.kind}**" if r.kind in figures.INEXACT else r.kind or "—",
                 f"{r.solved}" + (f" ({r.stationary} stationary)" if r.stationary else ""),
                 str(r.planned),

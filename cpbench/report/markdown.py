@@ -16,6 +16,8 @@ import pandas as pd
 
 from cpbench.analysis import summary
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import attended, restricted, without
+from cpbench.report.attendance_sections import publishing
 from cpbench.report.group_sections import group_sections
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, each, group_name
@@ -31,6 +33,8 @@ def write_report(
     folder: str | Path,
     title: str,
     histories: pd.DataFrame | None = None,
+    *,
+    publishable: bool = False,
 ) -> Path:
     """Write `folder`/report.md with its figures and results.csv; gives the path of the Markdown file.
 
@@ -38,22 +42,34 @@ def write_report(
     ----------
     table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
     histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
+    publishable : whether solvers whose figures must not be published are left out of everything.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     run = Run(_without_folders(rows_of.normalised(table)), meta, folder)
     if histories is not None:
         run = replace(run, histories=histories)
+    if publishable:
+        run = _publishable(run)
     rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
-    parts = [f"# {plain(title)}", _headline(run), _facts(run), *_overview(run)]
+    parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     several = len(rows_of.groups(run.rows)) > run.rows["node"].nunique()
     for group, rows in rows_of.groups(run.rows):
-        parts += group_sections(run, group, rows, several)
+        parts += group_sections(run, group, attended(rows), several)
     parts += run_sections(run)
     parts += ["## Methods", METHODS.strip()]
     path = folder / "report.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return path
+
+
+def _publishable(run: Run) -> Run:
+    """The run without the solvers whose figures must not be published: neither their rows nor their sheets."""
+    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
+    left_out = restricted(run.rows, sheets)
+    kept = {label: sheet for label, sheet in sheets.items() if sheet.get("name") not in left_out}
+    rows = without(run.rows, left_out)
+    return replace(run, rows=rows, meta={**run.meta, "solvers": kept}, left_out=left_out)
 
 
 def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:

@@ -17,13 +17,15 @@ from cpbench.report.text import counted, plain
 
 @dataclass(frozen=True)
 class Run:
-    """The rows of a run, in fixed order, with the facts of the run, where the report goes, and judged iterates
-    (`analysis.histories`) of the solves that were recorded."""
+    """The rows of a run, in fixed order, with the facts of the run, where the report goes, judged iterates
+    (`analysis.histories`) of the solves that were recorded, and the restrictions on publishing, by name, of solvers
+    that are left out."""
 
     rows: pd.DataFrame
     meta: Mapping[str, Any]
     folder: Path
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
 
 def group_name(run: Run, group: Group) -> str:
@@ -41,6 +43,12 @@ def group_name(run: Run, group: Group) -> str:
     if len({g.measure for g in others}) > 1:
         parts.append(f"judged by {plain(group.measure)}" if group.measure else "judged by all measures")
     return ", ".join(parts)
+
+
+def tunings(run: Run) -> dict[str, Mapping[str, Any]]:
+    """How the options of tuned solvers were found, by label."""
+    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
+    return {label: sheet["tuned"] for label, sheet in sheets.items() if sheet.get("tuned")}
 
 
 def each(frame: pd.DataFrame) -> Iterator[Any]:

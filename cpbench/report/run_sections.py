@@ -11,8 +11,10 @@ from typing import Any
 
 from cpbench.analysis import starts, summary
 from cpbench.analysis import table as rows_of
+from cpbench.report.attendance_sections import absent, tuned
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, counted, cut, listed, number, plain, seconds, solve_command, table
+from cpbench.verification import Status
 
 DRIFT = 1.1
 """A machine that was this many times slower at one time than at another spoils ratios."""
@@ -28,9 +30,11 @@ def run_sections(run: Run) -> Iterator[str]:
         _inexact,
         _starts,
         _failures,
+        absent,
         _not_started,
         _refused,
         _solvers,
+        tuned,
         _machine,
     )
     for section in sections:
@@ -133,11 +137,12 @@ def _failures(run: Run) -> Iterator[str]:
 
 
 def _not_started(run: Run) -> Iterator[str]:
-    reasons = summary.failures(run.rows, refused=True)
+    started = run.rows["status"] != str(Status.UNAVAILABLE)
+    reasons = summary.failures(run.rows[started], refused=True)
     if not reasons:
         return
     yield "## Never started"
-    yield "Pairs whose solver cannot take the problem, is not installed, or was not reached before the run ended."
+    yield "Pairs whose solver cannot take the problem, or was not reached before the run ended."
     yield _reasons(reasons)
 
 
@@ -180,8 +185,11 @@ def _solvers(run: Run) -> Iterator[str]:
         used.setdefault(solver, set()).add(version)
     yield "## Solvers"
     rows: dict[str, list[str]] = {}
+    here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"])
     for _, sheet in sorted(sheets.items()):
         name = str(sheet.get("name", ""))
+        if name not in here:
+            continue
         rows[name] = [
             code(name),
             plain(sheet.get("node", "")),

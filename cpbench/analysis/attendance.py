@@ -1,0 +1,65 @@
+"""Who took part: solvers that could not run here, and those whose figures may not be published."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis.summary import REFUSED
+from cpbench.verification import Status
+
+
+@dataclass(frozen=True)
+class Absence:
+    """A reason why solvers could not run: its state (missing, broken, licence), what it said, and how many pairs of
+    which solver it cost."""
+
+    state: str
+    detail: str
+    solvers: Mapping[str, int]
+
+
+def absences(table: pd.DataFrame) -> list[Absence]:
+    """Why solvers could not run, each reason once, in order of state and text.
+
+    >>> rows = pd.DataFrame({"solver": ["a", "a", "b"], "status": ["unavailable"] * 3,
+    ...                      "message": ["missing: pip install g"] * 3})
+    >>> absences(rows)
+    [Absence(state='missing', detail='pip install g', solvers={'a': 2, 'b': 1})]
+    """
+    absent = table[table["status"] == str(Status.UNAVAILABLE)]
+    found: dict[tuple[str, str], dict[str, int]] = {}
+    for solver, message in zip(absent["solver"], absent["message"], strict=True):
+        state, _, detail = message.partition(": ")
+        cost = found.setdefault((state, detail), {})
+        cost[solver] = cost.get(solver, 0) + 1
+    return [Absence(*reason, dict(sorted(cost.items()))) for reason, cost in sorted(found.items())]
+
+
+def attended(group: pd.DataFrame) -> pd.DataFrame:
+    """A group's rows without the labels that were unavailable for all their pairs: they say nothing of any problem.
+
+    The number of problems does not depend on who is installed: where a problem would be left without a row, all rows
+    stay.
+    """
+    absent = (group["status"] == str(Status.UNAVAILABLE)).groupby(group["label"]).all()
+    present = group[~group["label"].isin(absent.index[absent])]
+    return present if set(present["fingerprint"]) == set(group["fingerprint"]) else group
+
+
+def restricted(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Restriction on publishing, by name, of the solvers that have one and were started on some pair.
+
+    `sheets` : what the results say of each label, with `name` and `publishing`.
+    """
+    terms = {str(sheet.get("name", "")): str(sheet.get("publishing") or "") for sheet in sheets.values()}
+    started = set(table.loc[~table["status"].isin(REFUSED), "solver"])
+    return {name: terms[name] for name in sorted(started) if terms.get(name)}
+
+
+def without(table: pd.DataFrame, solvers: Collection[str]) -> pd.DataFrame:
+    """The rows of all other solvers."""
+    return table[~table["solver"].isin(list(solvers))].reset_index(drop=True)

@@ -1,0 +1,112 @@
+"""Reports on solvers whose figures must not be published, and on solvers that could not run."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_results import meta, row, table
+
+from cpbench import storage
+from cpbench.analysis.attendance import absences, attended, restricted
+from cpbench.bench.results.store import Store
+from cpbench.cli import main
+from cpbench.formulations import LCP
+from cpbench.report.markdown import write_report
+
+TERMS = "benchmark figures need the vendor's permission"
+
+
+def rows() -> pd.DataFrame:
+    return table(
+        *(row(f"p-{i}", "lemke", "solved", 1e-3 * (i + 1)) for i in range(3)),
+        *(row(f"p-{i}", "vendor", "solved", 1e-4 * (i + 1)) for i in range(3)),
+        *(row(f"p-{i}", "absent", "unavailable", message="missing: pip install absent") for i in range(3)),
+        *(row(f"p-{i}", "twin", "unavailable", message="missing: pip install absent") for i in range(3)),
+        row("p-0", "partly", "solved", 2e-3),
+        row("p-1", "partly", "unavailable", message="licence: at most 1000 rows, found 1200"),
+    )
+
+
+def sheets() -> dict[str, Any]:
+    return {
+        name: {"name": name, "node": "lcp", "licence": "x", "publishing": TERMS if name == "vendor" else ""}
+        for name in ("lemke", "vendor", "absent", "partly", "twin")
+    }
+
+
+def test_a_restriction_is_said_before_any_figure(tmp_path: Path) -> None:
+    told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T").read_text()
+    assert told.index("Publishing these figures is restricted: `vendor`") < told.index("## Solved, by formulation")
+    assert TERMS in told
+    assert "--publishable" in told
+
+
+def test_a_publishable_report_shows_nothing_of_the_restricted(tmp_path: Path) -> None:
+    told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T", publishable=True).read_text()
+    assert "Left out" in told
+    assert "restricted: `vendor`" in told
+    assert told.count("vendor") == 1, "where it is said that it is left out"
+    assert set(pd.read_csv(tmp_path / "results.csv")["solver"]) == {"lemke", "absent", "partly", "twin"}
+    figures = "".join(path.read_text() for path in tmp_path.glob("*.svg"))
+    assert "lemke" in figures
+    assert "vendor" not in figures
+    assert "fastest" in told
+
+
+def test_nothing_is_said_where_nothing_is_restricted(tmp_path: Path) -> None:
+    free = rows()[rows()["solver"] != "vendor"]
+    told = write_report(free, meta(solvers=sheets()), tmp_path, "T", publishable=True).read_text()
+    assert "estricted" not in told
+    assert "Left out" not in told
+
+
+def test_a_restricted_solver_that_was_never_started_restricts_nothing() -> None:
+    never = table(row("p-1", "vendor", "unavailable", message="licence: expired"))
+    assert restricted(never, sheets()) == {}
+
+
+def test_absent_solvers_are_listed_once_with_the_reason(tmp_path: Path) -> None:
+    told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T").read_text()
+    assert "| missing | pip install absent | `absent`, `twin` | 6 |" in told
+    assert "| licence | at most 1000 rows, found 1200 | `partly` | 1 |" in told
+    assert told.count("`absent`") == 1, "in no other table"
+    assert "Never started" not in told
+
+
+def test_the_number_of_problems_does_not_depend_on_who_is_installed() -> None:
+    group = rows()
+    assert set(attended(group)["label"]) == {"lemke", "vendor", "partly"}
+    alone = table(row("p-0", "lemke", "solved", 1.0), row("p-9", "absent", "unavailable", message="missing: x"))
+    assert len(attended(alone)) == 2, "p-9 stays a problem"
+
+
+def test_reasons_are_counted_by_solver() -> None:
+    found = {one.detail: dict(one.solvers) for one in absences(rows())}
+    assert found == {"pip install absent": {"absent": 3, "twin": 3}, "at most 1000 rows, found 1200": {"partly": 1}}
+
+
+def test_the_command_leaves_them_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=[-5.0, -6.0], name="deudeu"), tmp_path / "p.h5")
+    monkeypatch.chdir(tmp_path)
+    _cpbench(monkeypatch, "run", "p.h5", "-s", "lemke", "-s", "bpp", "-o", "r.sqlite", "--no-report", "--plan", "none")
+    with Store("r.sqlite", create=True) as store:
+        told = store.meta()["solvers"]
+        assert told["bpp"]["publishing"] == ""
+        store.set_meta(solvers={**told, "bpp": {**told["bpp"], "publishing": TERMS}})
+    _cpbench(monkeypatch, "report", "r.sqlite", "-o", "whole")
+    assert TERMS in Path("whole/report.md").read_text()
+    _cpbench(monkeypatch, "report", "r.sqlite", "-o", "open", "--publishable")
+    assert TERMS not in Path("open/report.md").read_text()
+    assert set(pd.read_csv("open/results.csv")["solver"]) == {"lemke"}
+    assert math.isfinite(pd.read_csv("open/results.csv")["time"].iloc[0])
+
+
+def _cpbench(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> None:
+    monkeypatch.setattr(sys, "argv", ["cpbench", *arguments])
+    main()
