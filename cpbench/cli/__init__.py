@@ -30,6 +30,7 @@ COMMANDS = {
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
+    "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
     "check": "Put a plugin through the conformance checks.",
     "doctor": "Say what works on this machine and how to get what does not.",
 }
@@ -75,10 +76,10 @@ def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[s
 @click.option(
     "--plugin",
     multiple=True,
-    metavar="FILE.py",
+    metavar="FILE",
     expose_value=False,
     callback=_name_plugins,
-    help="Load solvers, conversions, ... from a file.",
+    help="Load solvers, conversions, ... from a Python file, or the solvers that a TOML file declares.",
 )
 def cli() -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.

@@ -1,0 +1,121 @@
+"""`cpbench new`."""
+
+from __future__ import annotations
+
+import keyword
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+import click
+
+from cpbench.errors import CpbenchError, DuplicateName, FormatError
+
+LANGUAGES = ("python", "cpp", "julia", "command")
+KINDS = ("solver", "conversion", "problem")
+
+
+@click.command()
+@click.argument("kind", type=click.Choice(KINDS))
+@click.argument("name")
+@click.option(
+    "--lang",
+    type=click.Choice(LANGUAGES),
+    default="python",
+    show_default=True,
+    help="Language of a solver; command: a shell script. Conversions and problems are Python.",
+)
+@click.option("--node", default="lcp", show_default=True, metavar="NODE", help="The formulation it is for.")
+@click.option("--with", "guest", type=click.Choice(["path"]), help="Julia: call the PATH solver (PATHSolver.jl).")
+@click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="Folder; default: NAME.")
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+def command(kind: str, name: str, lang: str, node: str, guest: str | None, output: Path | None, force: bool) -> None:
+    """Write a plugin that works: a solver, a conversion or a collection of problems, to be changed into yours.
+
+    It passes `cpbench check` as it is. NAME is a word of letters, digits, - and _.
+    """
+    template = _template(kind, lang, node, guest)
+    words = _words(kind, name)
+    _is_free(kind, words["EDGE"] if kind == "conversion" else name)
+    folder = output or Path(name)
+    texts = {_filled(file.name, words, "{}"): file.read_text(encoding="utf-8") for file in template.iterdir()}
+    texts = {file.removesuffix(".in"): _filled(text, words, "@{}@") for file, text in texts.items()}
+    _write(folder, texts, force)
+    for file in sorted(texts):
+        click.echo(f"wrote {folder / file}")
+    for step in _next(lang, folder, texts):
+        click.echo(f"next: {step}")
+
+
+def _template(kind: str, lang: str, node: str, guest: str | None) -> Traversable:
+    """The folder of a template; raises CpbenchError when there is none."""
+    from cpbench.formulations import formulations
+
+    if guest is not None and lang != "julia":
+        raise click.UsageError(f"--with {guest} is for --lang julia")
+    if kind != "solver" and lang != "python":
+        raise click.UsageError(f"a {kind} is written in Python; --lang is for solvers")
+    if node not in formulations:
+        formulations.get(node)
+    if node != "lcp":
+        raise CpbenchError(f"there is no template for '{node}': write one for lcp, and change its node")
+    return files("cpbench") / "templates" / kind / (f"{lang}-{guest}" if guest else lang)
+
+
+def _words(kind: str, name: str) -> Mapping[str, str]:
+    """What is filled into a template; raises CpbenchError when `name` cannot be one."""
+    module = name.replace("-", "_")
+    if not (module.isidentifier() and name.isascii() and name[0].isalpha() and name[-1] not in "-_"):
+        raise CpbenchError(f"'{name}' cannot be a name: take letters, digits, - and _, and a letter first")
+    if keyword.iskeyword(module):
+        raise CpbenchError(f"'{name}' is a word of Python: take another name")
+    title = "".join(part[0].upper() + part[1:] for part in module.split("_") if part)
+    return {"NAME": name, "MODULE": module, "CLASS": title, "EDGE": f"lcp-lcp-{name}", "FILE": f"{module}.py"}
+
+
+def _is_free(kind: str, name: str) -> None:
+    """Raises DuplicateName when the name belongs to something that is registered."""
+    from cpbench.testing.conduct import REGISTRIES
+
+    if name in REGISTRIES[kind]:
+        raise DuplicateName(f"the {kind} '{name}' exists already: take another name")
+
+
+def _filled(text: str, words: Mapping[str, str], mark: str) -> str:
+    for word, value in words.items():
+        text = text.replace(mark.format(word), value)
+    return text
+
+
+def _write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
+    """All files or none; raises FormatError."""
+    for file in texts:
+        if (folder / file).exists() and not force:
+            raise FormatError(folder / file, "", "exists already; --force replaces it, -o FOLDER writes elsewhere")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
+            for file, text in texts.items():
+                fresh = Path(place, file)
+                fresh.write_text(text, encoding="utf-8")
+                if text.startswith("#!"):
+                    fresh.chmod(0o755)
+            for file in texts:
+                os.replace(Path(place, file), folder / file)
+    except OSError as cause:
+        raise FormatError(folder, "", f"cannot be written ({cause.strerror or cause})") from None
+
+
+def _next(lang: str, folder: Path, texts: Mapping[str, str]) -> list[str]:
+    """Command lines to go on with."""
+    plugin = next(file for file in sorted(texts) if file.endswith(".py" if lang == "python" else ".toml"))
+    check = f"cpbench check {folder / plugin}"
+    if lang == "cpp":
+        return [f"make -C {folder}", check]
+    if lang == "julia" and shutil.which("julia") is None:
+        return ["install Julia (https://julialang.org/downloads)", check]
+    return [check]
