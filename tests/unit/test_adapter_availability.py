@@ -16,6 +16,7 @@ from cpbench.solvers.base import probe
 
 ADAPTERS = sorted([*TABLE, "cvxpy-relaxation"])
 LICENCES = {
+    "casadi-qpoases": "LGPL-2.1-or-later",
     "clarabel": "Apache-2.0",
     "copt": "proprietary",
     "cvxopt": "GPL-3.0-or-later",

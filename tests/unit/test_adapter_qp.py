@@ -25,7 +25,7 @@ from cpbench.solvers.adapters.qp_tolerances import TABLE, translate
 from cpbench.verification import Status, judge, no_answer, status
 
 BACKENDS = sorted(TABLE)
-TIMED = ("clarabel", "copt", "daqp", "gurobi", "highs", "mosek", "osqp", "qpalm", "scs", "sip")
+TIMED = ("casadi-qpoases", "clarabel", "copt", "daqp", "gurobi", "highs", "mosek", "osqp", "qpalm", "scs", "sip")
 """The backends that know a time limit."""
 PROPRIETARY = [name for name in BACKENDS if solvers.get(name).spec.licence == "proprietary"]
 UNCOUNTED = ("clarabel", "copt", "gurobi", "mosek")

@@ -192,12 +192,19 @@ def _mosek(budget: Budget) -> Settings:
     )
 
 
+def _qpoases(budget: Budget) -> Settings:
+    """Exact active set: the end of its homotopy, by default at 5e6·eps = 1.1e-9 (relative), follows ε only below.
+    `CPUtime` bounds CPU, not wall, seconds."""
+    return {"terminationTolerance": min(0.1 * budget.tolerance, 1.1e-9)} | _limits(budget, "nWSR", 10_000, "CPUtime")
+
+
 def _quadprog(budget: Budget) -> Settings:
     """Exact active set in machine precision: it has no tolerance, no iteration limit and no time limit."""
     return {}
 
 
 TABLE: Mapping[str, Callable[[Budget], Settings]] = {
+    "casadi-qpoases": _qpoases,
     "clarabel": _clarabel,
     "copt": _copt,
     "cvxopt": _cvxopt,
