@@ -3,7 +3,8 @@
 A plugin registers itself when its module is imported. The modules of cpbench's own rooms are imported on
 first use (`pkgutil`), those of other packages through the entry-point group ``cpbench.plugins``, and single
 files through the environment variable ``CPBENCH_PLUGINS`` (paths, separated as in PATH). An import error is
-never swallowed: a plugin that is broken says so.
+never swallowed: a plugin that is broken says so. A file of tables (.toml) declares solvers that are no Python, and
+``CPBENCH_SOLVERS`` has the tables that the process which started this one read.
 """
 
 from __future__ import annotations
@@ -25,11 +26,19 @@ U = TypeVar("U")
 
 PLUGIN_GROUP = "cpbench.plugins"
 PLUGIN_FILES = "CPBENCH_PLUGINS"
+DECLARED = "CPBENCH_SOLVERS"
+TABLES = ".toml"
+"""Suffix of plugin files that are tables."""
+_READER = "cpbench.solvers.external.declared"
+"""The module that makes solvers of tables, imported where there are any."""
 _plugins_loaded = False
 
 
 def load_plugins() -> None:
-    """Import every module named under ``cpbench.plugins`` and every file in ``CPBENCH_PLUGINS``, once."""
+    """Import every module named under ``cpbench.plugins`` and every file in ``CPBENCH_PLUGINS``, once.
+
+    Tables are read last: they may declare variants of what is in the files.
+    """
     global _plugins_loaded
     if not _plugins_loaded:
         _plugins_loaded = True
@@ -37,8 +46,16 @@ def load_plugins() -> None:
 
         for entry in entry_points(group=PLUGIN_GROUP):
             entry.load()
-        for path in filter(None, os.environ.get(PLUGIN_FILES, "").split(os.pathsep)):
-            load_plugin(Path(path))
+        files = [Path(path) for path in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if path]
+        for path in files:
+            if path.suffix != TABLES:
+                load_plugin(path)
+        tables = [path for path in files if path.suffix == TABLES]
+        if tables or os.environ.get(DECLARED):
+            declared = importlib.import_module(_READER)
+            for path in tables:
+                declared.declare_file(path)
+            declared.declare_environment()
 
 
 def load_plugin(path: Path) -> None:
@@ -48,7 +65,7 @@ def load_plugin(path: Path) -> None:
     """
     spec = importlib.util.spec_from_file_location(f"cpbench_plugin_{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise FormatError(path, "", "is no Python file, but CPBENCH_PLUGINS or --plugin names it")
+        raise FormatError(path, "", "is no Python file and no .toml, but CPBENCH_PLUGINS or --plugin names it")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     try:

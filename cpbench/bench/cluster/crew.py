@@ -33,7 +33,7 @@ from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes import wire
 from cpbench.bench.staff import Setting
 from cpbench.errors import CpbenchError
-from cpbench.registry import PLUGIN_FILES
+from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
 from cpbench.storage.base import split_address
 
 logger = logging.getLogger("cpbench.bench")
@@ -411,8 +411,12 @@ class _Freight:
 
 
 def _opening(setting: Setting) -> bytes:
-    """What every station is told first: whose run it is, the limits of its lane, the plugins."""
-    names = [*filter(None, os.environ.get(PLUGIN_FILES, "").split(os.pathsep))]
+    """What every station is told first: whose run it is, the limits of its lane, the plugins, the declared solvers.
+
+    Files of tables stay here: what they declare is told, with the paths that it has here.
+    """
+    names = [name for name in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if name and not name.endswith(TABLES)]
     plugins = {name: Path(name).read_bytes() for name in names}
     anywhere = {k: v for k, v in asdict(setting).items() if k not in ("cpus", "lanes")}
-    return wire.pack({"cpbench": cpbench.__version__, "setting": anywhere, "plugins": names}, plugins)
+    opening = {"cpbench": cpbench.__version__, "setting": anywhere, "plugins": names}
+    return wire.pack({**opening, "solvers": os.environ.get(DECLARED, "")}, plugins)

@@ -23,7 +23,7 @@ import cpbench
 from cpbench.bench.cluster.keeper import END
 from cpbench.bench.processes import wire
 from cpbench.bench.scratch import Scratch
-from cpbench.registry import PLUGIN_FILES
+from cpbench.registry import DECLARED, PLUGIN_FILES
 
 PARTING = 20.0
 """Seconds a station may take to end after it was told to."""
@@ -75,6 +75,7 @@ def _serve(
         connection.send_bytes(wire.pack({"event": "refused", "message": message}))
         return
     os.environ[PLUGIN_FILES] = os.pathsep.join(_plugins(opening["plugins"], sources, folder))
+    os.environ[DECLARED] = opening["solvers"]
     # what knows solvers and conversions looks for plugins when it is imported
     from cpbench.bench import machine
     from cpbench.bench.cluster.outpost import Outpost

@@ -4,6 +4,7 @@
     newton-*                                  every solver of that name
     all                                       every solver, those too that a run takes only when they are named
     nsgs[omega=0.8:1.4:0.2,shuffle=true|false]   4 x 2 entries: a range with its end and step, a list
+    nsgs@head={interpreter="/opt/head/bin/python"}   a variant, declared by this text: the same solver, another build
 
 Numbers of a range are decimal: 0.8:1.4:0.2 is 0.8, 1.0, 1.2, 1.4, whatever binary fractions make of the sum.
 """
@@ -19,6 +20,7 @@ from decimal import Decimal
 from cpbench.bench.planning.plan import Entry
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
+from cpbench.solvers.external.declared import declare_text
 
 ALL = "all"
 """What stands for every solver among the names; without any name a run takes those of `by_default`."""
@@ -44,6 +46,9 @@ def grid(text: str) -> list[Entry]:
     >>> [entry.label for entry in grid("psor[omega=1:1.4:0.2]")]
     ['psor[omega=1.0]', 'psor[omega=1.2]', 'psor[omega=1.4]']
     """
+    variant = declare_text(text)
+    if variant is not None:
+        return [Entry(variant)]
     pattern, bracket, rest = text.partition("[")
     if bracket and not rest.rstrip().endswith("]"):
         raise CpbenchError(f"solver '{text}': the bracket is not closed; write NAME[option=value,...]")

@@ -18,6 +18,7 @@ from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import parse_options, solvers
+from cpbench.solvers.external.declared import declare_text
 
 PREVIOUS = "previous"
 """The start policy by which a step of a sequence starts from the answer to the step before."""
@@ -181,7 +182,13 @@ def parse_request(request: Mapping[str, Any]) -> tuple[frozenset[Kind], tuple[Co
 
 
 def parse_entry(text: str) -> Entry:
-    """`nsgs` or `nsgs[omega=1.2,shuffle=true]`; raises UnknownName on a solver, an option or a value."""
+    """`nsgs` or `nsgs[omega=1.2,shuffle=true]`, or a variant that this declares (`nsgs@head={interpreter=...}`).
+
+    Raises UnknownName on a solver, an option or a value, CpbenchError on a variant.
+    """
+    variant = declare_text(text)
+    if variant is not None:
+        return Entry(variant)
     name, _, rest = text.partition("[")
     spec = solvers.get(name.strip()).spec
     given: dict[str, str] = {}

@@ -6,8 +6,12 @@
     [[set]]
     name = "contacts"
     problems = ["scenes/*.hdf5", "builtin"]
-    solvers = ["nsgs[omega=0.8:1.4:0.2]", "newton-*"]
+    solvers = ["nsgs[omega=0.8:1.4:0.2]", "newton-*", "mine"]
     where = "nc > 100"
+
+    [solver.mine]                    # a solver that is a program: see `cpbench.solvers.external.declared`
+    node = "lcp"
+    serve = "./mine --serve"
 
 The keys are the options of `cpbench run`, with _ for -. Paths are relative to the file. Results of `night.toml` go to
 `night.sqlite` here, unless it says otherwise. Whatever is wrong is said in one line with the file, the table, the
@@ -30,6 +34,7 @@ from cpbench.bench.planning.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
 from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
 from cpbench.errors import CpbenchError, UnknownName
+from cpbench.solvers.external import declared
 from cpbench.storage import formats
 from cpbench.verification import Status
 
@@ -64,15 +69,19 @@ def find(folder: str | Path = ".") -> Path | None:
 
 
 def read(path: str | Path) -> PlanFile:
-    """The plan file at `path`; raises PlanError."""
+    """The plan file at `path`, its solvers declared; raises PlanError, and CpbenchError about a solver."""
     path = Path(path)
     table = _table(path)
     if table is None:
         raise PlanError(f"{path}: has no table [tool.cpbench]")
+    if "solver" in table:
+        declared.declare_all(table.pop("solver"), path)
     sets = table.pop("set", [])
     if not isinstance(sets, list) or not all(isinstance(s, dict) for s in sets):
         raise PlanError(f"{path}: set: is no list of tables; write [[set]] above each")
-    top = _checked(table, [k for k in (*RUN_KEYS, *SET_KEYS) if k not in ("name", *ONLY_SAID)], path, "", ["set"])
+    top = _checked(
+        table, [k for k in (*RUN_KEYS, *SET_KEYS) if k not in ("name", *ONLY_SAID)], path, "", ["set", "solver"]
+    )
     if path.name not in (NAME, PROJECT):
         top.setdefault("output", f"{path.stem}.sqlite")
     parts = [_checked(part, SET_KEYS, path, _title(part, i)) for i, part in enumerate(sets, 1)]

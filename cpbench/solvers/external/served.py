@@ -83,13 +83,17 @@ class HandedOver:
             path.mkdir()
         return path
 
+    def answered(self) -> bool:
+        """Whether anything was written into `room`."""
+        path = self.path("answer")
+        return any(path.iterdir()) if path.is_dir() else path.exists()
+
     def answer(self, who: str, claim: Claim) -> Any | None:
         """The answer that was written into `room`; raises ValueError where it is not what the claim needs."""
-        path = self.path("answer")
-        if claim not in ANSWERED and not (any(path.iterdir()) if path.is_dir() else path.exists()):
+        if claim not in ANSWERED and not self.answered():
             return None
         try:
-            return self.exchange.read_answer(path, self.problem)
+            return self.exchange.read_answer(self.path("answer"), self.problem)
         except FormatError as cause:
             raise ValueError(f"{who} claims {claim}, its answer {cause.field} {cause.cause}") from None
 

@@ -1,0 +1,178 @@
+"""Solvers that are a command: run once a solve, it reads a problem from a file and writes its answer to another.
+
+    ./mine {problem} {answer} --tol {tol}
+
+All of the process is timed: its start, reading and writing too. A program that `serve`s is measured without these.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import math
+import os
+import shlex
+import string
+import subprocess
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from cpbench.errors import CpbenchError, Ended, Unavailable
+from cpbench.exchange import exchanges
+from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec
+from cpbench.solvers.external.served import ANSWERED, HandedOver, backstop, executable, output
+from cpbench.solvers.external.session import ProgramError, kill_tree, wait
+
+PLACEHOLDERS = {
+    "problem": "path of the problem",
+    "answer": "path where the answer is expected",
+    "tol": "tolerance",
+    "seconds": "time limit, inf for none",
+    "iterations": "limit of iterations, -1 for none",
+    "seed": "seed",
+    "start": "path of a starting point, empty for none",
+    "node": "formulation",
+}
+CLAIM = "claim.json"
+_MOST = 2**20
+"""Bytes of a claim that are read."""
+
+
+class CommandSolver(Solver):
+    """A solver that is run as a command, without a shell.
+
+        CommandSolver(spec, command, exchange="npy-dir", matrices="as-is", env=None, cwd=None)
+
+    With exit code 0 and an answer it has claimed to have solved, unless it wrote a `claim.json` beside the answer or
+    into its folder: {"claim": ..., "iterations": ..., "seconds": ..., "message": ..., "counters": ...}, of which all
+    may be left out. Any other exit code is a crash.
+
+    Parameters
+    ----------
+    spec : name, node, options, ... as of any solver.
+    command : words split as a shell does, in which `PLACEHOLDERS` and names of options may stand in braces. The rest
+    is as for `ServedSolver`. Raises CpbenchError when the command cannot be split, or names what nobody knows.
+    """
+
+    def __init__(
+        self,
+        spec: SolverSpec,
+        command: str,
+        exchange: str = "npy-dir",
+        matrices: str = "as-is",
+        env: Mapping[str, str] | None = None,
+        cwd: str | None = None,
+    ) -> None:
+        self.spec = spec  # pyright: ignore[reportAttributeAccessIssue] - one class, a spec for every program
+        self.command = words(command, [option.name for option in dataclasses.fields(spec.options)])
+        self.exchange, self.matrices = exchange, matrices
+        self.env, self.cwd = dict(env or {}), cwd
+
+    def obstacle(self, problem: Any) -> str | None:
+        nodes = exchanges.get(self.exchange).nodes
+        if nodes is not None and problem.node not in nodes:
+            return f"the exchange {self.exchange} carries {', '.join(sorted(nodes))}, not {problem.node}"
+        return None
+
+    def hand_over(self, problem: Any) -> HandedOver:
+        return HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)
+
+    def setup(self, problem: HandedOver, budget: Budget, options: Any) -> HandedOver:
+        """No answer of a solve before this one may be taken for its own."""
+        (problem.room().parent / CLAIM).unlink(missing_ok=True)
+        return problem
+
+    def solve(
+        self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+    ) -> SolverOutput:
+        values = {
+            **dataclasses.asdict(options),
+            "problem": prepared.path("problem"),
+            "answer": prepared.path("answer"),
+            "tol": budget.tolerance,
+            "seconds": budget.seconds,
+            "iterations": -1 if budget.iterations is None else budget.iterations,
+            "seed": budget.seed,
+            "start": prepared.start(start) or "",
+            "node": prepared.problem.node,
+        }
+        written = {name: value if isinstance(value, str) else _text(value) for name, value in values.items()}
+        code = self._run([word.format_map(written) for word in self.command], backstop(budget.seconds))
+        if code:
+            raise Ended(self.spec.name, code)
+        return SolverOutput(claim=Claim.SOLVED, point=prepared)
+
+    def collect(self, output: SolverOutput) -> SolverOutput:
+        handed: Any = output.point
+        told = _told(self.spec.name, handed)
+        if told.claim in ANSWERED and not handed.answered():
+            raise ProgramError(f"{self.spec.name}: exited with code 0 and wrote no answer")
+        return dataclasses.replace(told, point=handed.answer(self.spec.name, told.claim))
+
+    def version(self) -> str:
+        return ""
+
+    def availability(self) -> Availability:
+        first = self.command[0]
+        if executable(first, self.cwd, self.env.get("PATH")) is None:
+            return Availability("missing", self.spec.install or f"{first}: no such executable; build or install it")
+        return Availability("ok")
+
+    def _run(self, command: list[str], seconds: float) -> int:
+        """The exit code; what it prints goes where our stderr goes."""
+        try:
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=2, env={**os.environ, **self.env}, cwd=self.cwd
+            )
+        except OSError as cause:
+            raise Unavailable("broken", f"{command[0]}: cannot be started ({cause.strerror or cause})") from None
+        try:
+            code = wait(process, seconds)
+        except BaseException:
+            kill_tree(process)
+            raise
+        if code is None:
+            kill_tree(process)
+            raise ProgramError(f"{self.spec.name}: did not end within {seconds:g} s")
+        return code
+
+
+def words(command: str, options: Iterable[str]) -> tuple[str, ...]:
+    """The words of a command; raises CpbenchError on one that cannot be split or has an unknown placeholder."""
+    known = [*PLACEHOLDERS, *options]
+    try:
+        split = tuple(shlex.split(command))
+        names = [(name, spec, conversion) for w in split for _, name, spec, conversion in string.Formatter().parse(w)]
+    except ValueError as cause:
+        raise CpbenchError(f"cannot be split into words ({cause}); a brace is written twice") from None
+    if not split:
+        raise CpbenchError("is empty")
+    for name, spec, conversion in names:
+        if name is not None and (name not in known or spec or conversion):
+            raise CpbenchError(f"has the placeholder {{{name}}}, known are {', '.join(known)}")
+    return split
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value) if isinstance(value, int | Path) or not math.isinf(value) else "inf"
+
+
+def _told(who: str, handed: HandedOver) -> SolverOutput:
+    """What a `claim.json` says, solved where there is none; raises ProgramError."""
+    answer = handed.path("answer")
+    for path in (answer / CLAIM, answer.parent / CLAIM):
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            with path.open("rb") as file:
+                text = file.read(_MOST + 1)
+            try:
+                said = json.loads(text) if len(text) <= _MOST else None
+            except (ValueError, RecursionError):
+                said = None
+            if not isinstance(said, dict):
+                raise ProgramError(f"{who}: wrote a {CLAIM} that is no JSON object: {text[:200]!r}")
+            return output(who, {"claim": "solved", **said}, handed)
+    return SolverOutput(claim=Claim.SOLVED, point=handed)

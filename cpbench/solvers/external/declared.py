@@ -1,0 +1,346 @@
+"""Solvers that are declared in a table, in a plan file or in a file of their own, and variants of solvers.
+
+    [solver.mine]                         # a program in any language; paths are relative to the file
+    node = "lcp"
+    serve = "./mine --serve"              # or: command = "./mine {problem} {answer} --tol {tol}"
+    options = {omega = 1.2, shuffle = true}
+
+    [solver."mine@head"]                  # the same solver, another build: only what differs
+    serve = "./build/mine --serve"
+
+    [solver."nsgs@head"]                  # a solver in Python, under another interpreter or other variables
+    interpreter = "/opt/head/bin/python"
+
+A variant of the command line is ``mine@head={serve="./build/mine --serve"}``. Whatever is declared is put into the
+environment variable ``CPBENCH_SOLVERS`` too, as JSON {name: table}: the other processes of a run find it there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+import shlex
+import sys
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from cpbench.errors import CpbenchError, DuplicateName, UnknownName
+from cpbench.exchange import exchanges
+from cpbench.formulations.base import Kind, formulations
+from cpbench.registry import DECLARED
+from cpbench.solvers.base import NoOptions, Solver, SolverSpec, Trait, solvers
+from cpbench.solvers.external.command import PLACEHOLDERS, CommandSolver
+from cpbench.solvers.external.served import MATRICES, ServedSolver
+
+AT = "@"
+"""Between the name of a solver and that of its variant."""
+Table = Mapping[str, Any]
+Check = Callable[[Any], Any]
+_NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
+_ROUTE = re.compile(r"exact|(inner|outer|facets)\d+.*|necessary|relaxed")
+"""Requests of routes, which stand behind an @ in the labels of rows."""
+_SAFE = {"PYTHONSAFEPATH": "1"}
+"""A module in the folder of a run is nobody's import."""
+
+_declared: dict[str, tuple[Table, str]] = {}
+"""What was declared in this process: the table, and where."""
+
+
+def declare(name: str, table: Any, origin: str, folder: str | Path = ".") -> Solver:
+    """Register the solver of a table; what was declared before in the same words is there already.
+
+    `origin` is what messages begin with (a file), `folder` what relative paths in the table are relative to.
+    Raises CpbenchError, in one line with origin, table and key, DuplicateName.
+    """
+    place = f"{origin}: [solver.{_quoted(name)}]"
+    if not isinstance(table, dict):
+        raise CpbenchError(f"{place}: is no table")
+    plain = _placed(_checked(name, table, place), Path(folder).absolute())
+    solvers.discover()  # what another process declared is known before it is declared again
+    if name in _declared:
+        if _declared[name][0] != plain:
+            raise DuplicateName(f"{place}: was declared otherwise in {_declared[name][1]}: rename one")
+        return solvers.get(name)
+    base, at, _ = name.partition(AT)
+    try:
+        solver = _variant(name, plain, solvers.get(base)) if at else _program(name, plain)
+    except UnknownName as cause:
+        raise CpbenchError(f"{place}: {cause}") from None
+    except CpbenchError as cause:
+        key = next((key for key in ("command", "serve", "interpreter") if key in table), "")
+        raise CpbenchError(f"{place}: {f'{key} = {_shown(table[key])}: ' if key else ''}{cause}") from None
+    if name in solvers:
+        raise DuplicateName(f"{place}: there is a solver of this name already: rename this one")
+    solvers.add(name, solver)
+    _declared[name] = (plain, origin)
+    os.environ[DECLARED] = json.dumps({**_inherited(), name: plain})
+    return solver
+
+
+def declare_file(path: str | Path) -> None:
+    """Register the solvers of a file with tables [solver.NAME]; raises CpbenchError."""
+    path = Path(path)
+    try:
+        found = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as cause:
+        raise CpbenchError(f"{path}: is no TOML: {cause}") from None
+    except OSError as cause:
+        raise CpbenchError(f"{path}: cannot be read ({cause.strerror or cause})") from None
+    declare_all(found.get("solver"), path)
+
+
+def declare_all(tables: Any, path: Path) -> None:
+    """Register the tables below `solver` of a file, variants after what they are variants of."""
+    if not isinstance(tables, dict) or not tables:
+        raise CpbenchError(f"{path}: has no table [solver.NAME]")
+    for name in sorted(tables, key=lambda name: AT in name):
+        declare(name, tables[name], str(path), path.parent)
+
+
+def declare_environment() -> None:
+    """Register what the process that started this one has declared; raises CpbenchError."""
+    tables = _inherited()
+    for name in sorted(tables, key=lambda name: AT in name):
+        declare(name, tables[name], DECLARED)
+
+
+def _inherited() -> dict[str, Any]:
+    text = os.environ.get(DECLARED, "")
+    try:
+        tables = json.loads(text) if text else {}
+    except (ValueError, RecursionError) as cause:
+        raise CpbenchError(f"{DECLARED}: is no JSON: {cause}") from None
+    if not isinstance(tables, dict):
+        raise CpbenchError(f"{DECLARED}: is no JSON object of tables")
+    return tables
+
+
+def declare_text(text: str) -> str | None:
+    """Register the variant ``NAME@LABEL={key=value, ...}`` of a command line: its name, None where it is no such text.
+
+    Raises CpbenchError.
+    """
+    name, equals, table = (part.strip() for part in text.partition("="))
+    if not equals or AT not in name or "[" in name or not table.startswith("{"):
+        return None
+    try:
+        found = tomllib.loads(f"table = {table}")
+    except (ValueError, RecursionError) as cause:
+        said = str(cause).replace("(at line 1, column", "(column")
+        raise CpbenchError(f"solver '{text}': is no inline table of TOML, as {{serve=\"./mine\"}}: {said}") from None
+    declare(name, found["table"], "solver")
+    return name
+
+
+# --------------------------------------------------------------------------------------------- the table
+
+
+def _program(name: str, table: Table) -> Solver:
+    spec = SolverSpec(
+        name=name,
+        node=table["node"],
+        summary=table.get("summary", f"a program of its own: {table.get('serve') or table.get('command')}"),
+        method=table.get("method", "external program"),
+        install=table.get("install", ""),
+        licence=table.get("licence", "not told"),
+        publishing=table.get("publishing", ""),
+        kind=Kind(table.get("kind", "equivalent")),
+        traits=_traits(table),
+        options=_options(name, table.get("options", {})),
+        by_default=table.get("by_default", True),
+    )
+    return _made(spec, table)
+
+
+def _variant(name: str, table: Table, base: Solver) -> Solver:
+    """The solver that `base` is too, by another program, interpreter or with other variables."""
+    spec = dataclasses.replace(base.spec, name=name, requires=(), traits=base.spec.traits - {Trait.HISTORY})
+    external = isinstance(base, CommandSolver | ServedSolver)
+    if "interpreter" in table and external:
+        raise CpbenchError(f"{base.spec.name} is a program of its own: say serve or command")
+    given: dict[str, Any] = {"exchange": "npy-dir", "matrices": "as-is"}
+    if external:
+        given = {"exchange": base.exchange, "matrices": base.matrices, "cwd": base.cwd}
+        if not {"command", "serve"} & table.keys():
+            given["serve" if isinstance(base, ServedSolver) else "command"] = shlex.join(base.command)
+        given["env"] = {**base.env, **table.get("env", {})}
+    elif not {"command", "serve"} & table.keys():
+        python = table.get("interpreter", sys.executable)
+        spec = dataclasses.replace(spec, install=f"{python} has to find cpbench: {python} -m pip install cpbench")
+        served = [python, "-m", "cpbench.solvers.external.serve", base.spec.name]
+        given |= {"serve": shlex.join(served), "env": {**_SAFE, **table.get("env", {})}}
+    own = {key: value for key, value in table.items() if key != "env" or "env" not in given}
+    return _made(spec, {**given, **own})
+
+
+def _made(spec: SolverSpec, table: Table) -> Solver:
+    exchange = exchanges.get(table.get("exchange", "npy-dir"))
+    if exchange.nodes is not None and spec.node not in exchange.nodes:
+        raise CpbenchError(f"the exchange {exchange.name} carries {', '.join(sorted(exchange.nodes))}, not {spec.node}")
+    matrices, env, cwd = table.get("matrices", "as-is"), table.get("env"), table.get("cwd")
+    if "serve" in table:
+        return ServedSolver(spec, shlex.split(table["serve"]), exchange.name, matrices, env, cwd)
+    return CommandSolver(spec, table["command"], exchange.name, matrices, env, cwd)
+
+
+def _traits(table: Table) -> frozenset[Trait]:
+    wanted = {
+        Trait.WARM_START: table.get("warm_start", False),
+        Trait.DETERMINISTIC: table.get("deterministic", False),
+        Trait.SPARSE: table.get("matrices", "as-is") != "dense",
+    }
+    return frozenset(trait for trait, holds in wanted.items() if holds)
+
+
+def _options(name: str, defaults: Table) -> type:
+    """A dataclass of options with these defaults, and their types."""
+    if not defaults:
+        return NoOptions
+    fields = [(key, type(value), dataclasses.field(default=value)) for key, value in defaults.items()]
+    return dataclasses.make_dataclass(f"Options of {name}".title().replace(" ", ""), fields, frozen=True)
+
+
+# ---------------------------------------------------------------------------------------------- the keys
+
+
+def _checked(name: str, table: Mapping[str, Any], place: str) -> dict[str, Any]:
+    base, at, label = name.partition(AT)
+    if not _NAME.fullmatch(base) or (at and not _NAME.fullmatch(label)):
+        raise CpbenchError(f"{place}: is no name of a solver: letters, digits, . + - _, and NAME@LABEL of a variant")
+    if at and _ROUTE.fullmatch(label):
+        raise CpbenchError(f"{place}: {label} is the name of a route, which labels of rows show as {name}: rename it")
+    keys = VARIANT_KEYS if at else KEYS
+    checked: dict[str, Any] = {}
+    for key, value in table.items():
+        if key not in keys:
+            raise CpbenchError(f"{place}: {key} = {_shown(value)}: unknown key, known are {', '.join(keys)}")
+        try:
+            checked[key] = keys[key](value)
+        except CpbenchError as cause:
+            raise CpbenchError(f"{place}: {key} = {_shown(value)}: {cause}") from None
+    if not at and "node" not in table:
+        raise CpbenchError(f"{place}: node is missing, one of {', '.join(formulations.names())}")
+    ways = [key for key in ("command", "serve", "interpreter") if key in table]
+    if len(ways) > 1:
+        raise CpbenchError(f"{place}: has {' and '.join(ways)}: keep one of them")
+    if not ways and not at:
+        raise CpbenchError(f"{place}: has neither command nor serve: say how it is run")
+    if at and not ways and "env" not in table:
+        raise CpbenchError(f"{place}: says nothing that differs: interpreter, command, serve or env")
+    return checked
+
+
+def _placed(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The table with paths that hold in any folder; a program runs in that of the file which says how to start it."""
+    placed = dict(table)
+    if {"command", "serve", "interpreter", "cwd"} & table.keys():
+        placed["cwd"] = os.path.normpath(folder / table.get("cwd", ""))
+    if "interpreter" in table and os.path.dirname(table["interpreter"]):
+        placed["interpreter"] = os.path.normpath(folder / table["interpreter"])
+    for key in {"command", "serve"} & table.keys():
+        first, *rest = shlex.split(table[key])
+        if os.path.dirname(first):
+            placed[key] = shlex.join([os.path.normpath(folder / first), *rest])
+    return placed
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        raise CpbenchError("expected a text")
+    return value
+
+
+def _any_text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise CpbenchError("expected a text")
+    return value
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise CpbenchError("expected true or false")
+    return value
+
+
+def _words(value: Any) -> str:
+    try:
+        if not shlex.split(_text(value)):
+            raise CpbenchError("is empty")
+    except ValueError as cause:
+        raise CpbenchError(f"cannot be split into words ({cause})") from None
+    return value
+
+
+def _one_of(*choices: str) -> Check:
+    def check(value: Any) -> str:
+        if value not in choices:
+            raise CpbenchError(f"expected {' or '.join(choices)}")
+        return value
+
+    return check
+
+
+def _node(value: Any) -> str:
+    formulations.get(_text(value))
+    return value
+
+
+def _exchange(value: Any) -> str:
+    exchanges.get(_text(value))
+    return value
+
+
+def _env(value: Any) -> dict[str, str]:
+    if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
+        raise CpbenchError("expected a table of texts")
+    return value
+
+
+def _defaults(value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise CpbenchError("expected a table of options with their defaults")
+    for name, default in value.items():
+        if not name.isidentifier() or name in PLACEHOLDERS:
+            taken = ", ".join(PLACEHOLDERS)
+            raise CpbenchError(f"{name} is no name for an option: letters, digits and _, and none of {taken}")
+        if not isinstance(default, bool | int | float | str):
+            raise CpbenchError(f"the default of {name} is no number, text or truth value")
+    return value
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _quoted(name: str) -> str:
+    return f'"{name}"' if AT in name else name
+
+
+VARIANT_KEYS: Mapping[str, Check] = {
+    "interpreter": _text,
+    "command": _words,
+    "serve": _words,
+    "exchange": _exchange,
+    "matrices": _one_of(*MATRICES),
+    "env": _env,
+    "cwd": _text,
+}
+KEYS: Mapping[str, Check] = {
+    "node": _node,
+    **{key: check for key, check in VARIANT_KEYS.items() if key != "interpreter"},
+    "summary": _text,
+    "method": _text,
+    "install": _any_text,
+    "licence": _text,
+    "publishing": _any_text,
+    "kind": _one_of(Kind.EQUIVALENT, Kind.RELAXATION),
+    "warm_start": _flag,
+    "deterministic": _flag,
+    "by_default": _flag,
+    "options": _defaults,
+}

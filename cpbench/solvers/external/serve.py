@@ -1,0 +1,146 @@
+"""`python -m cpbench.solvers.external.serve NAME`: serve a registered solver to a cpbench in another process.
+
+The other side of `served`, for a solver of another interpreter or environment: one solver, two builds in one run.
+What the solver prints goes to stderr; stdout is for replies. A certificate stays here: only a claim and a point travel.
+"""
+
+from __future__ import annotations
+
+import os
+
+if __name__ == "__main__":
+    _replies = os.dup(1)
+    os.dup2(2, 1)  # before anything is imported that may print
+else:
+    _replies = -1
+
+import json
+import math
+import sys
+import time
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, Any
+
+from cpbench.errors import CpbenchError, NotApplicable, Unavailable
+from cpbench.exchange import exchanges
+from cpbench.formulations.base import Problem
+from cpbench.solvers.base import Budget, Solver, SolverOutput, solvers
+
+Reply = dict[str, Any]
+
+
+class Desk:
+    """A solver, the problem it holds, and its last answer."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._solver: Solver | None = None
+        self._problem: Problem | None = None
+        self._handed: Any = None
+        self._output: SolverOutput | None = None
+
+    def serve(self, requests: IO[bytes], replies: IO[bytes]) -> None:
+        """Answer line by line until `quit` or the end."""
+        for line in requests:
+            request = json.loads(line)
+            if request["do"] == "quit":
+                return
+            replies.write(json.dumps(self.answer(request)).encode() + b"\n")
+
+    def answer(self, request: Mapping[str, Any]) -> Reply:
+        """The reply to one request; never raises."""
+        steps = {
+            "hello": self._hello,
+            "warmup": self._warmup,
+            "load": self._load,
+            "solve": self._solve,
+            "write": self._write,
+        }
+        step = steps.get(request["do"])
+        try:
+            if step is None:
+                return {"error": f"unknown request '{request['do']}'"}
+            return {"ok": True, **step(request)}
+        except NotApplicable as refusal:
+            return {"unsupported": refusal.obstacle}
+        except Unavailable as refusal:
+            return {"unavailable": refusal.detail, "state": refusal.state}
+        except MemoryError as cause:
+            return {"memory": str(cause) or "MemoryError"}
+        except CpbenchError as cause:
+            return {"error": f"{type(cause).__name__}: {cause}"}
+        except Exception as cause:
+            traceback.print_exc()
+            return {"error": f"{type(cause).__name__}: {cause}"}
+
+    def _hello(self, request: Mapping[str, Any]) -> Reply:
+        solver = self._solver = solvers.get(self._name)
+        available = solver.availability()
+        if not available.ok:
+            raise Unavailable(available.state, available.detail)
+        return {"name": self._name, "version": solver.version()}
+
+    def _warmup(self, request: Mapping[str, Any]) -> Reply:
+        self._known().warmup()
+        return {}
+
+    def _load(self, request: Mapping[str, Any]) -> Reply:
+        path = Path(request["problem"])
+        self._problem = self._handed = self._output = None  # two at a time might not fit
+        problem = exchanges.get(_exchange(path)).read_problem(path)
+        why = self._known().obstacle(problem)
+        if why is not None:
+            raise NotApplicable(self._name, why)
+        self._handed = self._known().hand_over(problem)
+        self._problem = problem
+        return {}
+
+    def _solve(self, request: Mapping[str, Any]) -> Reply:
+        solver, problem, start = self._known(), self._held(), None
+        seconds, iterations = request.get("seconds"), request.get("iterations")
+        budget = Budget(
+            tolerance=request["tolerance"],
+            seconds=math.inf if seconds is None else seconds,
+            iterations=iterations,
+            seed=request.get("seed", 0),
+        )
+        options = solver.spec.options(**request.get("options", {}))
+        if request.get("start") is not None:
+            path = Path(request["start"])
+            start = exchanges.get(_exchange(path)).read_answer(path, problem)
+        begun = time.perf_counter()
+        output = solver.solve(solver.setup(self._handed, budget, options), budget, options, start)
+        taken = time.perf_counter() - begun
+        self._output = output
+        counters = {str(name): int(count) for name, count in output.counters.items()}
+        return {"claim": str(output.claim), "seconds": taken, "message": str(output.message), "counters": counters}
+
+    def _write(self, request: Mapping[str, Any]) -> Reply:
+        if self._output is None:
+            raise CpbenchError("nothing was solved since the problem was loaded")
+        point = self._known().collect(self._output).point
+        if point is not None:
+            path = Path(request["answer"])
+            exchanges.get(_exchange(path)).write_answer(point, path)
+        return {}
+
+    def _known(self) -> Solver:
+        if self._solver is None:
+            raise CpbenchError("was not greeted")
+        return self._solver
+
+    def _held(self) -> Problem:
+        if self._problem is None:
+            raise CpbenchError("holds no problem")
+        return self._problem
+
+
+def _exchange(path: Path) -> str:
+    """An archive or a folder of arrays, as the path's name says."""
+    return "npz" if path.suffix == ".npz" else "npy-dir"
+
+
+if __name__ == "__main__":
+    Desk(sys.argv[1]).serve(sys.stdin.buffer, os.fdopen(_replies, "wb", buffering=0))
