@@ -15,6 +15,7 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN, RETRIED
+from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
 from cpbench.errors import CpbenchError
@@ -92,7 +93,7 @@ def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Seq
             finally:
                 watcher.end()
     finally:
-        store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions))
+        store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions, asked.tunings))
 
 
 def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
@@ -134,11 +135,15 @@ def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[
 
 
 def _sheets(
-    before: Mapping[str, Mapping[str, Any]], planned: Sequence[Pair], versions: Mapping[str, str]
+    before: Mapping[str, Mapping[str, Any]],
+    planned: Sequence[Pair],
+    versions: Mapping[str, str],
+    tunings: Sequence[Tuning],
 ) -> dict[str, Any]:
-    """What the results say of each solver in them: those of earlier commands stay, and so does the version of one
-    that had nothing left to do."""
+    """What the results say of each solver in them: those of earlier commands stay, and so do the version of one
+    that had nothing left to do and how one was tuned."""
     sheets: dict[str, Any] = dict(before)
+    tuned = {tuning.label: tuning.as_data() for tuning in tunings}
     for pair in planned:
         spec = solvers.get(pair.entry.solver).spec
         sheets[pair.label] = {
@@ -149,5 +154,6 @@ def _sheets(
             "publishing": spec.publishing,
             "summary": spec.summary,
             "citation": spec.citation,
+            "tuned": tuned.get(pair.entry.label) or before.get(pair.label, {}).get("tuned"),
         }
     return sheets

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 SECTIONS = {
     "Plan": ["plan_path", "only_sets"],
-    "Problems": ["keyword", "family", "where", "max_problems", "shard", "file_format"],
+    "Problems": ["keyword", "family", "where", "split", "max_problems", "shard", "file_format"],
     "Solvers and routes": ["solvers", "routes", "facets", "via", "start"],
     "Accuracy": ["tolerance", "measure", "history"],
     "Limits": ["timeout", "memory", "threads", "repeats", "isolate"],
@@ -59,6 +59,11 @@ EXAMPLES = (
     "--where",
     metavar="CONDITION",
     help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. A fact that a problem lacks selects nothing.",
+)
+@click.option(
+    "--split",
+    type=click.Choice(plan_file.SPLITS),
+    help="Half of the problems, by a hash of their mathematics: dev to tune on, test to compare on.",
 )
 @click.option("--max-problems", type=int, metavar="N", help="At most N different problems of a set, drawn by --seed.")
 @click.option("--shard", metavar="I/N", help="The I-th of N parts; each machine decides alone. See: cpbench merge.")
@@ -151,7 +156,8 @@ def command(
     given = _given(context)
     if no_report:
         given["report"] = None
-    asked = run_plan.make(given, *((file.top, file.sets) if file is not None else ({}, [])), only=only_sets)
+    said = (file.top, file.sets) if file is not None else ({}, [])
+    asked = run_plan.make(given, *said, only=only_sets, tunings=file.tunings if file is not None else ())
     if no_resume and asked.results.exists():
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)

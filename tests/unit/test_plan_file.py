@@ -132,7 +132,7 @@ def test_where_plan_files_are_found(tmp_path) -> None:
         ("tolerance = []", "expected a number or a list"),
         ("problems = []", "problems = []: is empty"),
         ("problems = [1]", "expected a text or a list of texts, found a list"),
-        ("solvers = ['lemka']", "solvers = ['lemka']: unknown solver 'lemka': did you mean lemke?"),
+        ("solvers = ['lemka']", "solvers = ['lemka']: unknown solver 'lemka': did you mean lemke"),
         ("solvers = 'nsgs[omga=1]'", "did you mean omega?"),
         ("via = 'inne'", "inner"),
         ("facets = [8, 9]", "9 facets: the number must be even"),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from cpbench.bench.lane import Lane
-from cpbench.bench.planning import grids, plan, selection
+from cpbench.bench.planning import grids, plan, selection, tunings
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
 from cpbench.errors import CpbenchError, NoRoute
@@ -90,6 +90,8 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
     for part, solvers_, asks, addresses in zip(asked.sets, entries, requests, places, strict=True):
         here = [surveys[a, part.format] for a in addresses if (a, part.format) in surveys]
         chosen = selection.select(part, here) if here else []
+        meant = chosen or selection.select(replace(part, split=""), here) if here else []
+        tunings.require_unseen(asked.tunings, solvers_, meant, part.split)
         made = _pairs(part, chosen, solvers_, asks, asked.threads)
         for pair in made:
             _require_same(planned.setdefault(pair.key, pair), pair)

@@ -28,9 +28,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.planning import features, grids, quantities, where
+from cpbench.bench.planning import features, grids, quantities, tunings, where
 from cpbench.bench.planning.plan import find_via
 from cpbench.bench.planning.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
+from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
 from cpbench.errors import CpbenchError, UnknownName
@@ -41,6 +42,7 @@ from cpbench.verification import Status
 NAME, PROJECT = "cpbench.toml", "pyproject.toml"
 ROUTES = ("exact", "facets", "all")
 ISOLATE = ("worker", "fresh")
+SPLITS = ("dev", "test", "all")
 ONLY_SAID = ("shard", "rerun")
 """Keys of one command, not of a plan."""
 
@@ -51,11 +53,13 @@ class PlanError(CpbenchError):
 
 @dataclass(frozen=True)
 class PlanFile:
-    """What a plan file says, read and checked: keys for all sets and for the run, and those of each set."""
+    """What a plan file says, read and checked: keys for all sets and for the run, those of each set, and how options
+    of solvers were found."""
 
     path: Path
     top: Mapping[str, Any]
     sets: tuple[Mapping[str, Any], ...]
+    tunings: tuple[Tuning, ...] = ()
 
 
 def find(folder: str | Path = ".") -> Path | None:
@@ -76,22 +80,21 @@ def read(path: str | Path) -> PlanFile:
         raise PlanError(f"{path}: has no table [tool.cpbench]")
     if "solver" in table:
         declared.declare_all(table.pop("solver"), path)
-    sets = table.pop("set", [])
-    if not isinstance(sets, list) or not all(isinstance(s, dict) for s in sets):
-        raise PlanError(f"{path}: set: is no list of tables; write [[set]] above each")
+    sets, tunings_ = (_tables(table.pop(name, []), path, name) for name in ("set", "tuning"))
     top = _checked(
         table, [k for k in (*RUN_KEYS, *SET_KEYS) if k not in ("name", *ONLY_SAID)], path, "", ["set", "solver"]
     )
     if path.name not in (NAME, PROJECT):
         top.setdefault("output", f"{path.stem}.sqlite")
     parts = [_checked(part, SET_KEYS, path, _title(part, i)) for i, part in enumerate(sets, 1)]
+    tuned = tuple(_tuning(told, path, i) for i, told in enumerate(tunings_, 1))
     names = [part.get("name", "") for part in parts]
     for i, name in enumerate(names, 1):
         if len(names) > 1 and not name:
             raise PlanError(f"{path}: [[set]] {i}: has no name; with several sets each needs one")
         if names.index(name) != i - 1:
             raise PlanError(f"{path}: [[set]] {i}: name = '{name}': is the name of [[set]] {names.index(name) + 1} too")
-    return PlanFile(path, top, tuple(parts))
+    return PlanFile(path, top, tuple(parts), tuned)
 
 
 def check(key: str, value: Any) -> Any:
@@ -115,6 +118,19 @@ def _table(path: Path) -> dict[str, Any] | None:
     tool = found.get("tool")
     table = tool.get("cpbench") if isinstance(tool, dict) else None
     return table if isinstance(table, dict) else None
+
+
+def _tables(value: Any, path: Path, name: str) -> list[dict[str, Any]]:
+    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+        raise PlanError(f"{path}: {name}: is no list of tables; write [[{name}]] above each")
+    return value
+
+
+def _tuning(table: Mapping[str, Any], path: Path, i: int) -> Tuning:
+    try:
+        return tunings.read(table)
+    except CpbenchError as cause:
+        raise PlanError(f"{path}: [[tuning]] {i}: {cause}") from None
 
 
 def _title(part: Mapping[str, Any], i: int) -> str:
@@ -282,6 +298,10 @@ def _statuses(value: Any) -> tuple[str, ...]:
     return _texts(value)
 
 
+def _split(value: Any) -> str:
+    return _choice(*SPLITS)(value).replace("all", "")
+
+
 def _shard(value: Any) -> tuple[int, int]:
     part, _, parts = _text(value).partition("/")
     if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
@@ -307,6 +327,7 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "family": _texts,
     "where": _where,
     "keyword": _keyword,
+    "split": _split,
     "max_problems": _whole(1),
     "seed": _whole(0),
     "output": _text,

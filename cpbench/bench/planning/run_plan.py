@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench.planning.plan import Limits
+from cpbench.bench.planning.tunings import Tuning
 from cpbench.errors import CpbenchError, UnknownName
 
 BUILTIN = "builtin"
@@ -30,7 +31,7 @@ class ProblemSet:
     where all problems are built in.
     facets, via : facet counts, pinned conversions. tolerance : one pair each.
     timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides, None: all.
-    start : start policy. format : of the files. family, where, keyword, max_problems, seed : the selection.
+    start : start policy. format : of the files. family, where, keyword, split, max_problems, seed : the selection.
     """
 
     name: str = ""
@@ -50,6 +51,7 @@ class ProblemSet:
     family: tuple[str, ...] = ()
     where: str = ""
     keyword: str = ""
+    split: str = ""
     max_problems: int | None = None
     seed: int = 0
 
@@ -59,7 +61,7 @@ class ProblemSet:
 
     @property
     def selects(self) -> bool:
-        return bool(self.family or self.where or self.keyword or self.max_problems)
+        return bool(self.family or self.where or self.keyword or self.split or self.max_problems)
 
     @property
     def allowed_routes(self) -> str:
@@ -80,7 +82,7 @@ class RunPlan:
     jobs : lanes side by side. isolate : worker or fresh. affinity : whether lanes get cores of their own.
     dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
     an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
-    fail_on : statuses that make the command end with 1.
+    fail_on : statuses that make the command end with 1. tunings : how options of its solvers were found.
     """
 
     sets: tuple[ProblemSet, ...] = (ProblemSet(),)
@@ -98,6 +100,7 @@ class RunPlan:
     rerun: str = ""
     retry: int = 0
     fail_on: tuple[str, ...] = ()
+    tunings: tuple[Tuning, ...] = ()
 
     @property
     def builtin(self) -> bool:
@@ -132,11 +135,15 @@ class RunPlan:
 
 
 SET_KEYS = tuple(f.name for f in fields(ProblemSet))
-RUN_KEYS = tuple(f.name for f in fields(RunPlan) if f.name != "sets")
+RUN_KEYS = tuple(f.name for f in fields(RunPlan) if f.name not in ("sets", "tunings"))
 
 
 def make(
-    given: Mapping[str, Any], top: Mapping[str, Any], sets: Sequence[Mapping[str, Any]], only: Sequence[str] = ()
+    given: Mapping[str, Any],
+    top: Mapping[str, Any],
+    sets: Sequence[Mapping[str, Any]],
+    only: Sequence[str] = (),
+    tunings: Sequence[Tuning] = (),
 ) -> RunPlan:
     """The plan of values that were read: `given` on the command line, at the `top` of a file and in its `sets`.
 
@@ -153,7 +160,7 @@ def make(
             raise UnknownName("set", name, [part.name for part in parts])
     chosen = tuple(part for part in parts if not only or part.name in only)
     whole = {key: value for key, value in {**top, **given}.items() if key in RUN_KEYS}
-    plan = RunPlan(sets=chosen, **whole)
+    plan = RunPlan(sets=chosen, tunings=tuple(tunings), **whole)
     if plan.dask and plan.cluster:
         raise CpbenchError(f"--dask {plan.dask} and --cluster {plan.cluster}: a run has one place; leave one out")
     return plan

@@ -94,7 +94,18 @@ def select(part: ProblemSet, surveys: Sequence[Mapping[str, Any]]) -> list[Mappi
     if part.where:
         condition = where.condition(part.where, features.known())
         chosen = [s for s in chosen if condition.holds(s["features"])]
+    if part.split:
+        chosen = [s for s in chosen if split_of(s["fingerprint"]) == part.split]
     return chosen if part.max_problems is None else _some(chosen, part)
+
+
+def split_of(fingerprint: str) -> str:
+    """`dev` or `test`: a hash of the problem's mathematics decides, one half each, on every machine alike.
+
+    Options may be searched for on the one, and a solver then be compared on the other. A copy of a problem, whatever
+    its name and place, is in the same half.
+    """
+    return "test" if _hash(f"split {fingerprint}")[0] % 2 else "dev"
 
 
 def _above(surveys: Sequence[Mapping[str, Any]]) -> str:
