@@ -9,8 +9,9 @@ MuJoCo knows scenes, not matrices. It gets one of n coordinates with unit mass a
 `mj_fwdConstraint` runs the solver it would run on them. Nothing else of a scene takes part: no gravity, no collision,
 no islands, impratio 1. The problem is scaled first, Q to mean diagonal 1 and p to max|p| = 1.
 
-Tolerance ε: MuJoCo stops when the gradient or the gain of a step is below its own, with a factor 1/n; the gain goes
-with the square of an error, so that it gets (ε/10)²/n. The claim is that it stopped before the last iteration.
+Tolerance ε: MuJoCo stops when the gradient or the gain of a step, over n, is below its own. A gain is the square of an
+error, in forces for PGS, which gets (ε/10)²/n; Newton and CG gain in accelerations, from which forces are 1/R away:
+they get (θε/10)²/n. The claim is that it stopped before the last iteration.
 """
 
 from __future__ import annotations
@@ -131,7 +132,8 @@ class MuJoCoSoft(Solver):
         model, data, problem = prepared.model, prepared.data, prepared.problem
         limit = budget.iterations or options.max_iterations
         model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{options.method.upper()}")
-        model.opt.iterations, model.opt.tolerance = limit, (0.1 * budget.tolerance) ** 2 / prepared.active.size
+        error = 0.1 * budget.tolerance * (1.0 if options.method == "pgs" else prepared.theta)
+        model.opt.iterations, model.opt.tolerance = limit, error**2 / prepared.active.size
         force = np.zeros(prepared.active.size) if start is None else start.x[prepared.active] / prepared.unit
         data.qacc_warmstart[:] = prepared.J.T @ force
         if options.method == "pgs":

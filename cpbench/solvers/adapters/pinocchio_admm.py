@@ -22,6 +22,8 @@ from cpbench.solvers.adapters import pinocchio_contacts
 from cpbench.solvers.adapters.pinocchio_contacts import PinocchioContacts
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 
+SHARE = 0.1
+"""Part of our tolerance that its criteria get: they look at one component or contact at a time, ours at all."""
 LARGEST_DENSE = 11_585
 """Rows up to which a dense W, its copy and its factor (1 GB each) are made."""
 BEFORE_THE_LOOP = 1
@@ -79,7 +81,7 @@ class PinocchioADMM(Solver):
         if n == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(np.zeros(0)), counters={"iterations": 0})
         settings, result = pin.ADMMSolverSettings(), pin.ADMMSolverResult()
-        pinocchio_contacts.tell(settings, budget.tolerance)
+        pinocchio_contacts.tell(settings, SHARE * budget.tolerance)
         settings.anderson_capacity = options.anderson
         settings.lanczos_size = options.lanczos
         limit = budget.iterations or options.max_iterations

@@ -20,8 +20,6 @@ from cpbench.matrices import Matrix, Vector
 
 SYMMETRY_LIMIT = 1e-8
 """max|W − Wᵀ|/max|W| up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
-SHARE = 0.1
-"""Part of our tolerance that their criteria get: theirs look at one component or contact at a time, ours at all."""
 FINEST = 1e-14
 """The least criterion that is asked for, with data of size 1."""
 
@@ -89,12 +87,12 @@ def contacts(problem: FrictionContact) -> PinocchioContacts:
 
 
 def tell(settings: Any, tolerance: float) -> None:
-    """Our tolerance in the criteria that both solvers have.
+    """What the absolute criteria get, which both solvers have, for data of size 1.
 
     The relative ones end a run where an iterate hardly moves, which is no sign of a solution: they are off.
     """
     settings.solve_ncp = True
-    settings.absolute_feasibility_tol = max(SHARE * tolerance, FINEST)
-    settings.absolute_complementarity_tol = max(SHARE * tolerance, FINEST)
+    settings.absolute_feasibility_tol = max(tolerance, FINEST)
+    settings.absolute_complementarity_tol = max(tolerance, FINEST)
     settings.relative_feasibility_tol = 0.0
     settings.relative_complementarity_tol = 0.0
