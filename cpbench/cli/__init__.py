@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from cpbench import __version__
-from cpbench.errors import CpbenchError
+from cpbench.errors import CpbenchError, FormatError
 from cpbench.registry import PLUGIN_FILES
 
 COMMANDS = {
@@ -27,6 +27,7 @@ COMMANDS = {
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file.",
+    "import": "Judge answers that were made elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
@@ -34,6 +35,29 @@ COMMANDS = {
     "check": "Put a plugin through the conformance checks.",
     "doctor": "Say what works on this machine and how to get what does not.",
 }
+
+
+def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[str, ...]) -> None:
+    """Put the files into the environment while options are parsed: before anything looks for solvers, and where
+    worker processes inherit them. Raises FormatError."""
+    for path in files:
+        if not (path.endswith((".py", ".toml")) and os.path.isfile(path)):
+            raise FormatError(path, "", "--plugin takes a Python file or a .toml file with tables [solver.NAME]")
+    if files:
+        before = os.environ.get(PLUGIN_FILES)
+        given = [os.path.abspath(path) for path in files]
+        os.environ[PLUGIN_FILES] = os.pathsep.join([*([before] if before else []), *given])
+
+
+_PLUGIN: dict[str, Any] = {
+    "multiple": True,
+    "metavar": "FILE",
+    "expose_value": False,
+    "is_eager": True,
+    "callback": _name_plugins,
+    "help": "Load solvers, conversions, ... from a Python file, or the solvers that a TOML file declares. Repeatable.",
+}
+"""The option of the group, and of every command: it may stand before or after its name."""
 
 
 class LazyGroup(click.Group):
@@ -45,7 +69,10 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        return importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
+        command: click.Command = importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
+        if all(parameter.name != "plugin_files" for parameter in command.params):
+            command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -62,25 +89,9 @@ class LazyGroup(click.Group):
             ctx.fail(f"no command '{args[0]}': {hint}")
 
 
-def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[str, ...]) -> None:
-    """Put the files into the environment while options are parsed: before a command's modules are imported (they
-    discover the solvers), and where worker processes inherit them."""
-    if files:
-        before = os.environ.get(PLUGIN_FILES)
-        given = [os.path.abspath(path) for path in files]
-        os.environ[PLUGIN_FILES] = os.pathsep.join([*([before] if before else []), *given])
-
-
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="cpbench")
-@click.option(
-    "--plugin",
-    multiple=True,
-    metavar="FILE",
-    expose_value=False,
-    callback=_name_plugins,
-    help="Load solvers, conversions, ... from a Python file, or the solvers that a TOML file declares.",
-)
+@click.option("--plugin", "plugin_files", **_PLUGIN)
 def cli() -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 

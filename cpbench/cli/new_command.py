@@ -38,11 +38,11 @@ def command(kind: str, name: str, lang: str, node: str, guest: str | None, outpu
 
     It passes `cpbench check` as it is. NAME is a word of letters, digits, - and _.
     """
-    template = _template(kind, lang, node, guest)
+    found = [file for folder in _templates(kind, lang, node, guest) for file in folder.iterdir()]
     words = _words(kind, name)
     _is_free(kind, words["EDGE"] if kind == "conversion" else name)
     folder = output or Path(name)
-    texts = {_filled(file.name, words, "{}"): file.read_text(encoding="utf-8") for file in template.iterdir()}
+    texts = {_filled(file.name, words, "{}"): file.read_text(encoding="utf-8") for file in found}
     texts = {file.removesuffix(".in"): _filled(text, words, "@{}@") for file, text in texts.items()}
     _write(folder, texts, force)
     for file in sorted(texts):
@@ -51,19 +51,18 @@ def command(kind: str, name: str, lang: str, node: str, guest: str | None, outpu
         click.echo(f"next: {step}")
 
 
-def _template(kind: str, lang: str, node: str, guest: str | None) -> Traversable:
-    """The folder of a template; raises CpbenchError when there is none."""
+def _templates(kind: str, lang: str, node: str, guest: str | None) -> list[Traversable]:
+    """Folders whose files make a plugin, the later ones in place of the earlier; raises CpbenchError without any."""
     from cpbench.formulations import formulations
 
     if guest is not None and lang != "julia":
         raise click.UsageError(f"--with {guest} is for --lang julia")
     if kind != "solver" and lang != "python":
         raise click.UsageError(f"a {kind} is written in Python; --lang is for solvers")
-    if node not in formulations:
-        formulations.get(node)
+    formulations.get(node)
     if node != "lcp":
         raise CpbenchError(f"there is no template for '{node}': write one for lcp, and change its node")
-    return files("cpbench") / "templates" / kind / (f"{lang}-{guest}" if guest else lang)
+    return [files("cpbench") / "templates" / kind / name for name in (lang, *([f"{lang}-{guest}"] if guest else []))]
 
 
 def _words(kind: str, name: str) -> Mapping[str, str]:

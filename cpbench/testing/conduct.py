@@ -20,6 +20,7 @@ from cpbench.generators import generators
 from cpbench.registry import Registry, load_plugin
 from cpbench.routes import make
 from cpbench.solvers.base import solvers
+from cpbench.solvers.external.declared import declare_file
 from cpbench.storage import formats
 from cpbench.testing import Case, cases, checks
 from cpbench.testing.expect import only_for
@@ -83,7 +84,7 @@ def registered_by(path: Path) -> list[Item]:
     Raises FormatError when it fails or adds nothing, DuplicateName when it takes the name of something else.
     """
     before = {kind: {name: registry.get(name) for name in registry.names()} for kind, registry in REGISTRIES.items()}
-    load_plugin(path)
+    (declare_file if path.suffix == ".toml" else load_plugin)(path)
     found: list[Item] = []
     for kind, registry in REGISTRIES.items():
         for name in registry.names():

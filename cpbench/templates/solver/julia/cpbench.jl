@@ -1,0 +1,82 @@
+# cpbench.jl: a solver in Julia for cpbench. Needs the packages JSON and NPZ; the only other file is yours.
+#
+# cpbench starts the program once and talks to it in lines of JSON: hello, load, warmup, solve, write, quit. Only
+# `solve` is timed, so that Julia's compiler is not, as long as the warm-up calls what a solve calls.
+module CPBench
+
+using JSON, NPZ
+
+export serve, Unsupported, NoLicence
+
+"Throw it, and the row of the run says that the problem is not for this solver."
+struct Unsupported <: Exception
+    why::String
+end
+
+"Throw it, and the row of the run says that the solver may not run, and why."
+struct NoLicence <: Exception
+    why::String
+end
+
+"""
+    serve(solve, name, version; warmup = () -> nothing)
+
+Serve until cpbench is done.
+
+`solve(problem, request)` gets the arrays of the problem by the names of the formulation (`problem["M"]`, dense, rows
+first; a sparse one, where the declaration does not say `matrices = "dense"`, is `problem["M.data"]`, `"M.indices"`,
+`"M.indptr"` and `"M.shape"`, counted from 0), and what is asked: `request.tolerance`, `.seconds`, `.iterations`,
+`.seed`, `.options` (by name) and `.start` (an answer by name, or nothing). It returns
+`(claim = "solved", point = Dict("z" => z), iterations = 12, message = "")`; claims are solved, inaccurate,
+infeasible, unbounded, max_iter and failed.
+"""
+function serve(solve, name, version; warmup = () -> nothing)
+    out = stdout               # Julia keeps a duplicate of it: the protocol is spoken there,
+    redirect_stdout(stderr)    # and whatever is printed from here on goes into the log of the run
+    problem = Dict{String,Any}()
+    point = Dict{String,Vector{Float64}}()
+    for line in eachline(stdin)
+        asked = JSON.parse(line)
+        what = asked["do"]
+        what == "quit" && break
+        reply = try
+            said = Dict{String,Any}("ok" => true)
+            if what == "hello"
+                merge!(said, Dict("name" => name, "version" => version))
+            elseif what == "load"
+                problem = npzread(asked["problem"])
+            elseif what == "warmup"
+                warmup()
+            elseif what == "solve"
+                answer = solve(problem, request(asked))
+                point = answer.point
+                for key in (:claim, :iterations, :message)
+                    said[String(key)] = answer[key]
+                end
+            elseif what == "write"
+                isempty(point) || npzwrite(asked["answer"], point)
+            end
+            said
+        catch failure
+            told(failure)
+        end
+        println(out, JSON.json(reply))
+        flush(out)
+    end
+end
+
+request(asked) = (
+    tolerance = Float64(asked["tolerance"]),
+    seconds = Float64(something(asked["seconds"], Inf)),           # null is infinity
+    iterations = something(asked["iterations"], typemax(Int)),
+    seed = asked["seed"],
+    options = asked["options"],
+    start = asked["start"] === nothing ? nothing : npzread(asked["start"]),
+)
+
+told(failure::Unsupported) = Dict("unsupported" => failure.why)
+told(failure::NoLicence) = Dict("unavailable" => failure.why, "state" => "licence")
+told(failure::OutOfMemoryError) = Dict("memory" => "out of memory")
+told(failure) = Dict("error" => sprint(showerror, failure))
+
+end
