@@ -192,6 +192,16 @@ def _mosek(budget: Budget) -> Settings:
     )
 
 
+def _jaxopt_osqp(budget: Budget) -> Settings:
+    """Absolute residuals in the ∞-norm, no gap: a tenth of ε. No time limit."""
+    return {"tolerance": 0.1 * budget.tolerance} | _limits(budget, "iterations", 20_000)
+
+
+def _qpax(budget: Budget) -> Settings:
+    """Absolute residuals and products sz in the ∞-norm: a tenth of ε. No time limit, no proofs."""
+    return {"tolerance": 0.1 * budget.tolerance} | _limits(budget, "iterations", 100)
+
+
 def _qpoases(budget: Budget) -> Settings:
     """Exact active set: the end of its homotopy, by default at 5e6·eps = 1.1e-9 (relative), follows ε only below.
     `CPUtime` bounds CPU, not wall, seconds."""
@@ -212,6 +222,7 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "ecos": _ecos,
     "gurobi": _gurobi,
     "highs": _highs,
+    "jaxopt-osqp": _jaxopt_osqp,
     "kvxopt": _kvxopt,
     "mosek": _mosek,
     "osqp": _osqp,
@@ -219,6 +230,7 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "proxqp": _proxqp,
     "pyqpmad": _pyqpmad,
     "qpalm": _qpalm,
+    "qpax": _qpax,
     "qtqp": _qtqp,
     "quadprog": _quadprog,
     "scs": _scs,
