@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import Any
 from unittest import SkipTest
 
-from cpbench.conversions.base import conversions
+from cpbench.conversions.base import conversions, make
 from cpbench.errors import DuplicateName, FormatError, UnknownName
 from cpbench.formulations import formulations
 from cpbench.generators import generators
 from cpbench.registry import Registry, load_plugin
-from cpbench.routes import make
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external.declared import declare_file
 from cpbench.storage import formats
