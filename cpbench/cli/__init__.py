@@ -16,6 +16,7 @@ from cpbench.registry import PLUGIN_FILES
 
 COMMANDS = {
     "run": "Run every reachable solver on every problem, judge the answers, write the report.",
+    "tune": "Search for the options with which a solver solves most problems, and fastest.",
     "solve": "Solve one problem by one solver, and say what the answer is worth.",
     "convert": "Convert a problem to another formulation; the file knows the way back.",
     "lift": "Carry an answer to a converted problem back to its source.",
