@@ -21,12 +21,12 @@ from cpbench.verification import Status
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
     "start", "set", "measure", "sequence", "status", "route", "kind", "claim", "flags", "message", "parts", "counters",
-    "version", "samples", "started", "host", "finished",
+    "version", "samples", "started", "host", "origin", "finished",
 )  # fmt: skip
 NUMBERS = (
-    "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "load", "convert", "setup", "solve",
+    "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "load", "convert", "setup", "solve",
     "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr", "signal", "code", "jobs",
-    "attempts", "loadavg",
+    "attempts", "loadavg", "reported",
 )  # fmt: skip
 SOLVED = (str(Status.SOLVED), str(Status.STATIONARY))
 """Statuses of an answer that meets the tolerance on the problem that was asked."""
@@ -83,6 +83,16 @@ def with_time(table: pd.DataFrame) -> pd.DataFrame:
     spent = table[list(CHARGED)].apply(pd.to_numeric)
     total = spent.fillna(0.0).sum(axis=1).where(spent["solve"].notna(), math.inf)
     return table.assign(time=total.where(solved(table), math.inf).astype(float))
+
+
+def ranked(table: pd.DataFrame) -> pd.Series[bool]:
+    """Whether the times of each row may be compared: those of answers made elsewhere only where the column `ranked`
+    says so.
+
+    >>> ranked(pd.DataFrame({"origin": ["", "another machine"]})).tolist()
+    [True, False]
+    """
+    return table["ranked"].astype(bool) if "ranked" in table else table["origin"] == ""
 
 
 def groups(table: pd.DataFrame) -> list[tuple[Group, pd.DataFrame]]:

@@ -266,6 +266,7 @@ class Lane:
             "status": reply["status"],
             "message": "; ".join(filter(None, (reply["message"], result.message, lost))),
             "error": reply["error"],
+            "target_error": reply["target_error"],
             "flags": ",".join([*reply["flags"], *told]),
             "parts": json.dumps(reply["parts"]),
             "lift": reply["lift"],

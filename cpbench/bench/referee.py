@@ -120,7 +120,11 @@ class Referee:
         return wire.pack({"event": "started", "told": begin.told}, found)
 
     def judge(self, vectors: dict[str, Any], case: dict[str, Any], claim: str, answered: bool) -> bytes:
-        """Lift the answer, measure it on the problem that was asked, and give the row its status."""
+        """Lift the answer, measure it on the problem that was asked, and give the row its status.
+
+        Where the route promises less than an answer it is measured on the solver's own problem too: what is missed
+        there is the solver's doing, the rest the route's.
+        """
         asked = Case(**case)
         source, prepared = self._desk.ready(asked)
         certificate = vectors.pop("certificate", None)
@@ -128,6 +132,7 @@ class Referee:
         lifted = verified = 0.0
         answer: Any = None
         message = ""
+        target_error: float | None = None
         verdict = verification.no_answer(asked.tolerance)
         if answered:
             try:
@@ -138,6 +143,8 @@ class Referee:
                 between = time.perf_counter()
                 verdict = verification.judge(source, answer, asked.tolerance, asked.measure)
                 lifted, verified = between - begun, time.perf_counter() - between
+                if not prepared.kind.exact:
+                    target_error = verification.judge(prepared.problem, target, asked.tolerance).error
             except (PointError, TypeError) as refusal:
                 message, answer = f"the answer is none: {refusal}", None
         status = verification.status(verdict, claim, proven_infeasible=proven)
@@ -147,6 +154,7 @@ class Referee:
                 "status": str(verification.Status.ERROR if message else status),
                 "message": message,
                 "error": verdict.error,
+                "target_error": target_error,
                 "flags": list(verdict.flags),
                 "parts": {**verdict.judged, **verdict.parts},
                 "lift": lifted,

@@ -83,7 +83,12 @@ EXAMPLES = (
     "merely necessary conversions. Default: exact; for the built-in suite: facets.",
 )
 @click.option("--facets", type=Counts(), default="8,16", show_default=True, help="Facets of approximate routes.")
-@click.option("--via", multiple=True, metavar="CONVERSION", help="Only routes through this conversion. Repeatable.")
+@click.option(
+    "--via",
+    multiple=True,
+    metavar="CONVERSION",
+    help="Only routes through this conversion; NAME[knob=value] sets its knobs. Repeatable.",
+)
 @click.option(
     "--start",
     default="cold",

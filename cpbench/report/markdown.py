@@ -85,12 +85,12 @@ def _headline(run: Run) -> str:
     if not len(run.rows):
         return "No pair was planned: no solver is reached from the problems that were read."
     rows = run.rows
-    lies = len(summary.false_claims(rows[rows_of.exact(rows)]))
+    lies = len(summary.false_claims(rows))
     problems, labels = rows["fingerprint"].nunique(), rows["label"].nunique()
     first = (
         f"**{counted(int(rows_of.solved(rows).sum()), 'pair')} of {len(rows)} solved** "
         f"({counted(problems, 'problem')}, {counted(labels, 'solver configuration')}); "
-        f"{counted(lies, 'claim does', 'claims do')} not hold on exact routes."
+        f"{counted(lies, 'claim does', 'claims do')} not hold."
     )
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:

@@ -69,11 +69,10 @@ def test_claims_and_false_claims() -> None:
     assert found.loc["pgs@inner8", ["true", "false", "modest", "honest"]].tolist() == [0, 1, 0, 1]
     assert found.loc["pgs", "correct"] == 0.5
     untrue = summary.false_claims(rows)
-    assert list(zip(untrue["problem"], untrue["label"], strict=True)) == [
-        ("a-1", "pgs@inner8"),
-        ("a-2", "lemke"),
-        ("b-1", "pgs"),
-    ]
+    assert list(zip(untrue["problem"], untrue["label"], strict=True)) == [("a-2", "lemke"), ("b-1", "pgs")]
+    measured = rows.assign(target_error=rows["error"].where(rows["label"] == "pgs@inner8"))
+    untrue = summary.false_claims(measured)
+    assert untrue["label"].tolist() == ["pgs@inner8", "lemke", "pgs"], "wrong on the facets too: that is the solver"
     timeout = table(row("p", "s", "timeout", claim="solved"))
     assert summary.false_claims(rows_of.normalised(timeout)).empty, "killed or late: the limit decided, not a lie"
 
@@ -166,6 +165,10 @@ def test_inexact_routes() -> None:
         ["pgs@inner8", "approximate", 2, 0, 1]
     ]
     assert found["median"].tolist() == [0.2]
+    rows = small()
+    for there, missed in ((1e-9, 1), (1e-3, 0)):  # the route's error, or the solver's
+        measured = rows.assign(target_error=np.where(rows["key"] == "a-1/pgs@inner8", there, np.nan))
+        assert summary.inexact_routes(measured)["missed"].tolist() == [missed]
 
 
 def test_groups_keep_settings_apart() -> None:

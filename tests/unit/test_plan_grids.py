@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
-from cpbench.bench.planning import grids, quantities
+from cpbench.bench.planning import grids, plan, quantities
 from cpbench.errors import CpbenchError
 from cpbench.solvers.base import solvers
 
@@ -87,3 +89,15 @@ def test_what_is_no_solver_is_said_in_one_line(text: str, word: str) -> None:
 def test_what_is_no_duration(text: str) -> None:
     with pytest.raises(CpbenchError, match="10s, 5m, 2h or none"):
         quantities.seconds(text)
+
+
+def test_conversions_of_a_route_take_knobs() -> None:
+    assert plan.pinned(["compliant[compliance=1e-2]"], {}).name == "fc-coneqp-compliant[compliance=0.01]"
+    assert plan.pinned(["inner[facets=16]"], {"facets": 8, "angle": 0.0}).via[0][1] == {"facets": 16, "angle": 0.0}
+    for text, told in (
+        ("inner[sides=3]", "unknown parameter of fc-lcp-inner 'sides'"),
+        ("inner[facets=many]", "facets is 'many', expected int"),
+        ("inner[facets=3", "bracket is not closed"),
+    ):
+        with pytest.raises(CpbenchError, match=re.escape(told)):
+            plan.pinned([text], {})

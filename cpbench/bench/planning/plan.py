@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.conversions.base import Conversion, find_via, make
-from cpbench.errors import CpbenchError
+from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import parse_options, solvers
 from cpbench.solvers.external.declared import declare_text
@@ -152,16 +152,40 @@ def facets(how: str, count: int) -> list[Request]:
 
 
 def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
-    """A request through the named conversions, with their knobs where they have them."""
+    """A request through the named conversions, with their knobs where they have them.
+
+    A text may set knobs of its own: ``compliant[compliance=1e-3]``. Raises CpbenchError, UnknownName.
+    """
     steps: list[tuple[str, Mapping[str, Any]]] = []
     for text in via:
-        names = find_via(text)
+        name, _, knobs = text.partition("[")
+        names = find_via(name.strip())
         if len(names) > 1:
-            raise CpbenchError(f"'{text}' is the end of several conversions: write {' or '.join(names)}")
+            raise CpbenchError(f"'{name}' is the end of several conversions: write {' or '.join(names)}")
         known = make(names[0]).parameters
-        steps.append((names[0], {k: v for k, v in parameters.items() if k in known}))
+        common = {k: v for k, v in parameters.items() if k in known}
+        steps.append((names[0], {**common, **_knobs(names[0], known, knobs, text)}))
     name = "+".join(make(n, dict(p)).label for n, p in steps)
     return Request(name, EXACT_KINDS, tuple(steps))
+
+
+def _knobs(name: str, known: Mapping[str, Any], text: str, whole: str) -> dict[str, Any]:
+    """Knobs of a conversion, `facets=16,angle=0.1]`, with the types of their defaults."""
+    if text and not text.rstrip().endswith("]"):
+        raise CpbenchError(f"'{whole}': the bracket is not closed; write CONVERSION[knob=value,...]")
+    given: dict[str, Any] = {}
+    for item in filter(None, (part.strip() for part in text.rstrip().removesuffix("]").split(","))):
+        knob, _, value = (part.strip() for part in item.partition("="))
+        if knob not in known:
+            raise UnknownName(f"parameter of {name}", knob, known)
+        kind = type(known[knob])
+        if kind not in (int, float, str):
+            raise CpbenchError(f"'{whole}': {knob} is no number; set it from Python")
+        try:
+            given[knob] = kind(value)
+        except ValueError:
+            raise CpbenchError(f"'{whole}': {knob} is '{value}', expected {kind.__name__}") from None
+    return given
 
 
 def requests(routes: str, counts: Sequence[int]) -> list[Request]:

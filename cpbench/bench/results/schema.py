@@ -19,14 +19,15 @@ PLANNED = {
 }  # fmt: skip
 """Columns of a row that the plan fixes, with their SQL types."""
 MEASURED = {
-    "status": "TEXT", "route": "TEXT", "kind": "TEXT", "claim": "TEXT", "error": "REAL", "flags": "TEXT",
+    "status": "TEXT", "route": "TEXT", "kind": "TEXT", "claim": "TEXT", "error": "REAL", "target_error": "REAL", "flags": "TEXT",
     "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL", "convert": "REAL",
     "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL", "peak": "INTEGER",
     "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL", "signal": "INTEGER",
     "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER", "jobs": "INTEGER",
     "host": "TEXT", "loadavg": "REAL", "reported": "REAL", "origin": "TEXT", "finished": "TEXT",
 }  # fmt: skip
-"""Columns that the run fills; `attempts` counts how often it did, `reported` is the time by the solver's own account,
+"""Columns that the run fills; `attempts` counts how often it did, `target_error` is the error on the
+solver's own problem where the route is not exact, `reported` the time by the solver's own account,
 `origin` is empty for what this tool solved and says where an imported answer was made."""
 _OURS = {"rows", "answers", "meta"}
 _COLUMNS = ", ".join(
