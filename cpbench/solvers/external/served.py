@@ -27,6 +27,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cpbench import matrices
 from cpbench.errors import CpbenchError, FormatError, Unavailable
 from cpbench.exchange import Exchange, exchanges
@@ -55,11 +57,15 @@ class HandedOver:
     @classmethod
     def make(cls, problem: Problem, exchange: Exchange, form: str) -> HandedOver:
         """Write `problem` with its matrices as they are, dense, or as CSR; raises FormatError."""
-        handed = cls(problem, exchange, folder())
         written = problem
         if form == "csr":
             data = {name: value for name, value in problem.data().items() if value.ndim == 2}
             written = dataclasses.replace(problem, **{name: matrices.sparse(M) for name, M in data.items()})
+        numbers = [
+            math.prod(M.shape) if form == "dense" or isinstance(M, np.ndarray) else 2 * M.nnz
+            for M in written.data().values()
+        ]
+        handed = cls(problem, exchange, folder(8 * sum(numbers)))
         exchange.write_problem(written, handed.path("problem"), form == "dense")
         return handed
 
@@ -76,11 +82,14 @@ class HandedOver:
     def room(self) -> Path:
         """The path for an answer: an empty folder, or no file."""
         path = self.path("answer")
-        if path.is_dir():
+        try:
+            if self.exchange.suffix:
+                path.unlink(missing_ok=True)
+            else:
+                path.mkdir()
+        except OSError:  # a folder is there already, with an answer to another solve
             shutil.rmtree(path)
-        path.unlink(missing_ok=True)
-        if not self.exchange.suffix:
-            path.mkdir()
+            return self.room()
         return path
 
     def answered(self) -> bool:
