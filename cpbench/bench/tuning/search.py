@@ -33,6 +33,8 @@ LEAST = 2
 """Problems of the first rung, at least."""
 FINALISTS = 3
 """Configurations that meet the default one in the final."""
+MARGIN = 1.5
+"""How much longer than by the average so far the final may take."""
 RESERVE = 0.25
 """The largest share of the budget that is kept for the final."""
 SILENCE = 0.05
@@ -74,7 +76,7 @@ def rungs(problems: int) -> list[int]:
     """How many problems the rungs of a bracket have.
 
     >>> rungs(30), rungs(5), rungs(1)
-    ([4, 10, 30], [2, 5], [1])
+    ([2, 4, 10, 30], [2, 5], [1])
     """
     sizes = [problems]
     while math.ceil(sizes[0] / ETA) >= LEAST:
@@ -192,7 +194,7 @@ class Search:
     def _left(self, final: bool) -> bool:
         """Whether there is time for another solve; before the final, as much as that takes is kept for it."""
         spent = time.monotonic() - self._begun
-        final_takes = (1 + FINALISTS) * len(self._problems) * spent / max(self._solves, 1)
+        final_takes = MARGIN * (1 + FINALISTS) * len(self._problems) * spent / max(self._solves, 1)
         return spent < self._budget - (0.0 if final else min(final_takes, RESERVE * self._budget))
 
     def _rung(self, crew: Crew, trials: Sequence[Trial], problems: Sequence[Pair], *, final: bool = False) -> bool:
