@@ -11,7 +11,7 @@ import warnings
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -33,6 +33,8 @@ class JaxBackend(QPBackend):
 
     sparse = False
     bounds_as_rows = True
+    compiled_limit: ClassVar[bool] = False
+    """Whether the most iterations are compiled in."""
 
     @abstractmethod
     def arrays(self, form: StandardForm) -> tuple[Any, ...]:
@@ -40,7 +42,10 @@ class JaxBackend(QPBackend):
 
     @abstractmethod
     def function(self, iterations: int) -> Callable[..., Any]:
-        """The function of these arrays and a tolerance, not compiled; `iterations` : the most of them."""
+        """The function of these arrays, a tolerance and a limit of iterations, not compiled.
+
+        `iterations` : that limit, for a function that must know it when it is compiled.
+        """
 
     @abstractmethod
     def answer(self, form: StandardForm, results: tuple[Any, ...]) -> Answer:
@@ -53,35 +58,31 @@ class JaxBackend(QPBackend):
 
     def setup(self, problem: QP, budget: Budget, options: Any) -> StandardForm:
         form = super().setup(problem, budget, options)
-        _compile(self, _iterations(translate(self.spec.name, budget)), _shapes(self.arrays(form)))
+        self._compiled(self.arrays(form), translate(self.spec.name, budget))
         return form
 
     def call(self, form: StandardForm, settings: Settings) -> Answer:
         import jax
 
         arrays = self.arrays(form)
-        function = _compile(self, _iterations(settings), _shapes(arrays))
+        function = self._compiled(arrays, settings)
         with jax.enable_x64(True):
-            results = function(*arrays, settings["tolerance"])
+            results = function(*arrays, settings["tolerance"], settings["iterations"])
             return self.answer(form, tuple(np.asarray(value) for value in results))
+
+    def _compiled(self, arrays: tuple[Any, ...], settings: Settings) -> Callable[..., Any]:
+        limit = settings["iterations"] if self.compiled_limit else 0
+        return _compile(self, limit, tuple(array.shape for array in arrays))
 
 
 @lru_cache(maxsize=KEPT)
 def _compile(backend: JaxBackend, iterations: int, shapes: tuple[tuple[int, ...], ...]) -> Callable[..., Any]:
-    """The backend's function, compiled for arrays of these shapes and any tolerance."""
+    """The backend's function, compiled for arrays of these shapes."""
     import jax
 
     with jax.enable_x64(True):
         like = [jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes]
-        return jax.jit(backend.function(iterations)).lower(*like, 1e-6).compile()
-
-
-def _iterations(settings: Settings) -> int:
-    return int(settings["iterations"])
-
-
-def _shapes(arrays: tuple[Any, ...]) -> tuple[tuple[int, ...], ...]:
-    return tuple(array.shape for array in arrays)
+        return jax.jit(backend.function(iterations)).lower(*like, 1e-6, 1).compile()
 
 
 @register
@@ -108,6 +109,7 @@ class JaxoptOsqp(JaxBackend):
             "maros-meszaros-QAFIRO": "ends at its 20 000 iterations with an error of 0.13",
         },
     )
+    compiled_limit = True
     claims = {"solved": Claim.SOLVED, "iteration limit": Claim.MAX_ITER}
 
     def arrays(self, form: StandardForm) -> tuple[Any, ...]:
@@ -122,7 +124,7 @@ class JaxoptOsqp(JaxBackend):
     def function(self, iterations: int) -> Callable[..., Any]:
         import jaxopt
 
-        def solve(P: Any, q: Any, A: Any, lower: Any, upper: Any, tol: Any) -> Any:
+        def solve(P: Any, q: Any, A: Any, lower: Any, upper: Any, tol: Any, _: Any) -> Any:
             solver = jaxopt.BoxOSQP(
                 eq_qp_solve="lu",
                 check_primal_dual_infeasability=False,
@@ -181,7 +183,7 @@ class Qpax(JaxBackend):
     def function(self, iterations: int) -> Callable[..., Any]:
         import qpax
 
-        return lambda *data: qpax.solve_qp(*data[:-1], solver_tol=data[-1], max_iter=iterations)
+        return lambda *data: qpax.solve_qp(*data[:-2], solver_tol=data[-2], max_iter=data[-1])
 
     def answer(self, form: StandardForm, results: tuple[Any, ...]) -> Answer:
         x, _, z, y, converged, iterations = results
