@@ -24,10 +24,12 @@ TEXT = (
     "version", "samples", "started", "host", "origin", "finished",
 )  # fmt: skip
 NUMBERS = (
-    "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "load", "convert", "setup", "solve",
-    "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr", "signal", "code", "jobs",
-    "attempts", "loadavg", "reported",
+    "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "load", "convert",
+    "setup", "solve", "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr", "signal", "code",
+    "jobs", "attempts", "loadavg", "reported",
 )  # fmt: skip
+NO_ANSWER = "no answer in the folder"
+"""Message of an imported row whose problem nobody answered."""
 SOLVED = (str(Status.SOLVED), str(Status.STATIONARY))
 """Statuses of an answer that meets the tolerance on the problem that was asked."""
 STATUSES = tuple(str(s) for s in Status)

@@ -16,7 +16,8 @@ from cpbench.bench.results.store import Store
 @click.option(
     "--publishable", is_flag=True, help="Leave out solvers whose licence restricts the publishing of figures."
 )
-def command(results: Path, output: Path | None, title: str | None, publishable: bool) -> None:
+@click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
+def command(results: Path, output: Path | None, title: str | None, publishable: bool, with_imported: bool) -> None:
     """Write the report of a results file: Markdown, figures, CSV."""
     from cpbench.bench import history
     from cpbench.report.markdown import write_report
@@ -30,6 +31,7 @@ def command(results: Path, output: Path | None, title: str | None, publishable: 
             title or results.stem,
             history.table(store.histories()),
             publishable=publishable,
+            with_imported=with_imported,
         )
     finally:
         store.close()

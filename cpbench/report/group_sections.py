@@ -22,7 +22,7 @@ MATRIX_PROBLEMS = 60
 
 def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
     problems = rows["fingerprint"].nunique()
-    times = rows_of.times(rows)
+    times = rows_of.times(rows[rows_of.ranked(rows)])
     shift = summary.default_shift(times)
     most = rows_of.limit(rows)
     penalty = most if math.isfinite(most) else math.nan  # without a limit, a mean is of full solvers only
@@ -37,7 +37,8 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) ->
         f"{counted(len(labels), 'solver configuration')}, {counted(len(rows), 'pair')}."
     )
     yield from _times(counts, times, problems, shift, penalty, set(tunings(run)))
-    yield from _figures(run, group, rows, times, several)
+    if len(times.columns):
+        yield from _figures(run, group, rows, times, several)
     yield from _verdicts(rows, labels)
     yield from _matrix(rows, labels, problems)
     yield from _families(rows)
@@ -49,7 +50,7 @@ def _times(
 ) -> Iterator[str]:
     yield "### Solved and times"
     head = ["solver", "route", f"solved of {problems}", "planned", "claimed, is not", "fastest"]
-    head += ["median of solved", "slowdown of solved", f"mean over {problems}"]
+    head += ["median of solved", "slowdown of solved", f"mean over {len(times)}"]
     yield table(
         head,
         (
@@ -59,7 +60,7 @@ def _times(
                 f"{r.solved}" + (f" ({r.stationary} stationary)" if r.stationary else ""),
                 str(r.planned),
                 str(r.false) if r.kind not in figures.INEXACT else "see routes",
-                str(r.fastest),
+                str(r.fastest) if r.ranked else "—",
                 seconds(r.median),
                 number(r.slowdown),
                 seconds(r.mean),
@@ -73,7 +74,12 @@ def _times(
         f"Mean: shifted geometric, shift {seconds(shift)} (median of all times), each problem not solved {charge}. "
         "Slowdown: median ratio to the fastest solver of each problem."
     )
-    alive = [str(r.label) for r in each(counts) if r.solved]
+    if not counts["ranked"].all():
+        yield (
+            "Labels with `@imported` name answers that were made elsewhere: they are judged here, their times are of "
+            "another machine and are ranked with nobody's."
+        )
+    alive = [str(r.label) for r in each(counts) if r.solved and r.ranked]
     if len(alive) > 1 and shift > 0 and math.isfinite(penalty):
         orders = summary.order_by_mean(times[alive], shift, penalty)
         lines = [f"- shift {seconds(s)}: {listed(order, 5)}" for s, order in orders.items()]

@@ -35,6 +35,7 @@ def write_report(
     histories: pd.DataFrame | None = None,
     *,
     publishable: bool = False,
+    with_imported: bool = False,
 ) -> Path:
     """Write `folder`/report.md with its figures and results.csv; gives the path of the Markdown file.
 
@@ -43,12 +44,15 @@ def write_report(
     table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
     histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
     publishable : whether solvers whose figures must not be published are left out of everything.
+    with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     run = Run(_without_folders(rows_of.normalised(table)), meta, folder)
     if histories is not None:
         run = replace(run, histories=histories)
+    if with_imported:
+        run = replace(run, rows=run.rows.assign(ranked=True))
     if publishable:
         run = _publishable(run)
     rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import starts, summary
-from cpbench.analysis import table as rows_of
 from cpbench.report.attendance_sections import absent, tuned
+from cpbench.report.imported_section import imported
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, counted, cut, listed, number, plain, seconds, solve_command, table
 from cpbench.verification import Status
@@ -29,6 +29,7 @@ def run_sections(run: Run) -> Iterator[str]:
         _directions,
         _inexact,
         _starts,
+        imported,
         _failures,
         absent,
         _not_started,

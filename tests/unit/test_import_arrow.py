@@ -28,7 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "graph": BASE | {"formulations", "routes"} | ROOMS,
     "checking": BASE | {"formulations", "graph"} | ROOMS,
     "generators": BASE | {"formulations"},
-    "bench": BASE | {"formulations", "graph"} | ROOMS,
+    "bench": BASE | {"formulations", "exchange", "graph"} | ROOMS,
     "analysis": BASE | {"formulations", "graph"} | ROOMS,
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "checking", "generators"} | ROOMS,

@@ -100,19 +100,24 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
 
 def _facts(store: Store) -> _Facts:
     found, ran = _Facts(), False
+    judged = False
     for row in store.rows():
-        found.limits.setdefault(row["set"], set()).add(tuple(row[c] for c in LIMITS))
+        judged = judged or row["status"] != "not_run"
         found.tolerances.setdefault(row["set"], set()).add(row["tolerance"])
         found.measures.setdefault(row["set"], set()).add(row["measure"] or "")
         found.fingerprints.setdefault(row["problem"], set()).add(row["fingerprint"])
+        if row["origin"]:  # it says itself that it was made elsewhere, under limits that nobody here knows
+            continue
+        found.limits.setdefault(row["set"], set()).add(tuple(row[c] for c in LIMITS))
         if row["version"]:
             found.versions.setdefault(row["label"], set()).add(row["version"])
         ran = ran or row["status"] != "not_run"
+    meta = store.meta()
+    if judged:
+        found.cpbench = {str(meta.get("cpbench", ""))}
     if ran:  # a shard that has no row says nothing of what it was run on
-        meta = store.meta()
         descriptions = list(store.machines().values()) or [meta.get("machine") or {}]
         found.machines = {_machine(description) for description in descriptions}
-        found.cpbench = {str(meta.get("cpbench", ""))}
     return found
 
 

@@ -252,6 +252,19 @@ class Store:
         with self._transaction() as db:
             db.executemany(f"INSERT INTO rows ({_ALL}) VALUES ({marks})", ([row[n] for n in names] for row in rows))
 
+    def put(self, row: Mapping[str, Any], answer: bytes | None) -> None:
+        """A whole row with its answer, in place of the one of its key."""
+        names = (*PLANNED, *MEASURED)
+        marks = ", ".join("?" * len(names))
+        keep = answer is not None and self._kept + len(answer) <= KEEP_LIMIT
+        with self._transaction() as db:
+            for table in ("answers", "histories"):
+                db.execute(f"DELETE FROM {table} WHERE key = ?", (row["key"],))
+            db.execute(f"INSERT OR REPLACE INTO rows ({_ALL}) VALUES ({marks})", [_text(row[n]) for n in names])
+            if answer is not None and keep:
+                db.execute("INSERT INTO answers VALUES (?, ?, ?)", (row["key"], len(answer), answer))
+                self._kept += len(answer)
+
     def add_kept(self, answers: Iterable[tuple[str, bytes]], histories: Iterable[tuple[str, bytes]]) -> None:
         """Answers and histories of rows that are there, as `answers` and `histories` give them."""
         with self._transaction() as db:
@@ -274,7 +287,7 @@ class Store:
         keys = [p.key for p in pairs]
         names = ", ".join(f'"{c}"' for c in (*PLANNED, "status"))
         marks = ", ".join("?" * (len(PLANNED) + 1))
-        rows = [(*map(_text, _planned(p, key).values()), "not_run") for p, key in zip(pairs, keys, strict=True)]
+        rows = [(*map(_text, planned(p).values()), "not_run") for p in pairs]
         with self._transaction() as db:
             self._require_same_limits(pairs, keys)
             db.executemany(f"INSERT OR IGNORE INTO rows ({names}) VALUES ({marks})", rows)
@@ -282,7 +295,8 @@ class Store:
     def _require_same_limits(self, pairs: list[Pair], keys: list[str]) -> None:
         columns = ", ".join(LIMITS)
         known: dict[str, set[tuple[Any, ...]]] = {}
-        for name, *limits in self._read(f'SELECT DISTINCT "set", {columns} FROM rows'):
+        ours = "coalesce(origin, '') = ''"  # under which limits others solved is not known
+        for name, *limits in self._read(f'SELECT DISTINCT "set", {columns} FROM rows WHERE {ours}'):
             known.setdefault(name, set()).add(tuple(limits))
         resumed = bool(known)
         for pair, key in zip(pairs, keys, strict=True):
@@ -477,10 +491,10 @@ def _file_system(path: Path) -> str:
     return kind
 
 
-def _planned(pair: Pair, key: str) -> dict[str, Any]:
+def planned(pair: Pair) -> dict[str, Any]:
     """The planned columns of a pair's row."""
     return {
-        "key": key,
+        "key": pair.key,
         "problem": pair.problem,
         "address": pair.address,
         "fingerprint": pair.fingerprint,

@@ -1,0 +1,275 @@
+"""Answers made elsewhere: which file of a folder answers which problem, and what is told beside them.
+
+An entry of the folder is a file or a folder in the form of some exchange, named after its problem or its fingerprint
+(8 digits of it at least). HDF5 answers that carry a fingerprint are known by that. `cpbench export --answers` writes
+all answers to one HDF5 file: a group a problem, which has its fingerprint, with a data set for every solver.
+
+What is told: a table with the columns problem, seconds[, iterations, claim], and `claim.json`: in the folder an object
+problem -> claim, in the folder of one answer an object with claim, seconds, iterations.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias, cast
+
+from cpbench import storage
+from cpbench.errors import CpbenchError, FormatError, PointError
+from cpbench.exchange import exchanges
+from cpbench.formulations.base import Problem
+from cpbench.solvers.base import Claim
+from cpbench.storage.hdf5_tree import SIGNATURE, open_tree
+
+CLAIMS = "claim.json"
+ENDINGS = ("timeout", "memout", "crash", "unsupported")
+"""What may be told instead of a claim where there is none: how the solve ended."""
+_SUFFIXES = (".mof.json", ".json", ".h5", ".hdf5", ".npz", ".npy", ".csv", ".txt", ".mtx")
+_COLUMNS = ("problem", "seconds", "iterations", "claim")
+_SHORTEST = 8
+"""Digits of a fingerprint that name a problem."""
+
+Read: TypeAlias = Callable[[Problem], Any]
+"""The answer to a problem; raises FormatError."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told of a solve; None and "" where it is not."""
+
+    claim: str = ""
+    seconds: float | None = None
+    iterations: int | None = None
+
+    def over(self, other: Told) -> Told:
+        """What this tells, the rest from `other`."""
+        return Told(
+            self.claim or other.claim,
+            other.seconds if self.seconds is None else self.seconds,
+            other.iterations if self.iterations is None else self.iterations,
+        )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer, not read yet: where it is, how it is read, what its own folder tells."""
+
+    place: str
+    read: Read
+    told: Told = Told()
+
+
+class Names:
+    """Names and fingerprints of the problems, for what other people call them."""
+
+    def __init__(self, problems: Iterable[tuple[str, str]]) -> None:
+        self._fingerprints: set[str] = set()
+        self._named: dict[str, set[str]] = {}
+        for name, fingerprint in problems:
+            self._fingerprints.add(fingerprint)
+            self._named.setdefault(name, set()).add(fingerprint)
+
+    def find(self, word: str) -> str:
+        """Fingerprint of the problem that is called so, "" where none is; raises CpbenchError when several are."""
+        found = self._named.get(word, set())
+        if not found and len(word) >= _SHORTEST:
+            found = {f for f in self._fingerprints if f.startswith(word.lower())}
+        if len(found) > 1:
+            listed = ", ".join(sorted(f[:_SHORTEST] for f in found)[:4])
+            raise CpbenchError(f"'{word}' is the name of {len(found)} problems ({listed}): use the fingerprint")
+        return next(iter(found), "")
+
+
+def find(
+    source: Path, names: Names, solver: str, tolerance: float, exchange: str | None
+) -> tuple[dict[str, Answer], list[str]]:
+    """The answers by fingerprint, and a line for each that answers none of the problems.
+
+    Raises CpbenchError when there are two for one problem, FormatError when `source` holds none at all.
+    """
+    if not source.exists():
+        raise FormatError(source, "", "no such file or folder")
+    found: dict[str, Answer] = {}
+    stray: list[str] = []
+    listed = _in_folder(source, exchange) if source.is_dir() else _in_export(source, solver, tolerance)
+    for words, answer in listed:
+        fingerprint = next(filter(None, map(names.find, words)), "")
+        if not fingerprint:
+            stray.append(f"{answer.place}: no problem is called {words[-2 if len(words) > 1 else 0]}")
+            continue
+        if fingerprint in found:
+            raise CpbenchError(f"{found[fingerprint].place} and {answer.place} answer one problem: leave one of them")
+        found[fingerprint] = answer
+    if not found and not stray:
+        raise FormatError(source, "", "holds no answer")
+    return found, stray
+
+
+def told(source: Path, times: Path | None, names: Names) -> tuple[dict[str, Told], list[str]]:
+    """What the table of times and the folder's claims tell, by fingerprint, and a line for each unknown problem."""
+    found: dict[str, Told] = {}
+    stray: list[str] = []
+    entries = _claims(source / CLAIMS) if source.is_dir() else []
+    entries += _times(times) if times is not None else []
+    for place, word, entry in entries:
+        fingerprint = names.find(word)
+        if fingerprint:
+            found[fingerprint] = entry.over(found.get(fingerprint, Told()))
+        else:
+            stray.append(f"{place}: no problem is called {word}")
+    return found, stray
+
+
+# ------------------------------------------------------------------------------------------------ answers
+
+
+def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], Answer]]:
+    """What the entries of a folder may be called, and how they are read."""
+    listed: list[tuple[list[str], Answer]] = []
+    for entry in sorted(folder.iterdir()):
+        if entry.name.startswith(".") or entry.name == CLAIMS:
+            continue
+        if entry.is_file() and entry.suffix.lower() == ".csv" and _is_table(entry):
+            continue
+        words = [entry.name, *(entry.name[: -len(s)] for s in _SUFFIXES if entry.name.lower().endswith(s))]
+        own = entry / CLAIMS
+        said = _told(own, _object(own)) if entry.is_dir() and own.is_file() else Told()
+        listed.append(([*_fingerprint(entry), *words[::-1]], Answer(str(entry), _reader(entry, exchange), said)))
+    return listed
+
+
+def _reader(entry: Path, exchange: str | None) -> Read:
+    """How a file or folder is read: by the exchange that is asked for, or by what it looks like."""
+    if exchange is not None:
+        chosen = exchanges.get(exchange)
+    elif entry.is_dir():
+        chosen = exchanges.get("mtx" if any(entry.glob("*.mtx")) else "npy-dir")
+    elif entry.suffix.lower() == ".json":
+        chosen = exchanges.get("mof")
+    else:
+        return lambda problem: storage.load_answer(entry, problem)
+    return lambda problem: chosen.read_answer(entry, problem)
+
+
+def _fingerprint(entry: Path) -> list[str]:
+    """What an HDF5 answer says of its problem."""
+    if not entry.is_file() or entry.suffix.lower() not in (".h5", ".hdf5"):
+        return []
+    try:
+        with open_tree(entry) as root:
+            said = root.child("solution").attributes().get("fingerprint") if "solution" in root else None
+    except FormatError:
+        return []  # reading it as an answer gives the reason
+    return [said] if isinstance(said, str) else []
+
+
+def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str], Answer]]:
+    """The answers by `solver` in a file of `cpbench export --answers`, or the only one of each problem."""
+    with path.open("rb") as file:
+        if file.read(8) != SIGNATURE:
+            raise FormatError(path, "", "is no folder of answers, and no HDF5 file of cpbench export --answers")
+    listed: list[tuple[list[str], Answer]] = []
+    with open_tree(path) as root:
+        for name in root.names():
+            group = root.child(name) if root.is_group(name) else None
+            fingerprint = group.attributes().get("fingerprint") if group is not None else None
+            if group is None or not isinstance(fingerprint, str):
+                raise root.error(name, "is no group with a fingerprint, as cpbench export --answers writes it")
+            labels = [label for label in group.names() if not group.is_group(label)]
+            mine = [label for label in labels if label.partition(" tol=")[0] == solver]
+            exact = [label for label in mine if label == f"{solver} tol={tolerance:g}"]
+            chosen = next((some for some in (exact, mine, labels) if len(some) == 1), [])
+            if not chosen:
+                raise group.error("", f"holds {', '.join(labels[:4])}: --solver names none of them, or several")
+            vector, said = group.array(chosen[0]), group.marks(chosen[0]).get("claim", "")
+            claim = str(said) if said in list(Claim) else ""
+            listed.append(
+                ([fingerprint, name], Answer(f"{path}::{name}", lambda p, x=vector: _point(path, p, x), Told(claim)))
+            )
+    return listed
+
+
+def _point(path: Path, problem: Problem, vector: Any) -> Any:
+    try:
+        return problem.point_from_vector(vector)
+    except PointError as cause:
+        raise FormatError(path, "", str(cause)) from None
+
+
+# --------------------------------------------------------------------------------------------------- told
+
+
+def _claims(path: Path) -> list[tuple[str, str, Told]]:
+    if not path.is_file():
+        return []
+    entries = _object(path)
+    return [
+        (str(path), word, _told(path, cast("dict[str, Any]", said) if isinstance(said, dict) else {"claim": said}))
+        for word, said in entries.items()
+    ]
+
+
+def _object(path: Path) -> dict[str, Any]:
+    try:
+        found: Any = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as cause:
+        raise FormatError(path, "", f"is not readable JSON ({cause})") from None
+    if not isinstance(found, dict):
+        raise FormatError(path, "", "holds no JSON object")
+    return cast("dict[str, Any]", found)
+
+
+def _is_table(path: Path) -> bool:
+    """Whether a CSV is a table of times rather than an answer."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        head = file.readline(4096)
+    return [word.strip().lower() for word in head.split(",")][:2] == list(_COLUMNS[:2])
+
+
+def _times(path: Path) -> list[tuple[str, str, Told]]:
+    """(place, problem, what is told) of every line; raises FormatError."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as cause:
+        raise FormatError(path, "", f"is not a readable table ({cause})") from None
+    head = [word.strip().lower() for word in lines[0]] if lines else []
+    if head[:1] != ["problem"] or "seconds" not in head or not set(head) <= set(_COLUMNS):
+        raise FormatError(path, "line 1", f"is {','.join(head)[:80]!r}, expected problem,seconds[,iterations,claim]")
+    found: list[tuple[str, str, Told]] = []
+    for number, line in enumerate(lines[1:], 2):
+        if not any(cell.strip() for cell in line):
+            continue
+        place = f"line {number}"
+        if len(line) != len(head):
+            raise FormatError(path, place, f"has {len(line)} cells, expected {len(head)}")
+        cells = dict(zip(head, (cell.strip() for cell in line), strict=True))
+        found.append((f"{path}: {place}", cells["problem"], _told(path, cells, place)))
+    return found
+
+
+def _told(path: Path, said: Mapping[str, Any], place: str = "") -> Told:
+    """Checked; raises FormatError."""
+
+    def number(name: str) -> float | None:
+        given = said.get(name)
+        if given is None or given == "":
+            return None
+        try:
+            value = float(given)
+        except (TypeError, ValueError, OverflowError):
+            value = math.nan
+        if not 0 <= value < math.inf or isinstance(given, bool):
+            raise FormatError(path, place or name, f"has {name} {str(given)[:40]!r}, expected a number of at least 0")
+        return value
+
+    claim = said.get("claim") or ""
+    known: Sequence[str] = (*map(str, Claim), *ENDINGS)
+    if claim and claim not in known:
+        raise FormatError(path, place or "claim", f"has claim {str(claim)[:40]!r}, expected one of {', '.join(known)}")
+    iterations = number("iterations")
+    return Told(str(claim), number("seconds"), None if iterations is None else int(iterations))

@@ -1,0 +1,187 @@
+"""Answers made elsewhere as rows: judged here, on the problem that was asked, and marked by where they were made.
+
+Every problem of a formulation that some answer is to has a row, also where there is no answer. What a row says of time
+is what was told: `solve` and `reported`, by another machine, under limits that nobody here knows.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cpbench import storage, verification
+from cpbench.bench import machine
+from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.results import answer_files, answers
+from cpbench.bench.results.answer_files import ENDINGS, Answer, Names, Told
+from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.results.store import Store, planned
+from cpbench.errors import CpbenchError, FormatError, PointError, StoreError
+from cpbench.formulations.base import Problem
+from cpbench.verification import Status
+
+REQUEST = "imported"
+"""In place of a route: nobody here knows how the solver was reached. It ends the label, so that tables show it."""
+NO_ANSWER = "no answer in the folder"
+ELSEWHERE = "another machine"
+"""The origin of answers of which nothing else is told."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Who made the answers, where, with how many threads, and by what they are judged."""
+
+    solver: str
+    machine: str = ELSEWHERE
+    threads: int = 1
+    tolerance: float = 1e-6
+    measure: str | None = None
+
+
+@dataclass
+class Imported:
+    """What became of it: rows by status, those without a time, a line for everything that was not used."""
+
+    counts: Counter[str] = field(default_factory=Counter)
+    untimed: int = 0
+    stray: list[str] = field(default_factory=list)
+    refused: list[tuple[str, str]] = field(default_factory=list)
+    unasked: Counter[str] = field(default_factory=Counter)
+
+
+def import_answers(
+    store: Store,
+    source: Path,
+    addresses: Sequence[str],
+    origin: Origin,
+    *,
+    format: str | None = None,
+    times: Path | None = None,
+    exchange: str | None = None,
+    command: str = "",
+    force: bool = False,
+) -> Imported:
+    """Put a row for every problem that was asked into `store`; `force` replaces rows of an earlier import.
+
+    Raises CpbenchError when the answers, or what is told of them, cannot be told apart, StoreError when a row is there.
+    """
+    done = Imported()
+    asked = _survey(addresses, format, origin, done)
+    names = Names((pair.problem, pair.fingerprint) for pair in asked.values())
+    found, stray = answer_files.find(source, names, origin.solver, origin.tolerance, exchange)
+    told, unknown = answer_files.told(source, times, names)
+    done.stray = [*stray, *unknown]
+    if not found:
+        raise CpbenchError(f"{source}: none of its answers is to a problem that was asked ({done.stray[0]})")
+    nodes = {asked[fingerprint].node for fingerprint in found}
+    done.unasked = Counter(pair.node for pair in asked.values() if pair.node not in nodes)
+    wanted = [pair for pair in asked.values() if pair.node in nodes]
+    _require_new(store, wanted, force)
+    _note(store, origin, wanted, command, format, done)
+    for pair in wanted:
+        answer = found.get(pair.fingerprint)
+        said = told.get(pair.fingerprint, Told())
+        row, blob = _judged(pair, answer, said if answer is None else answer.told.over(said), origin)
+        store.put({**planned(pair), **dict.fromkeys(MEASURED), **row}, blob)
+        done.counts[row["status"]] += 1
+        done.untimed += row["solve"] is None
+    return done
+
+
+def _survey(addresses: Iterable[str], format: str | None, origin: Origin, done: Imported) -> dict[str, Pair]:
+    """The pairs by fingerprint; files that cannot be read are noted."""
+    found: dict[str, Pair] = {}
+    limits: Any = Limits(None, None, origin.threads, None)  # pyright: ignore[reportArgumentType]
+    for address in addresses:
+        try:
+            problem = storage.load(address, format=format)
+        except FormatError as reason:
+            done.refused.append((address, str(reason)))
+            continue
+        sequence = getattr(problem, "sequence", None)
+        pair = Pair(
+            address=address,
+            problem=problem.name,
+            fingerprint=problem.fingerprint,
+            node=problem.node,
+            family=problem.info.family,
+            sizes=problem.sizes(),
+            request=Request(REQUEST),
+            entry=Entry(origin.solver),
+            target=problem.node,
+            tolerance=origin.tolerance,
+            limits=limits,
+            format=format,
+            measure=origin.measure,
+            sequence=sequence.name if sequence else "",
+            step=sequence.step if sequence else 0,
+        )
+        found.setdefault(pair.fingerprint, pair)
+    return found
+
+
+def _require_new(store: Store, wanted: Sequence[Pair], force: bool) -> None:
+    there = {row["key"] for row in store.rows()} & {pair.key for pair in wanted}
+    if there and not force:
+        first = next(pair for pair in wanted if pair.key in there)
+        more = f" (and {len(there) - 1} more)" if len(there) > 1 else ""
+        raise StoreError(f"{store.path}: has {first.label} on {first.problem} already{more}; --force replaces it")
+
+
+def _note(
+    store: Store, origin: Origin, wanted: Sequence[Pair], command: str, format: str | None, done: Imported
+) -> None:
+    """What the report says of the solver, and of the file when it is a new one."""
+    meta = store.meta()
+    if "command" not in meta:
+        store.set_meta(
+            command=command, cpbench=machine.versions().get("cpbench", ""), date=time.strftime("%Y-%m-%d %H:%M")
+        )
+    label = wanted[0].label
+    sheet = {"name": label, "node": "", "version": "", "summary": f"answers made elsewhere: {origin.machine}"}
+    store.set_meta(solvers={**meta.get("solvers", {}), label: sheet})
+    if format is not None:
+        store.set_meta(formats={**meta.get("formats", {}), **{pair.address: format for pair in wanted}})
+    store.note_files([pair.address for pair in wanted], done.refused)
+
+
+def _judged(pair: Pair, answer: Answer | None, told: Told, origin: Origin) -> tuple[dict[str, Any], bytes | None]:
+    """The measured columns of a row, and the answer that is kept."""
+    ending = told.claim if told.claim in ENDINGS else ""
+    claim = "" if ending else told.claim or ("solved" if answer is not None else "")
+    verdict, blob, message, verify = verification.no_answer(pair.tolerance), None, "", None
+    if answer is None:
+        message = NO_ANSWER
+    else:
+        try:
+            problem: Problem = storage.load(pair.address, format=pair.format)
+            begun = time.perf_counter()
+            point = answer.read(problem)
+            verdict = verification.judge(problem, point, pair.tolerance, pair.measure)
+            verify, blob = time.perf_counter() - begun, answers.pack(point)
+        except (FormatError, PointError) as refusal:
+            message = f"the answer is none: {refusal}"
+    status = ending or str(verification.status(verdict, claim))
+    if answer is not None and blob is None and not ending:
+        status = str(Status.ERROR)
+    counters: Mapping[str, int] = {} if told.iterations is None else {"iterations": told.iterations}
+    return {
+        "status": status,
+        "claim": claim,
+        "error": verdict.error,
+        "flags": ",".join(verdict.flags),
+        "message": message,
+        "parts": json.dumps({**verdict.judged, **verdict.parts}),
+        "counters": json.dumps(counters),
+        "solve": told.seconds,
+        "reported": told.seconds,
+        "verify": verify,
+        "attempts": 1,
+        "origin": origin.machine,
+        "finished": time.strftime("%Y-%m-%dT%H:%M:%S"),
+    }, blob
