@@ -1,0 +1,45 @@
+"""MILES, a Newton method with Lemke's pivoting, through GAMS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from cpbench.solvers.adapters.gams_mcp import GamsMCP, gams_spec
+from cpbench.solvers.base import Budget, SolverSpec, register
+
+
+class Miles(GamsMCP):
+    """Josephy's Newton method: linearise, solve the LCP by Lemke's algorithm, damp; for an LCP one pass of Lemke."""
+
+    guest = "miles"
+
+    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+        """`contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
+        return {"contol": tolerance}
+
+
+def _spec(name: str, node: str, **more: Any) -> SolverSpec:
+    return gams_spec(
+        name,
+        node,
+        summary="MILES through GAMS: Newton with Lemke pivoting",
+        method="Newton with pivoting",
+        citation="Rutherford, MILES: a mixed inequality and nonlinear equation solver (1993)",
+        install="pip install gamspy; gamspy install solver miles",
+        **more,
+    )
+
+
+@register
+class MilesLCP(Miles):
+    """For the LCP."""
+
+    spec: ClassVar[SolverSpec] = _spec("gams-miles", "lcp")
+
+
+@register
+class MilesMLCP(Miles):
+    """For the MLCP, its equations as they are."""
+
+    spec: ClassVar[SolverSpec] = _spec("gams-miles-mlcp", "mlcp")

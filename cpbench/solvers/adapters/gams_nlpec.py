@@ -1,0 +1,52 @@
+"""NLPEC, which writes a complementarity problem as a nonlinear program and hands it to CONOPT, through GAMS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from cpbench.formulations import LCP, MLCP
+from cpbench.solvers.adapters.gams_mcp import GamsMCP, gams_spec
+from cpbench.solvers.base import Budget, SolverSpec, register
+
+
+class Nlpec(GamsMCP):
+    """Complementarity as products x·s = 0 with slacks s, NLPEC's default reformulation."""
+
+    guest = "nlpec"
+
+    def rows(self, problem: LCP | MLCP) -> int:
+        """A product for every pair, and an objective."""
+        free = problem.a.size if isinstance(problem, MLCP) else 0
+        return 2 * super().rows(problem) - free + 1
+
+    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+        """`testTol` is what NLPEC checks complementarity by; CONOPT keeps its own tolerances. It is named, since it
+        is none of the solvers whose results may not be published."""
+        return {"testTol": tolerance, "subSolver": "conopt"}
+
+
+def _spec(name: str, node: str, **more: Any) -> SolverSpec:
+    return gams_spec(
+        name,
+        node,
+        summary="NLPEC through GAMS: complementarity as products, solved by CONOPT",
+        method="nonlinear program",
+        citation="Ferris, Dirkse and Meeraus, in Frontiers in Applied General Equilibrium Modeling (2005)",
+        install="pip install gamspy",
+        **more,
+    )
+
+
+@register
+class NlpecLCP(Nlpec):
+    """For the LCP."""
+
+    spec: ClassVar[SolverSpec] = _spec("gams-nlpec", "lcp")
+
+
+@register
+class NlpecMLCP(Nlpec):
+    """For the MLCP, its equations as they are."""
+
+    spec: ClassVar[SolverSpec] = _spec("gams-nlpec-mlcp", "mlcp")

@@ -1,0 +1,45 @@
+"""PATH, the standard solver of mixed complementarity problems, through GAMS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from cpbench.solvers.adapters.gams_mcp import GamsMCP, gams_spec
+from cpbench.solvers.base import Budget, SolverSpec, register
+
+
+class Path(GamsMCP):
+    """Newton's method on the normal map, each linear problem solved by Lemke's pivoting."""
+
+    guest = "path"
+
+    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+        """Its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget bounds."""
+        return {"convergence_tolerance": tolerance, "cumulative_iteration_limit": budget.iterations or 1_000_000}
+
+
+def _spec(name: str, node: str, **more: Any) -> SolverSpec:
+    return gams_spec(
+        name,
+        node,
+        summary="PATH through GAMS: Newton on the normal map, Lemke pivoting inside",
+        method="Newton with pivoting",
+        citation="Dirkse and Ferris, Optim. Methods Softw. 5 (1995); Ferris and Munson, ibid. 12 (1999)",
+        install="pip install gamspy",
+        **more,
+    )
+
+
+@register
+class PathLCP(Path):
+    """For the LCP."""
+
+    spec: ClassVar[SolverSpec] = _spec("gams-path", "lcp")
+
+
+@register
+class PathMLCP(Path):
+    """For the MLCP, its equations as they are."""
+
+    spec: ClassVar[SolverSpec] = _spec("gams-path-mlcp", "mlcp")
