@@ -10,6 +10,7 @@ import contextlib
 import os
 import shutil
 import tempfile
+import weakref
 from pathlib import Path
 
 try:
@@ -25,11 +26,14 @@ _homes: dict[Path, tuple[int, Path, int]] = {}
 """Of every place: the process, its folder there, and the descriptor that holds the folder's lock."""
 
 
-def folder(size: int) -> tempfile.TemporaryDirectory[str]:
-    """A new folder for about `size` bytes: it goes with the object that this returns, with this process, or when the
-    next process looks for what others left."""
-    place = MEMORY if size <= SMALL and os.access(MEMORY, os.W_OK) else Path(tempfile.gettempdir())
-    return tempfile.TemporaryDirectory(dir=_own(place), ignore_cleanup_errors=True)
+class Folder:
+    """A new folder for about `size` bytes: it goes with this object, with this process, or when the next process looks
+    for what others left."""
+
+    def __init__(self, size: int) -> None:
+        place = MEMORY if size <= SMALL and os.access(MEMORY, os.W_OK) else Path(tempfile.gettempdir())
+        self.path = Path(tempfile.mkdtemp(dir=_own(place)))
+        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
 def _own(place: Path) -> Path:
@@ -37,11 +41,11 @@ def _own(place: Path) -> Path:
     known = _homes.get(place)
     if known is not None and known[0] == os.getpid() and known[1].is_dir():
         return known[1]
-    _remove_abandoned(place)
+    remove_abandoned()
     while True:
         path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=place))
         lock = _lock(path)
-        if path.is_dir():  # somebody else's `_remove_abandoned` may come in between
+        if path.is_dir():  # somebody else's `remove_abandoned` may come in between
             break
     _homes[place] = (os.getpid(), path, lock)
     atexit.register(shutil.rmtree, path, ignore_errors=True)
@@ -61,9 +65,9 @@ def _lock(path: Path) -> int:
     return descriptor
 
 
-def _remove_abandoned(place: Path) -> None:
-    """Folders that nobody holds a lock on: their process was killed."""
-    for left in place.glob(f"{_PREFIX}*"):
+def remove_abandoned() -> None:
+    """Delete folders that nobody holds a lock on: their process was killed."""
+    for left in (p for place in (MEMORY, Path(tempfile.gettempdir())) for p in place.glob(f"{_PREFIX}*")):
         with contextlib.suppress(OSError):
             descriptor = _lock(left)
             if descriptor >= 0:

@@ -21,7 +21,6 @@ import dataclasses
 import math
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +33,7 @@ from cpbench.errors import CpbenchError, FormatError, Unavailable
 from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec
-from cpbench.solvers.external.folder import folder
+from cpbench.solvers.external.folder import Folder
 from cpbench.solvers.external.session import ProgramError, Session
 
 PROTOCOL = 1
@@ -52,7 +51,7 @@ class HandedOver:
 
     problem: Problem
     exchange: Exchange
-    place: tempfile.TemporaryDirectory[str]
+    place: Folder
 
     @classmethod
     def make(cls, problem: Problem, exchange: Exchange, form: str) -> HandedOver:
@@ -65,12 +64,12 @@ class HandedOver:
             math.prod(M.shape) if form == "dense" or isinstance(M, np.ndarray) else 2 * M.nnz
             for M in written.data().values()
         ]
-        handed = cls(problem, exchange, folder(8 * sum(numbers)))
+        handed = cls(problem, exchange, Folder(8 * sum(numbers)))
         exchange.write_problem(written, handed.path("problem"), form == "dense")
         return handed
 
     def path(self, name: str) -> Path:
-        return Path(self.place.name, name + self.exchange.suffix)
+        return self.place.path / (name + self.exchange.suffix)
 
     def start(self, point: Any | None) -> str | None:
         """Where the starting point stands, None for none."""
