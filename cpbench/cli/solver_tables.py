@@ -15,6 +15,8 @@ from cpbench.solvers.options import domains, written
 
 HEAD = ("solver", "node", "method", "version", "licence")
 WIDTH = 110
+LICENCE = 24
+"""Characters of a licence that a table shows; the sheet of the solver has all."""
 GLANCED = "installed; --check imports it, to see whether it runs"
 
 
@@ -30,7 +32,8 @@ def columns(rows: Iterable[Sequence[str]], last: int = 0) -> Iterator[str]:
 
 def cells(spec: SolverSpec, seen: Checkup) -> tuple[str, ...]:
     """Name, node, kind of method, version and licence; * marks figures whose publishing is restricted."""
-    return spec.name, spec.node, spec.method, seen.version or "-", spec.licence + ("*" if spec.publishing else "")
+    licence = spec.licence if len(spec.licence) <= LICENCE else f"{spec.licence[: LICENCE - 1]}…"
+    return spec.name, spec.node, spec.method, seen.version or "-", licence + ("*" if spec.publishing else "")
 
 
 def family(spec: SolverSpec) -> str:

@@ -21,9 +21,10 @@ def draw(form: str, kinds: frozenset[Kind]) -> str:
     return {"text": _text, "mermaid": _mermaid, "dot": _dot}[form](shown)
 
 
-def solvers_of(node: str) -> list[str]:
-    """Names of the registered solvers of a node; one that drops a term of the law is marked."""
-    specs = [solver.spec for solver in solvers if solver.spec.node == node]
+def solvers_of(node: str, *, usual: bool = False) -> list[str]:
+    """Names of the registered solvers of a node, with `usual` of those that run by default; one that drops a term of
+    the law is marked."""
+    specs = [solver.spec for solver in solvers if solver.spec.node == node and (solver.spec.by_default or not usual)]
     return [spec.name if spec.kind.exact else f"{spec.name} ({spec.kind})" for spec in specs]
 
 
@@ -75,9 +76,11 @@ def _by_target(shown: Iterable[Conversion], source: str) -> list[Conversion]:
 
 
 def _box(node: str) -> list[str]:
-    """Lines of a node's box: its name, then its solvers."""
-    names = solvers_of(node)
-    return [node, *(", ".join(names[k : k + WRAP]) for k in range(0, len(names), WRAP))]
+    """Lines of a node's box: its name, then its solvers; those that run only when they are named are counted."""
+    names = solvers_of(node, usual=True)
+    more = len(solvers_of(node)) - len(names)
+    lines = [node, *(", ".join(names[k : k + WRAP]) for k in range(0, len(names), WRAP))]
+    return [*lines, f"and {more} more"] if more else lines
 
 
 def _words(edge: Conversion) -> list[str]:
