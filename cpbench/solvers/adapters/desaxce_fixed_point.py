@@ -1,0 +1,153 @@
+"""Frictional contact as a fixed point of convex programs: De Saxcé's term frozen, a cone program solved, and again.
+
+With s_c = μ_c‖u_Tc‖ (rolling: + μ_rc‖ω_c‖) given, the law K*_μ ∋ Wr + q + s e_N ⟂ r ∈ K_μ is, for a symmetric PSD W,
+the optimality condition of  min ½rᵀWr + (q + s e_N)ᵀr over Π K_μ.  Its solution has velocities u = Wr + q and gives
+the next s; a fixed point obeys the law. s = 0, the start unless one is given, is the convex relaxation.
+
+The map from s to the next need not contract. After `PATIENCE` iterations that do not lower the error, measured on the
+law as the formulation measures it, s goes half as far towards the next one, and so on down to `SHORTEST`. The best
+iterate is kept.
+
+The program is scaled by the contacts' own masses: r = f·D x with D = √ρ_c in every row of a contact (rows of moments
+times their length ℓ_c) makes the diagonal blocks of DWD about 1, and f = max|Dq|, so that tolerances mean the same in
+grams and in tonnes.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.cones import Law, RollingCoulomb
+from cpbench.formulations.contact import FCPoint, LocalContact
+from cpbench.matrices import Vector
+from cpbench.product_cones import Cone, ProductCone
+from cpbench.solvers.adapters.conic_models import ConicModel
+from cpbench.solvers.adapters.lorentz_rows import lorentz_rows
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.solvers.native.progress import Progress
+
+ASYMMETRY, INDEFINITE = 1e-8, 1e-7
+"""max|W − Wᵀ|/max|W| and −λ_min/max|W| up to which a Delassus matrix counts as symmetric and as PSD."""
+PATIENCE, LOWER, SHORTEST = 3, 0.95, 1 / 16
+"""Iterations that may fail to bring the error below `LOWER` times its least before s goes half as far."""
+STALL = 60
+
+
+@dataclass(frozen=True)
+class DeSaxceOptions:
+    """`max_iterations` : convex programs."""
+
+    max_iterations: int = 1000
+
+
+@dataclass(frozen=True)
+class ScaledContact:
+    """The problem in x, r = size·x: P = DWD, q over f, its law in units of `lengths`, the cones of x."""
+
+    problem: LocalContact
+    law: Law
+    P: Any
+    q: Vector
+    A: Any
+    b: Vector
+    cones: list[tuple[str, int]]
+    size: Vector
+
+    def shift(self, x: Vector) -> Vector:
+        """s of the velocities Px + q; shape (nc,)."""
+        U = (self.P @ x + self.q).reshape(self.problem.nc, -1)
+        return self.law.shift(U)[:, 0] - U[:, 0]
+
+
+class DeSaxceFixedPoint(Solver):
+    """The fixed point on De Saxcé's term around one conic solver."""
+
+    @abstractmethod
+    def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
+        """The conic solver's model of the program with s = 0."""
+
+    def obstacle(self, problem: LocalContact) -> str | None:
+        asymmetry = matrices.asymmetry(problem.W)
+        if asymmetry > ASYMMETRY:
+            return (
+                f"needs W symmetric, max|W − Wᵀ|/max|W| = {asymmetry:.1e} > {ASYMMETRY:.0e}: its steps are "
+                "minimisations; use nsgs or nsgs-rolling"
+            )
+        if not matrices.is_psd(problem.W, INDEFINITE):
+            return f"needs W positive semidefinite: its least eigenvalue is below -{INDEFINITE:.0e} max|W|"
+        return None
+
+    def setup(self, problem: LocalContact, budget: Budget, options: Any) -> ScaledContact:
+        D = (np.sqrt(problem.rho)[:, None] * problem.lengths).ravel()
+        scale = sp.diags_array(D)
+        P = sp.csc_array(scale @ sp.csr_array(problem.W) @ scale)
+        q = D * problem.q
+        f = matrices.max_abs(q) or 1.0
+        law = problem.law.in_units(problem.lengths)
+        kind, mu_r = (Cone.ROLLING, law.mu_r) if isinstance(law, RollingCoulomb) else (Cone.SECOND_ORDER, 0.0)
+        cones, T, _, b = lorentz_rows(ProductCone.of((kind, problem.nc, problem.dimension, problem.mu, mu_r)))
+        return ScaledContact(problem, law, (P + P.T) * 0.5, q / f, sp.csc_array(-T), b, cones, f * D)
+
+    def solve(
+        self,
+        prepared: ScaledContact,
+        budget: Budget,
+        options: DeSaxceOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, d = prepared.problem, prepared.problem.dimension
+        r = np.zeros(problem.q.size) if start is None else np.array(start.r)
+        counters = {"iterations": 0, "inner_iterations": 0}
+        best, least = FCPoint(r), problem.residuals(FCPoint(r), budget.tolerance).error
+        if record is not None:
+            record(0, least, lambda: best)
+        if least <= budget.tolerance:
+            return SolverOutput(claim=Claim.SOLVED, point=best, counters=counters)
+        limit = options.max_iterations if budget.iterations is None else budget.iterations
+        deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
+        model = self.model(prepared, Budget(tolerance=budget.tolerance, seconds=budget.seconds))
+        s = np.zeros(problem.nc) if start is None else prepared.shift(r / prepared.size)
+        length, wasted = 1.0, 0
+        claim, message = Claim.MAX_ITER, f"{limit} convex programs"
+        while counters["iterations"] < limit:
+            shifted = prepared.q.copy()
+            shifted[::d] += s
+            end = model.solve(shifted)
+            counters["iterations"] += 1
+            counters["inner_iterations"] += end.iterations
+            done = counters["iterations"]
+            if not end.usable:
+                claim, message = Claim.FAILED, f"convex program {done}: {end.status}"
+                break
+            point = FCPoint(prepared.size * end.x)
+            error = problem.residuals(point, budget.tolerance).error
+            if record is not None:
+                record(done, error, partial(_same, point))
+            wasted = 0 if error <= LOWER * least else wasted + 1
+            if error < least:
+                best, least = point, error
+            if error <= budget.tolerance:
+                return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters, message=end.status)
+            why = progress.trouble(done, error)
+            if why is None and time.monotonic() > deadline:
+                why = f"out of time after {done} convex programs"
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+            if wasted >= PATIENCE:
+                length, wasted = max(0.5 * length, SHORTEST), 0
+            s = s + length * (prepared.shift(end.x) - s)
+        return SolverOutput(claim=claim, point=best, counters=counters, message=f"{message}, error {least:.1e}")
+
+
+def _same(point: FCPoint) -> FCPoint:
+    return point
