@@ -64,7 +64,7 @@ def glance(solver: Solver) -> Checkup:
     if spec.requires:
         return Checkup(spec.name, "installed", version=package_version(spec.requires[-1]))
     if type(solver).availability is not Solver.availability:
-        return Checkup(spec.name, "untried", "cpbench doctor asks the program that it runs in")
+        return Checkup(spec.name, "untried")
     return Checkup(spec.name, "ok", version=solver.version())
 
 

@@ -100,8 +100,9 @@ def _solvers(
     yield from solver_tables.columns([(*solver_tables.HEAD, "here"), *rows])
     if any(solver.spec.publishing for solver in shown):
         yield "* figures must not be published without permission: cpbench list solvers NAME"
-    if any(seen[solver.spec.name].state == "installed" for solver in shown):
-        yield "installed: its packages are there and were not imported; --check imports them, as cpbench doctor does"
+    for state, meaning in solver_tables.GLANCED.items():
+        if any(seen[solver.spec.name].state == state for solver in shown):
+            yield f"{state}: {meaning}"
     if available and len(shown) < len(chosen):
         yield f"{len(chosen) - len(shown)} more cannot run here: cpbench doctor says why"
     rest = [solver.spec for solver in of_node if solver not in chosen]

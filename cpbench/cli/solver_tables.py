@@ -17,7 +17,11 @@ HEAD = ("solver", "node", "method", "version", "licence")
 WIDTH = 110
 LICENCE = 24
 """Characters of a licence that a table shows; the sheet of the solver has all."""
-GLANCED = "installed; --check imports it, to see whether it runs"
+GLANCED = {
+    "installed": "its packages are there and were not imported; --check imports them, as cpbench doctor does",
+    "untried": "it runs in another program, which was not asked; --check asks, as cpbench doctor does",
+}
+"""What a state means that was told at a glance."""
 
 
 def columns(rows: Iterable[Sequence[str]], last: int = 0) -> Iterator[str]:
@@ -74,7 +78,7 @@ def sheet(solver: Solver, seen: Checkup) -> Iterator[str]:
         "source": spec.citation,
         "licence": spec.licence,
         "publishing": spec.publishing,
-        "availability": _indented(seen.detail.strip(), GLANCED if seen.state == "installed" else seen.state),
+        "availability": _indented(seen.detail.strip() or GLANCED.get(seen.state, ""), seen.state),
         "in a run": "by default" if spec.by_default else f"when named: --solver {spec.name}, or --solver all",
     }
     for title, value in facts.items():
