@@ -173,6 +173,17 @@ def test_we_read_the_matrix_market_of_others(tmp_path: Path, rng: np.random.Gene
     assert again.fingerprint == LCP(M=M, q=q).fingerprint
 
 
+def test_a_folder_of_matrix_market_is_a_problem_file(tmp_path: Path) -> None:
+    problem = CASES["mlcp-sparse-7-4"]
+    exchanges.get("mtx").write_problem(problem, tmp_path / "p")
+    exchanges.get("npy-dir").write_problem(problem, tmp_path / "q")  # has a problem.json too, and is no format
+    assert storage.problem_files([tmp_path]) == [str(tmp_path / "p" / "problem.json")]
+    assert storage.load(tmp_path / "p" / "problem.json").fingerprint == problem.fingerprint
+    assert {file.name for file in storage.files(tmp_path / "p" / "problem.json")} == {
+        "problem.json", *(f"{name}.mtx" for name in problem.data())
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [
