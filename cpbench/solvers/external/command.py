@@ -22,7 +22,7 @@ from typing import Any
 from cpbench.errors import CpbenchError, Ended, Unavailable
 from cpbench.exchange import exchanges
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec
-from cpbench.solvers.external.served import ANSWERED, HandedOver, backstop, executable, output
+from cpbench.solvers.external.served import ANSWERED, HandedOver, backstop, missing, output
 from cpbench.solvers.external.session import ProgramError, kill_tree, wait
 
 PLACEHOLDERS = {
@@ -115,10 +115,8 @@ class CommandSolver(Solver):
         return ""
 
     def availability(self) -> Availability:
-        first = self.command[0]
-        if executable(first, self.cwd, self.env.get("PATH")) is None:
-            return Availability("missing", self.spec.install or f"{first}: no such executable; build or install it")
-        return Availability("ok")
+        lacking = missing(self.command[0], self)
+        return Availability("missing", lacking) if lacking else Availability("ok")
 
     def _run(self, command: list[str], seconds: float) -> int:
         """The exit code; what it prints goes where our stderr goes."""

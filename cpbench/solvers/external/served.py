@@ -185,7 +185,8 @@ class ServedSolver(Solver):
         return _greet(self).version if self.availability().ok else ""
 
     def availability(self) -> Availability:
-        return _greet(self).availability
+        lacking = missing(self.command[0], self)
+        return Availability("missing", lacking) if lacking else _greet(self).availability
 
     def close(self) -> None:
         """End the program; the next problem starts another one. Harmless when done before."""
@@ -254,11 +255,13 @@ _spare: tuple[Key, Session] | None = None
 """The program that was asked last whether it is available: whoever runs it next need not start it again."""
 
 
-def executable(command: str, cwd: str | None, path: str | None = None) -> str | None:
-    """Where the executable is, None where there is none; a path is one from `cwd` on."""
+def missing(command: str, solver: Any) -> str:
+    """What to do where there is no such executable, "" where there is; a path is one from the solver's `cwd` on."""
     if os.path.dirname(command):
-        return shutil.which(os.path.join(cwd or "", command))
-    return shutil.which(command, path=path)
+        found = shutil.which(os.path.join(solver.cwd or "", command))
+    else:
+        found = shutil.which(command, path=solver.env.get("PATH"))
+    return "" if found else solver.spec.install or f"{command}: no such executable; build or install it"
 
 
 def _greet(solver: ServedSolver) -> _Greeting:
@@ -291,11 +294,11 @@ def _take_spare(key: Key) -> Session | None:
 
 def _started(solver: ServedSolver) -> tuple[Session, str]:
     """The program, greeted, and its version; raises Unavailable with what it said on its way out."""
-    first = solver.command[0]
     if os.name != "posix":
         raise Unavailable("broken", "programs are served through pipes of POSIX, which this system has not")
-    if executable(first, solver.cwd, solver.env.get("PATH")) is None:
-        raise Unavailable("missing", solver.spec.install or f"{first}: no such executable; build or install it")
+    lacking = missing(solver.command[0], solver)
+    if lacking:
+        raise Unavailable("missing", lacking)
     session = Session(solver.spec.name, solver.command, solver.env, solver.cwd)
     try:
         reply = session.ask("hello", HELLO, protocol=PROTOCOL)
