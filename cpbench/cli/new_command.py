@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import keyword
 import os
-import shutil
 import tempfile
 from collections.abc import Mapping
 from importlib.resources import files
@@ -115,6 +114,6 @@ def _next(lang: str, folder: Path, texts: Mapping[str, str]) -> list[str]:
     check = f"cpbench check {folder / plugin}"
     if lang == "cpp":
         return [f"make -C {folder}", check]
-    if lang == "julia" and shutil.which("julia") is None:
-        return ["install Julia (https://julialang.org/downloads)", check]
+    if lang == "julia":
+        return [f"install Julia and the packages, as the first line of {folder / plugin} says", check]
     return [check]
