@@ -42,4 +42,8 @@ class MilesLCP(Miles):
 class MilesMLCP(Miles):
     """For the MLCP, its equations as they are."""
 
-    spec: ClassVar[SolverSpec] = _spec("gams-miles-mlcp", "mlcp")
+    spec: ClassVar[SolverSpec] = _spec(
+        "gams-miles-mlcp",
+        "mlcp",
+        known_failures={"planted-singular": "A of rank 11 of 12: gives up after one pivot at error 1.2, and says so"},
+    )

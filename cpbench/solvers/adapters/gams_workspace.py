@@ -1,0 +1,138 @@
+"""GAMS at work beside a worker: its process, the one model in it, and what its failures mean.
+
+The model is F(i) .. Σⱼ K(i,j) x(j) + c(i) =N= 0, matched to x(i), whose bounds say the rest: free for the equations
+of an MLCP, x ≥ 0 where 0 ≤ x ⟂ F ≥ 0.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import os
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.errors import Ended, Unavailable
+from cpbench.solvers.adapters import gams_licence
+from cpbench.solvers.adapters.scaled_mcp import ScaledMCP
+from cpbench.solvers.base import Budget
+
+
+class Workspace:
+    """A process of GAMS with the model, and the problem whose numbers it has."""
+
+    def __init__(self) -> None:
+        import gamspy as gp
+
+        logging.getLogger("MODEL").setLevel(logging.ERROR)  # it prints every end that is not a solution
+        with _own_interrupt():
+            self.container = gp.Container()
+        i = self.i = gp.Set(self.container, "i")
+        j = gp.Alias(self.container, "j", i)
+        self.K = gp.Parameter(self.container, "K", domain=[i, j])
+        self.k = gp.Parameter(self.container, "c", domain=i)
+        self.x = gp.Variable(self.container, "x", domain=i)
+        F = gp.Equation(self.container, "F", type="nonbinding", domain=i)
+        F[i] = gp.Sum(j, self.K[i, j] * self.x[j]) + self.k[i] == gp.Number(0)
+        self.model = gp.Model(self.container, "complementarity", problem="MCP", matches={F: self.x})
+        self._loaded: ScaledMCP | None = None
+
+    def load(self, mcp: ScaledMCP) -> None:
+        """Give GAMS the numbers of a problem, unless it has them."""
+        import pandas as pd
+
+        if self._loaded is mcp:
+            return
+        self._loaded = None
+        labels = [str(row) for row in range(mcp.k.size)]
+        kind = pd.CategoricalDtype(labels, ordered=True)
+        entries = sp.coo_array(mcp.K)
+        rows, columns = (pd.Categorical.from_codes(codes, dtype=kind) for codes in entries.coords)
+        self.i.setRecords(labels)
+        self.K.setRecords(pd.DataFrame({"i": rows, "j": columns, "value": entries.data}))
+        self.k.setRecords(np.array(mcp.k))
+        self._loaded = mcp
+
+    def solve(self, guest: str, settings: Mapping[str, Any], budget: Budget) -> None:
+        """Run a solver on what is loaded, from x = 0: the answer before is still there, and would be the start."""
+        import gamspy as gp
+
+        assert self._loaded is not None
+        n, free = self._loaded.k.size, self._loaded.free
+        lower = np.where(np.arange(n) < free, -np.inf, 0.0)
+        self.x.setRecords({"level": np.zeros(n), "lower": lower, "upper": np.full(n, np.inf)})
+        limits: dict[str, Any] = {"threads": 1}
+        if math.isfinite(budget.seconds):
+            limits["time_limit"] = budget.seconds
+        if budget.iterations is not None:
+            limits["iteration_limit"] = budget.iterations
+        # no `output`: gamspy stops reading where an inner job ends (NLPEC has one), and the pipe fills until it blocks
+        self.model.solve(solver=guest, options=gp.Options(**limits), solver_options=dict(settings))
+
+    def ended(self) -> int | None:
+        """Exit code of the process of GAMS, None while it runs."""
+        return self.container._execution_engine._process.poll()
+
+
+_workspaces: dict[int, Workspace] = {}
+"""By process: one that is forked cannot share that of its parent."""
+
+
+def workspace() -> Workspace:
+    """The workspace of this process."""
+    if os.getpid() not in _workspaces:
+        _workspaces[os.getpid()] = Workspace()
+    return _workspaces[os.getpid()]
+
+
+@contextlib.contextmanager
+def _own_interrupt() -> Iterator[None]:
+    """gamspy takes SIGINT for itself; it stays ours."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+
+
+@contextlib.contextmanager
+def explained(who: str) -> Iterator[None]:
+    """What gamspy raises, as what it is: a refused licence, a dead process, or its own summary of errors."""
+    try:
+        yield
+    except Unavailable:
+        raise
+    except Exception as error:
+        lost = _workspaces.pop(os.getpid(), None)  # nobody knows what is left of it
+        code = lost.ended() if lost else None
+        refused, said = _refusal()
+        if refused == gams_licence.LICENSING:
+            raise Unavailable("licence", f"{said}; {gams_licence.ADVICE}") from None
+        if getattr(error, "return_code", None) == gams_licence.LICENSING:
+            raise Unavailable("licence", f"{_summary(error)}; {gams_licence.ADVICE}") from None
+        if code is not None and code != 0:
+            raise Ended(who, code) from None
+        raise RuntimeError(f"{type(error).__name__}: {_summary(error)}") from error
+
+
+def _refusal() -> tuple[int, str]:
+    """What GAMS says of its licence; nothing where it cannot even be asked."""
+    try:
+        return gams_licence.refusal()
+    except Exception:
+        return 0, ""
+
+
+def _summary(error: Exception) -> str:
+    """The lines that GAMS marks with stars, else the first line."""
+    lines = str(error).splitlines() or [""]
+    return "; ".join(line.strip("* ") for line in lines if line.startswith("****")) or lines[0]

@@ -1,0 +1,163 @@
+"""What solvers of other packages say that is not so, as the real runner shows it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cpbench import storage
+from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan
+from cpbench.formulations import LCP, QP
+from cpbench.solvers import solvers
+
+LIMITS = plan.Limits(seconds=20.0, repeats=1)
+UNSOLVABLE = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1.0, -1, 1])
+"""Pang's problem with δ = 1: w₁ = −z₂ − z₃ − 1 < 0 for every z ≥ 0."""
+
+
+@pytest.fixture(scope="module")
+def lane() -> Iterator[Lane]:
+    with Lane() as lane:
+        yield lane
+
+
+def row_of(lane: Lane, problem: Any, solver: str, folder: Path) -> dict[str, Any]:
+    available = solvers.get(solver).availability()
+    if not available.ok:
+        pytest.skip(f"{solver} is {available.state}: {available.detail}")
+    address = folder / f"{solver}.h5"
+    storage.save(problem, address)
+    asked = [plan.exact()]
+    (pair,) = plan.pairs([lane.survey(str(address), asked)], [plan.Entry(solver)], asked, 1e-6, LIMITS)
+    return dict(lane.run(pair, lane.prepare(pair)).row)
+
+
+def test_success_of_moby_where_there_is_no_solution(lane: Lane, tmp_path: Path) -> None:
+    """Drake's Moby says kSolutionFound; the natural residual of what it found is 1."""
+    row = row_of(lane, UNSOLVABLE, "drake-moby", tmp_path)
+    assert (row["status"], row["claim"], row["message"]) == ("wrong", "solved", "kSolutionFound")
+    assert row["error"] == pytest.approx(1.0)
+
+
+def test_the_other_lemkes_do_not_claim_it(lane: Lane, tmp_path: Path) -> None:
+    for solver in ("drake-lemke", "quantecon-lemke"):
+        assert row_of(lane, UNSOLVABLE, solver, tmp_path)["status"] == "failed"
+
+
+def test_success_of_casadi_on_what_is_not_a_number(lane: Lane, tmp_path: Path) -> None:
+    """w = −z − 1 < 0: Newton's Jacobian is singular, its iterates are NaN, its status is success."""
+    row = row_of(lane, LCP(M=-np.eye(2), q=-np.ones(2)), "casadi-fischer-burmeister", tmp_path)
+    assert (row["claim"], row["message"]) == ("solved", "newton: success")
+    assert row["status"] == "wrong"
+
+
+def test_a_convex_program_that_highs_calls_unbounded(lane: Lane, tmp_path: Path) -> None:
+    """min ½zᵀMz + qᵀz, z ≥ 0, for an LCP with a planted solution, M of rank 20 of 60: its minimum is there."""
+    rng = np.random.default_rng(3)
+    F = rng.normal(size=(60, 20))
+    M = F @ F.T
+    z = np.where(rng.random(60) < 0.5, rng.random(60), 0.0)
+    w = np.where(z > 0, 0.0, rng.random(60))
+    program = QP.build(Q=M, p=w - M @ z, lb=np.zeros(60))
+    row = row_of(lane, program, "highs", tmp_path)
+    assert (row["status"], row["claim"]) == ("failed", "unbounded")
+    assert "Unbounded" in row["message"]
+    assert row_of(lane, program, "clarabel", tmp_path)["status"] == "solved"
+
+
+def test_gams_beside_a_worker_is_no_child_of_a_solve(lane: Lane, tmp_path: Path) -> None:
+    """Its process and the threads of gamspy are there since the warm-up."""
+    if solvers.get("gams-path").availability().state == "licence":
+        pytest.skip("does not apply: the licence of GAMS ran out")
+    row = row_of(lane, LCP(M=np.eye(3), q=-np.ones(3)), "gams-path", tmp_path)
+    assert (row["status"], row["flags"]) == ("solved", "")
+    assert row["reported"] > 0.0
+
+
+CLOCK = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <sys/time.h>
+#include <time.h>
+
+#define YEAR (400L * 24 * 3600)
+
+int clock_gettime(clockid_t clock, struct timespec *t) {
+    int (*real)(clockid_t, struct timespec *) = dlsym(RTLD_NEXT, "clock_gettime");
+    int failed = real(clock, t);
+    if (!failed && (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE)) t->tv_sec += YEAR;
+    return failed;
+}
+
+int gettimeofday(struct timeval *restrict t, void *restrict zone) {
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    t->tv_sec = now.tv_sec;
+    t->tv_usec = now.tv_nsec / 1000;
+    return 0;
+}
+
+time_t time(time_t *t) {
+    struct timespec now;
+    clock_gettime(CLOCK_REALTIME, &now);
+    if (t) *t = now.tv_sec;
+    return now.tv_sec;
+}
+"""
+"""Preloaded into a process and its children: the day is 400 days later."""
+
+LATER = """
+import sys
+import numpy as np
+from cpbench import storage
+from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan
+from cpbench.errors import Unavailable
+from cpbench.formulations import LCP
+from cpbench.solvers import solvers
+
+problem = LCP(M=np.eye(2), q=-np.ones(2))
+storage.save(problem, sys.argv[1])
+with Lane() as lane:
+    asked = [plan.exact()]
+    survey = lane.survey(sys.argv[1], asked)
+    (pair,) = plan.pairs([survey], [plan.Entry("gams-path")], asked, 1e-6, plan.Limits(seconds=20.0, repeats=1))
+    row = lane.run(pair, lane.prepare(pair)).row
+print("row:", row["status"], row["message"])
+try:
+    solvers.get("gams-path").hand_over(problem)
+except Unavailable as refused:
+    print("solve:", refused)
+"""
+
+
+def test_a_licence_that_ran_out(tmp_path: Path) -> None:
+    """GAMS' own word on its demo licence (five months) 400 days from now: before the solve, and in the midst of it."""
+    found = solvers.get("gams-path").availability()
+    if found.state not in ("ok", "licence"):
+        pytest.skip(f"gams-path is {found.state}: {found.detail}")
+    compiler = shutil.which("gcc")
+    if compiler is None or sys.platform != "linux":
+        pytest.skip("does not apply: the clock is set forward by a preloaded library, which takes Linux and gcc")
+    (tmp_path / "clock.c").write_text(CLOCK)
+    library = tmp_path / "clock.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, tmp_path / "clock.c", "-ldl"], check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", LATER, str(tmp_path / "problem.h5")],
+        env={**os.environ, "LD_PRELOAD": str(library)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    said = dict(line.split(": ", 1) for line in told.stdout.splitlines() if line.startswith(("row: ", "solve: ")))
+    assert said["row"].startswith("unavailable licence: Time-limited license expired"), told.stdout + told.stderr
+    assert said["solve"].startswith("licence: Time-limited license expired")
