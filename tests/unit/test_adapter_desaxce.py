@@ -1,0 +1,115 @@
+"""De Saxcé's fixed point around Clarabel and SCS, and SCS on cone programs: planted problems, judged by residuals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.product_cones import Cone, ProductCone
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.adapters.desaxce_fixed_point import DeSaxceOptions
+from cpbench.verification import judge
+
+
+@pytest.fixture(params=["clarabel-desaxce", "scs-desaxce"])
+def desaxce(request: pytest.FixtureRequest) -> Any:
+    return solvers.get(request.param)
+
+
+def sliding(nc: int, d: int, seed: int, *, skew: float = 0.0, rank: int | None = None) -> FrictionContact:
+    """Contacts that slide, stick and leave in turn; q = u − Wr, and a part of W that is skew."""
+    rng = np.random.default_rng(seed)
+    n = nc * d
+    F, S = rng.normal(size=(n, rank or n)), rng.normal(size=(n, n))
+    W = F @ F.T / n
+    W += skew * np.abs(W).max() * (S - S.T) / np.abs(S - S.T).max()
+    mu = rng.uniform(0.2, 0.9, nc)
+    r, u = np.zeros((nc, d)), np.zeros((nc, d))
+    for c in range(nc):
+        t = rng.normal(size=d - 1)
+        t /= np.linalg.norm(t)
+        if c % 3 == 2:
+            u[c] = 1.0, *t
+        else:
+            r[c] = 1.0, *(mu[c] * t * (1.0 if c % 3 == 0 else 0.5))
+            u[c, 1:] = -t if c % 3 == 0 else 0.0
+    problem = FrictionContact(W=W, q=u.ravel() - W @ r.ravel(), mu=mu, dimension=d)
+    assert judge(problem, FCPoint(r.ravel()), 1e-12).solved
+    return problem
+
+
+PROBLEMS = {
+    "3d": sliding(6, 3, 1),
+    "2d": sliding(9, 2, 2),
+    "rank-deficient": sliding(12, 3, 3, rank=24),
+    "a-little-skew": sliding(6, 3, 4, skew=4e-4),
+}
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-7])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_sliding_contacts_obey_the_law(desaxce: Any, name: str, tolerance: float) -> None:
+    output = desaxce.run(PROBLEMS[name], Budget(tolerance=tolerance))
+    assert output.claim is Claim.SOLVED
+    assert judge(PROBLEMS[name], output.point, tolerance).solved
+    assert output.counters["inner_iterations"] > output.counters["iterations"] > 1
+
+
+def test_the_first_step_is_the_convex_relaxation(desaxce: Any) -> None:
+    """One contact, W = I: the projection of −q on K_μ, which lifts off with u_N = μ‖u_T‖."""
+    problem = FrictionContact(W=np.eye(3), q=np.array([-1.0, 2.0, 0.0]), mu=np.array([0.5]))
+    output = desaxce.run(problem, Budget(tolerance=1e-8, iterations=1))
+    assert output.claim is Claim.MAX_ITER
+    r = output.point.r
+    u = r + problem.q
+    assert abs(u[0] - 0.5 * np.hypot(u[1], u[2])) < 1e-6
+
+
+def test_a_sparse_w_gives_the_same_answer(desaxce: Any) -> None:
+    dense = PROBLEMS["3d"]
+    sparse = FrictionContact(W=sp.csr_array(dense.W), q=dense.q, mu=dense.mu)
+    assert judge(sparse, desaxce.run(sparse).point, 1e-6).solved
+
+
+def test_a_load_without_support_has_no_fixed_point(desaxce: Any) -> None:
+    problem = FrictionContact(W=np.zeros((3, 3)), q=np.array([-1.0, 0.0, 0.0]), mu=np.array([0.5]))
+    output = desaxce.run(problem)
+    assert output.claim is Claim.FAILED
+    assert output.message.startswith("convex program 1: ")
+
+
+def test_solving_twice_gives_the_same_answer(desaxce: Any) -> None:
+    prepared = desaxce.setup(PROBLEMS["3d"], Budget(), DeSaxceOptions())
+    first, second = (desaxce.solve(prepared, Budget(), DeSaxceOptions()).point.r for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+def test_refusals(desaxce: Any) -> None:
+    W = np.eye(3)
+    W[0, 1] = 0.25
+    skew = FrictionContact(W=W, q=np.ones(3), mu=np.array([0.5]))
+    assert "max|W − Wᵀ|/max|W| = 2.5e-01" in str(desaxce.obstacle(skew))
+    indefinite = FrictionContact(W=np.diag([1.0, 1.0, -1.0]), q=np.ones(3), mu=np.array([0.5]))
+    assert "semidefinite" in str(desaxce.obstacle(indefinite))
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_scs_and_clarabel_agree_on_a_cone_program(tolerance: float) -> None:
+    """Q positive definite: the solution is unique."""
+    rng = np.random.default_rng(7)
+    F = rng.normal(size=(11, 11))
+    K = ProductCone.of((Cone.SECOND_ORDER, 2, 3, 0.5), (Cone.ROLLING, 1, 5, 0.4, 0.2))
+    problem = ConeQP.over(F @ F.T / 11 + 0.1 * np.eye(11), rng.normal(size=11), K)
+    answers = []
+    for name in ("scs-cone", "clarabel-cone"):
+        output = solvers.get(name).run(problem, Budget(tolerance=tolerance))
+        assert output.claim is Claim.SOLVED
+        assert judge(problem, output.point, tolerance).solved
+        answers.append(output.point.x)
+    assert np.abs(answers[0] - answers[1]).max() < 100 * tolerance
