@@ -11,6 +11,10 @@ from collections.abc import Iterable
 from pathlib import Path
 
 
+LISTED = 30
+"""Known names that a message shows where none is near the unknown one."""
+
+
 class CpbenchError(Exception):
     """Something the user can mend: bad input, an unknown name, a missing route."""
 
@@ -53,7 +57,8 @@ class UnknownName(CpbenchError):
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         known = sorted(known)
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(known)}"
+        more = f", and {len(known) - LISTED} more" if len(known) > LISTED else ""
+        hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(known[:LISTED])}{more}"
         super().__init__(f"unknown {kind} '{name}': {hint}")
 
 

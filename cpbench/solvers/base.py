@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import importlib.util
 import math
+import sys
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -200,7 +201,7 @@ def probe(requires: tuple[str, ...], install: str) -> Availability:
 
 
 def package_version(import_name: str) -> str:
-    """Version of the distribution that provides `import_name`, '' when there is none."""
+    """Version of the distribution that provides `import_name`, else what the module says once it is imported, else ''."""
     from importlib.metadata import PackageNotFoundError, version
 
     for distribution in _distributions().get(import_name, [import_name]):
@@ -208,7 +209,7 @@ def package_version(import_name: str) -> str:
             return version(distribution)
         except PackageNotFoundError:
             continue
-    return ""
+    return str(getattr(sys.modules.get(import_name), "__version__", ""))
 
 
 @cache
