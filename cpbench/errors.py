@@ -10,7 +10,6 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
-
 LISTED = 30
 """Known names that a message shows where none is near the unknown one."""
 

@@ -201,7 +201,7 @@ def probe(requires: tuple[str, ...], install: str) -> Availability:
 
 
 def package_version(import_name: str) -> str:
-    """Version of the distribution that provides `import_name`, else what the module says once it is imported, else ''."""
+    """Version of the distribution that provides `import_name`, else what the imported module says, else ''."""
     from importlib.metadata import PackageNotFoundError, version
 
     for distribution in _distributions().get(import_name, [import_name]):
