@@ -14,12 +14,13 @@ from cpbench.solvers import solvers
 from cpbench.solvers.adapters.qp_tolerances import TABLE
 from cpbench.solvers.base import probe
 
-ADAPTERS = sorted([*TABLE, "cvxpy-relaxation"])
+ADAPTERS = sorted([*TABLE, "cvxpy-qp", "cvxpy-relaxation"])
 LICENCES = {
     "casadi-qpoases": "LGPL-2.1-or-later",
     "clarabel": "Apache-2.0",
     "copt": "proprietary",
     "cvxopt": "GPL-3.0-or-later",
+    "cvxpy-qp": "Apache-2.0",
     "cvxpy-relaxation": "Apache-2.0",
     "daqp": "MIT",
     "ecos": "GPL-3.0-only",

@@ -19,6 +19,7 @@ from scipy.io import loadmat
 from cpbench.errors import Unavailable
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.solvers import Budget, Claim, SolverOutput, Trait, solvers
+from cpbench.solvers.adapters.cvxpy_qp import CvxpyQPOptions
 from cpbench.solvers.adapters.qp_backend import DENSE_LIMIT
 from cpbench.solvers.adapters.qp_standard_form import standard_form
 from cpbench.solvers.adapters.qp_tolerances import TABLE, translate
@@ -237,6 +238,17 @@ def test_a_licence_that_does_not_do_says_so(name: str) -> None:
         pytest.skip("does not apply: a licence without limits")
     assert refusal.state == "licence"
     assert "\n" not in refusal.detail
+
+
+@pytest.mark.parametrize("chosen", ["clarabel", "osqp", "piqp", "scs"])
+def test_cvxpy_hands_the_program_and_the_tolerance_on(chosen: str) -> None:
+    solver = solvers.get("cvxpy-qp")
+    for name in ("mixed", "sparse", "unconstrained", "fixed", "lp"):
+        problem, _ = CASES[name]
+        output = solver.run(problem, Budget(tolerance=1e-6), CvxpyQPOptions(chosen))
+        assert output.claim is Claim.SOLVED
+        assert judge(problem, output.point, 1e-6).solved, name
+    assert solver.run(INFEASIBLE["rows"], Budget(), CvxpyQPOptions(chosen)).claim in (Claim.INFEASIBLE, *HONEST)
 
 
 # --------------------------------------------------------------------------------------- obstacles

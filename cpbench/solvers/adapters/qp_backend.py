@@ -105,12 +105,15 @@ class QPBackend(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        answer = self.call(prepared, translate(self.spec.name, budget))
+        return self.output(prepared, self.call(prepared, translate(self.spec.name, budget)))
+
+    def output(self, form: StandardForm, answer: Answer) -> SolverOutput:
+        """The claim and the point that the backend's answer means."""
         claim = self.claims.get(answer.status, Claim.FAILED)
         point = None
         # with these claims x is a ray or the last iterate of a proof, not an answer
         if answer.x is not None and claim not in (Claim.INFEASIBLE, Claim.UNBOUNDED):
-            point = prepared.point(answer.x, answer.z, answer.y, answer.z_box)
+            point = form.point(answer.x, answer.z, answer.y, answer.z_box)
         message = "; ".join((answer.status, *answer.remarks))
         return SolverOutput(claim=claim, point=point, counters=dict(answer.counters), message=message)
 
