@@ -22,6 +22,10 @@ from cpbench.errors import Ended, Unavailable
 from cpbench.solvers.adapters import gams_licence
 from cpbench.solvers.adapters.scaled_mcp import ScaledMCP
 from cpbench.solvers.base import Budget
+from cpbench.solvers.external.folder import Folder
+
+GENERATED = 2**30
+"""Bytes of the largest files that gamspy writes, more or less: too much for a folder in memory."""
 
 
 class Workspace:
@@ -31,8 +35,9 @@ class Workspace:
         import gamspy as gp
 
         logging.getLogger("MODEL").setLevel(logging.ERROR)  # it prints every end that is not a solution
+        self._folder = Folder(GENERATED)
         with _own_interrupt():
-            self.container = gp.Container()
+            self.container = gp.Container(working_directory=str(self._folder.path))
         i = self.i = gp.Set(self.container, "i")
         j = gp.Alias(self.container, "j", i)
         self.K = gp.Parameter(self.container, "K", domain=[i, j])
@@ -50,6 +55,7 @@ class Workspace:
         if self._loaded is mcp:
             return
         self._loaded = None
+        self._tidy()
         labels = [str(row) for row in range(mcp.k.size)]
         kind = pd.CategoricalDtype(labels, ordered=True)
         entries = sp.coo_array(mcp.K)
@@ -74,6 +80,12 @@ class Workspace:
             limits["iteration_limit"] = budget.iterations
         # no `output`: gamspy stops reading where an inner job ends (NLPEC has one), and the pipe fills until it blocks
         self.model.solve(solver=guest, options=gp.Options(**limits), solver_options=dict(settings))
+
+    def _tidy(self) -> None:
+        """Delete the files of jobs that are done: gamspy keeps the data of every problem."""
+        for done in self._folder.path.glob("_*"):
+            if done.is_file():
+                done.unlink()
 
     def ended(self) -> int | None:
         """Exit code of the process of GAMS, None while it runs."""
