@@ -66,6 +66,7 @@ class HandedOver:
         ]
         handed = cls(problem, exchange, Folder(8 * sum(numbers)))
         exchange.write_problem(written, handed.path("problem"), form == "dense")
+        handed.room()  # which is ready then: what collects an answer is part of every pair
         return handed
 
     def path(self, name: str) -> Path:
@@ -81,14 +82,13 @@ class HandedOver:
     def room(self) -> Path:
         """The path for an answer: an empty folder, or no file."""
         path = self.path("answer")
-        try:
-            if self.exchange.suffix:
-                path.unlink(missing_ok=True)
-            else:
-                path.mkdir()
-        except OSError:  # a folder is there already, with an answer to another solve
+        if self.exchange.suffix:
+            path.unlink(missing_ok=True)
+        elif not path.is_dir():
+            path.mkdir()
+        elif self.answered():
             shutil.rmtree(path)
-            return self.room()
+            path.mkdir()
         return path
 
     def answered(self) -> bool:
