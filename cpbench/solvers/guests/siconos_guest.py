@@ -10,27 +10,25 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 import time
 from pathlib import Path
 from typing import Any, TextIO
-
-INFO_LINE = "siconos-guest "
 
 
 def main(arguments: list[str]) -> None:
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     if not arguments:
-        replies.write(f"{INFO_LINE}{json.dumps(_about())}\n")
+        replies.write(json.dumps(_about()) + "\n")
         replies.flush()
         return
     parser = argparse.ArgumentParser()
     parser.add_argument("solver", help="name of a constant of Siconos: SICONOS_LCP_LEMKE")
     parser.add_argument("--storage", default="given", choices=("dense", "blocks", "sparse", "given"))
-    parser.add_argument("--block", type=int, default=1, help="rows of a block where the problem does not tell")
     chosen = parser.parse_args(arguments)
-    _serve(Guest(chosen.solver, chosen.storage, chosen.block), replies)
+    _serve(Guest(chosen.solver, chosen.storage), replies)
 
 
 def _about() -> dict[str, Any]:
@@ -41,31 +39,66 @@ def _about() -> dict[str, Any]:
 
 
 def _serve(guest: Guest, replies: TextIO) -> None:
-    for line in sys.stdin:
-        request = json.loads(line)
-        if request["do"] == "quit":
+    for line in iter(sys.stdin.readline, ""):
+        while line and json.loads(line)["do"] == "load":
+            line = _apart(guest, line, replies)
+        if not line or json.loads(line)["do"] == "quit":
             return
-        try:
-            if not guest.known:
-                reply = {"unavailable": f"this Siconos has no {guest.solver}", "state": "missing"}
-            else:
-                reply = {"ok": True, **getattr(guest, request["do"])(request)}
-        except MemoryError as cause:
-            reply = {"memory": str(cause) or "no memory for the problem"}
-        except Exception as cause:
-            reply = {"error": f"{type(cause).__name__}: {cause}"}
-        replies.write(json.dumps(reply) + "\n")
-        replies.flush()
+        _answer(guest, line, replies)
+
+
+def _apart(guest: Guest, line: str, replies: TextIO) -> str:
+    """Answer a load, and all that follows up to the next one, in a child: memory that a solver leaves behind or spoils
+    is gone with the problem. The request that the child leaves over; a child that dies takes its parent along."""
+    left, over = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(left)
+        _answer(guest, line, replies)
+        for line in iter(sys.stdin.readline, ""):
+            if json.loads(line)["do"] in ("load", "quit"):
+                os.write(over, line.encode())
+                break
+            _answer(guest, line, replies)
+        os._exit(0)
+    os.close(over)
+    with os.fdopen(left, encoding="utf-8") as rest:
+        line = rest.read()
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if code < 0:
+        if -code != signal.SIGKILL:
+            signal.signal(-code, signal.SIG_DFL)
+        os.kill(os.getpid(), -code)
+    if code > 0:
+        os._exit(code)
+    return line
+
+
+def _answer(guest: Guest, line: str, replies: TextIO) -> None:
+    request = json.loads(line)
+    try:
+        if guest.known:
+            reply = {"ok": True, **getattr(guest, request["do"])(request)}
+        else:
+            reply = {"unavailable": f"this Siconos has no {guest.solver}", "state": "missing"}
+    except MemoryError as cause:
+        reply = {"memory": str(cause) or "no memory for the problem"}
+    except Exception as cause:
+        reply = {"error": f"{type(cause).__name__}: {cause}"}
+    replies.write(json.dumps(reply) + "\n")
+    replies.flush()
 
 
 class Guest:
     """What the requests do, for one solver and the storage of its matrices."""
 
-    def __init__(self, solver: str, storage: str, block: int) -> None:
-        from siconos_memory import numerics
+    def __init__(self, solver: str, storage: str) -> None:
+        import siconos_problems  # before the first fork
+        from siconos_memory import numerics, read
 
         self.numerics: Any = numerics
-        self.solver, self.storage, self.block = solver, storage, block
+        self.read, self.problems = read, siconos_problems
+        self.solver, self.storage = solver, storage
         numerics.numerics_set_verbose(0)
         self.known = hasattr(numerics, solver)
         self.loaded: Any = None
@@ -79,33 +112,23 @@ class Guest:
         return {}
 
     def load(self, request: dict[str, Any]) -> dict[str, Any]:
-        from siconos_memory import read
-        from siconos_problems import load
-
         folder = Path(request["problem"])
         description = json.loads((folder / "problem.json").read_text(encoding="utf-8"))
-        self.loaded = load(
-            request["node"], read(folder), self.storage, self.block, int(description.get("dimension", 1))
+        self.loaded = self.problems.load(
+            request["node"], self.read(folder), self.storage, int(description.get("dimension", 1))
         )
         return {}
 
     def solve(self, request: dict[str, Any]) -> dict[str, Any]:
-        """`options`: "tolerance" and "max_iter"; by index what else of "iparam" and "dparam" is not the default; and
-        "inner", the constant of another solver of the subproblems than the default."""
-        from siconos_memory import read
-
+        """`options`: "tolerance", "max_iter", and "inner": "" or the constant of the solver of the subproblems."""
         settings = request.get("options") or {}
-        self.loaded.start(read(Path(request["start"])) if request.get("start") else {})
+        self.loaded.start(self.read(Path(request["start"])) if request.get("start") else {})
         begun = time.perf_counter()
         options = self.numerics.SolverOptions(getattr(self.numerics, self.solver))
         limit = int(settings["max_iter"])
         options.iparam[self.numerics.SICONOS_IPARAM_MAX_ITER] = limit
         options.iparam[self.numerics.SICONOS_IPARAM_ITER_DONE] = 0
         options.dparam[self.numerics.SICONOS_DPARAM_TOL] = settings["tolerance"]
-        for index, value in settings.get("iparam", {}).items():
-            options.iparam[int(index)] = value
-        for index, value in settings.get("dparam", {}).items():
-            options.dparam[int(index)] = value
         if settings.get("inner"):
             self.numerics.solver_options_update_internal(options, 0, getattr(self.numerics, settings["inner"]))
         info = self.loaded.call(int(options.this))

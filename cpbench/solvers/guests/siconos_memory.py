@@ -1,8 +1,7 @@
 """Arrays of a problem as the C structures of Siconos' library (run by the Python that has python3-siconos).
 
 The structures are those of the headers of Siconos 4.4 (FrictionContactProblem.h, MixedLinearComplementarityProblem.h,
-...). All memory is malloc'ed and never given back: some solvers free what their caller owns (mlcp_to_lcp), and a
-second free would kill the process on a problem that is innocent of it.
+...). All memory is malloc'ed, for some solvers free what their caller owns (mlcp_to_lcp), and goes with the process.
 """
 
 from __future__ import annotations

@@ -58,14 +58,15 @@ class Loaded:
         return self._answer(*self.arrays)
 
 
-def _lcp(data: Mapping[str, Any], storage: str, block: int, dimension: int) -> Loaded:
-    """LinearComplementarityProblem.h."""
+def _lcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
+    """LinearComplementarityProblem.h. Blocks have the most rows, up to 4, that divide n; n tells no better."""
     n = len(data["q"])
+    block = max(b for b in (1, 2, 3, 4) if n % b == 0)
     fields = {"size": (INT, n), "M": (POINTER, matrix(data["M"], storage, block)), "q": (POINTER, copied(data["q"]))}
     return Loaded("linearComplementarity_driver", structure(**fields), (n, n), lambda z, w: {"z": z})
 
 
-def _mlcp(data: Mapping[str, Any], storage: str, block: int, dimension: int) -> Loaded:
+def _mlcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """MixedLinearComplementarityProblem.h, in both of its storages (M, q and A, B, C, D, a, b) as Siconos' own files
     have them. One block of equalities and one of complementarities, or one a row where M is stored in blocks."""
     A, B, C, D = (
@@ -96,18 +97,18 @@ def _mlcp(data: Mapping[str, Any], storage: str, block: int, dimension: int) -> 
     )
 
 
-def _relay(data: Mapping[str, Any], storage: str, block: int, dimension: int) -> Loaded:
+def _relay(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """RelayProblem.h."""
     n = len(data["q"])
     fields = {
         "size": (INT, n),
-        "M": (POINTER, matrix(data["M"], storage, block)),
+        "M": (POINTER, matrix(data["M"], storage, 1)),
         **{name: (POINTER, copied(data[name])) for name in ("q", "lb", "ub")},
     }
     return Loaded("relay_driver", structure(**fields), (n, n), lambda z, w: {"z": z})
 
 
-def _soclcp(data: Mapping[str, Any], storage: str, block: int, dimension: int) -> Loaded:
+def _soclcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """SecondOrderConeLinearComplementarityProblem.h: n, nc, M, q, cone ends, tau; second-order cones alone."""
     if (data["cone_kind"] != SECOND_ORDER).any():
         raise ValueError("has a factor that is no second-order cone")
@@ -116,7 +117,7 @@ def _soclcp(data: Mapping[str, Any], storage: str, block: int, dimension: int) -
     fields = {
         "n": (INT, n),
         "nc": (INT, nc),
-        "M": (POINTER, matrix(data["M"], storage, block)),
+        "M": (POINTER, matrix(data["M"], storage, 1)),
         "q": (POINTER, copied(data["q"])),
         "coneIndex": (POINTER, copied(ends, np.uint32)),
         "tau": (POINTER, copied(data["cone_mu"])),
@@ -124,7 +125,7 @@ def _soclcp(data: Mapping[str, Any], storage: str, block: int, dimension: int) -
     return Loaded("soclcp_driver", structure(**fields), (n, n), lambda r, v: {"x": r})
 
 
-def _local(data: Mapping[str, Any], storage: str, block: int, dimension: int) -> Loaded:
+def _local(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """FrictionContactProblem.h and RollingFrictionContactProblem.h."""
     rolling = "mu_r" in data
     drivers = {
@@ -146,7 +147,7 @@ def _local(data: Mapping[str, Any], storage: str, block: int, dimension: int) ->
     return Loaded(drivers[dimension, rolling], structure(**fields), (m, m), lambda r, u: {"r": r})
 
 
-def _global(data: Mapping[str, Any], storage: str, block: int, dimension: int) -> Loaded:
+def _global(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """GlobalFrictionContactProblem.h and GlobalRollingFrictionContactProblem.h: Mv = Hr + q, u = Hᵀv + b."""
     rolling = "mu_r" in data
     n, m, nc = len(data["f"]), len(data["w"]), len(data["mu"])
@@ -154,8 +155,8 @@ def _global(data: Mapping[str, Any], storage: str, block: int, dimension: int) -
     fields = {
         "dimension": (INT, dimension),
         "numberOfContacts": (INT, nc),
-        "M": (POINTER, matrix(data["M"], storage, block)),
-        "H": (POINTER, matrix(data["H"], storage, block)),
+        "M": (POINTER, matrix(data["M"], storage, 1)),
+        "H": (POINTER, matrix(data["H"], storage, 1)),
         "q": (POINTER, copied(f)),
     }
     if rolling:
@@ -180,7 +181,7 @@ def _global(data: Mapping[str, Any], storage: str, block: int, dimension: int) -
     )
 
 
-LOADERS: Mapping[str, Callable[[Mapping[str, Any], str, int, int], Loaded]] = {
+LOADERS: Mapping[str, Callable[[Mapping[str, Any], str, int], Loaded]] = {
     "lcp": _lcp,
     "mlcp": _mlcp,
     "relay": _relay,
@@ -192,9 +193,9 @@ LOADERS: Mapping[str, Callable[[Mapping[str, Any], str, int, int], Loaded]] = {
 }
 
 
-def load(node: str, data: Mapping[str, Any], storage: str, block: int, dimension: int) -> Loaded:
+def load(node: str, data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Bring a problem into the memory of C; `given` is dense where the problem is, else in blocks, or sparse."""
     if storage == "given":
         dense = all(isinstance(M, np.ndarray) for M in data.values())
         storage = "dense" if dense else "sparse" if dimension == ROLLING else "blocks"
-    return LOADERS[node](data, storage, block, dimension)
+    return LOADERS[node](data, storage, dimension)
