@@ -7,6 +7,9 @@ the next s; a fixed point obeys the law. s = 0, the start unless one is given, i
 A W that is a little nonsymmetric is split into its symmetric part and the rest, (W − Wᵀ)r/2 of the last iterate, which
 is frozen like s.
 
+s e_N is inside K*, so that a program that is unbounded has a bounded one above it: s is raised to twice itself, or to
+the largest μ_c‖q_Tc‖, that of the free velocities.
+
 The map from s to the next need not contract. After `PATIENCE` iterations that do not lower the error, measured on the
 law as the formulation measures it, s goes half as far towards the next one, and so on down to `SHORTEST`. The best
 iterate is kept.
@@ -37,12 +40,15 @@ from cpbench.solvers.adapters.lorentz_rows import lorentz_rows
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.native.progress import Progress
 
-ASYMMETRY, INDEFINITE = 1e-3, 1e-5
+ASYMMETRY, INDEFINITE = 1e-2, 1e-5
 """max|W − Wᵀ|/max|W| and −λ_min/max|W| up to which it is tried: assembled Delassus matrices are neither symmetric nor
 positive semidefinite to rounding."""
-PATIENCE, LOWER, SHORTEST = 3, 0.95, 1 / 16
-"""Iterations that may fail to bring the error below `LOWER` times its least before s goes half as far."""
-STALL = 60
+PATIENCE, LOWER, SHORTEST = 40, 0.95, 1 / 16
+"""Iterations that may fail to bring the error below `LOWER` times its least before s goes half as far; 30 were seen to
+pass before undamped steps converged, and shorter ones took longer."""
+RAISES = 10
+"""How often s may be raised."""
+STALL = 300
 
 
 @dataclass(frozen=True)
@@ -110,7 +116,7 @@ class DeSaxceFixedPoint(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        problem = prepared.problem
+        problem, d = prepared.problem, prepared.problem.dimension
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
         counters = {"iterations": 0, "inner_iterations": 0}
         best, least = FCPoint(r), problem.residuals(FCPoint(r), budget.tolerance).error
@@ -122,13 +128,18 @@ class DeSaxceFixedPoint(Solver):
         deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
         model = self.model(prepared, Budget(tolerance=budget.tolerance, seconds=budget.seconds))
         frozen = np.zeros(r.size) if start is None else prepared.shift(r / prepared.size)
-        length, wasted = 1.0, 0
+        length, wasted, raised = 1.0, 0, 0
         claim, message = Claim.MAX_ITER, f"{limit} convex programs"
         while counters["iterations"] < limit:
             end = model.solve(prepared.q + frozen)
             counters["iterations"] += 1
             counters["inner_iterations"] += end.iterations
             done = counters["iterations"]
+            if end.claim is Claim.UNBOUNDED and raised < RAISES:
+                higher = np.maximum(2.0 * frozen[::d], prepared.shift(np.zeros(r.size))[::d].max())
+                if (higher > frozen[::d]).any():
+                    frozen[::d], length, raised = higher, max(0.5 * length, SHORTEST), raised + 1
+                    continue
             if not end.usable:
                 claim, message = Claim.FAILED, f"convex program {done}: {end.status}"
                 break
