@@ -24,6 +24,7 @@ from cpbench.bench.staff import Referee, Setting, Workers, obituary
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
+from cpbench.solvers.external import folder
 
 FELL_BACK = "cold: the step before was"
 """How `started` begins where a step had no answer to start from."""
@@ -68,6 +69,7 @@ class Lane:
         self.workers.close()
         self.referee.close()
         self._scratch.remove()
+        folder.remove_abandoned()  # what killed workers had handed to programs of their own
 
     def interrupt(self) -> None:
         """Kill what is at work, from another thread than the lane's, which then meets the dead."""

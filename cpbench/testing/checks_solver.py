@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cpbench import matrices
-from cpbench.errors import Ended, UnknownName
-from cpbench.formulations import Kind, formulations
+from cpbench.errors import Ended, NotApplicable, UnknownName
+from cpbench.formulations import Kind, Problem, formulations
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait, parse_options
 from cpbench.solvers.external.session import ProgramError
 from cpbench.testing.cases import Case, infeasible
@@ -35,8 +35,19 @@ def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) ->
 def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
     """Cases that the solver takes and, by its own word (`known_failures`), does not fail on."""
     for case in cases:
-        if solver.obstacle(case.problem) is None and f"case-{case.name}" not in solver.spec.known_failures:
+        if f"case-{case.name}" not in solver.spec.known_failures and _takes(solver, case.problem):
             yield case
+
+
+def _takes(solver: Solver, problem: Problem) -> bool:
+    """Whether a solver takes a problem; a program may refuse one only when it has read it."""
+    if solver.obstacle(problem) is not None:
+        return False
+    try:
+        solver.hand_over(problem)
+    except NotApplicable:
+        return False
+    return True
 
 
 def _false(solver: Solver, case: Case, output: SolverOutput, tolerance: float) -> str | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -39,11 +41,15 @@ def test_every_picture_and_file_named_exists() -> None:
 
 
 def test_the_plan_file_is_one(tmp_path: Path) -> None:
-    """Two sets, read by the reader of plan files, which refuses unknown keys and values."""
-    (example,) = re.findall(r"^```toml\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)
-    (tmp_path / "cpbench.toml").write_text(example)
+    """Two sets, read by the reader of plan files, which refuses unknown keys and values; and a solver and a variant."""
+    plan_text, solver_text = re.findall(r"^```toml\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)
+    (tmp_path / "cpbench.toml").write_text(plan_text)
     plan = plan_file.read(tmp_path / "cpbench.toml")
     assert [part["name"] for part in plan.sets] == ["boxes", "rolling"]
+    (tmp_path / "mine.toml").write_text(solver_text)
+    listed = [sys.executable, "-m", "cpbench", "list", "solvers", "--plugin", str(tmp_path / "mine.toml"), "mine*"]
+    told = subprocess.run(listed, capture_output=True, text=True, check=True).stdout
+    assert re.findall(r"^\s*(mine\S*)", told, re.MULTILINE) == ["mine", "mine@head"]
 
 
 def test_the_options_named_are_those_of_the_commands() -> None:

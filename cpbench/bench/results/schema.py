@@ -19,8 +19,8 @@ PLANNED = {
 }  # fmt: skip
 """Columns of a row that the plan fixes, with their SQL types."""
 MEASURED = {
-    "status": "TEXT", "route": "TEXT", "kind": "TEXT", "claim": "TEXT", "error": "REAL", "target_error": "REAL", "flags": "TEXT",
-    "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL", "convert": "REAL",
+    "status": "TEXT", "route": "TEXT", "kind": "TEXT", "claim": "TEXT", "error": "REAL", "target_error": "REAL",
+    "flags": "TEXT", "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL", "convert": "REAL",
     "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL", "peak": "INTEGER",
     "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL", "signal": "INTEGER",
     "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER", "jobs": "INTEGER",

@@ -22,7 +22,7 @@ from typing import Any
 from cpbench.errors import CpbenchError, Ended, Unavailable
 from cpbench.exchange import exchanges
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec
-from cpbench.solvers.external.served import ANSWERED, HandedOver, backstop, missing, output
+from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing, output
 from cpbench.solvers.external.session import ProgramError, kill_tree, wait
 
 PLACEHOLDERS = {
@@ -35,7 +35,6 @@ PLACEHOLDERS = {
     "start": "path of a starting point, empty for none",
     "node": "formulation",
 }
-CLAIM = "claim.json"
 _MOST = 2**20
 """Bytes of a claim that are read."""
 

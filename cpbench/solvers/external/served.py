@@ -40,6 +40,8 @@ PROTOCOL = 1
 HELLO, WARMUP, FILES = 60.0, 600.0, 600.0
 """Seconds for the first answer of a program, for its warm-up, and for reading a problem or writing an answer."""
 MATRICES = ("as-is", "dense", "csr")
+CLAIM = "claim.json"
+"""What a command says of its answer, beside it or in its folder."""
 ANSWERED = (Claim.SOLVED, Claim.INACCURATE)
 """Claims that have an answer; with others it may be missing."""
 Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], str | None]
@@ -94,7 +96,7 @@ class HandedOver:
     def answered(self) -> bool:
         """Whether anything was written into `room`."""
         path = self.path("answer")
-        return any(path.iterdir()) if path.is_dir() else path.exists()
+        return any(entry.name != CLAIM for entry in path.iterdir()) if path.is_dir() else path.exists()
 
     def answer(self, who: str, claim: Claim) -> Any | None:
         """The answer that was written into `room`; raises ValueError where it is not what the claim needs."""
