@@ -20,8 +20,8 @@ PLANNED = {
 """Columns of a row that the plan fixes, with their SQL types."""
 MEASURED = {
     "status": "TEXT", "route": "TEXT", "kind": "TEXT", "claim": "TEXT", "error": "REAL", "target_error": "REAL",
-    "flags": "TEXT", "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL", "convert": "REAL",
-    "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL", "peak": "INTEGER",
+    "flags": "TEXT", "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL",
+    "convert": "REAL", "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL", "peak": "INTEGER",
     "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL", "signal": "INTEGER",
     "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER", "jobs": "INTEGER",
     "host": "TEXT", "loadavg": "REAL", "reported": "REAL", "origin": "TEXT", "finished": "TEXT",
