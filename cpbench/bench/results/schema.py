@@ -23,8 +23,8 @@ MEASURED = {
     "flags": "TEXT", "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL",
     "convert": "REAL", "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL",
     "peak": "INTEGER", "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL",
-    "signal": "INTEGER", "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER", "jobs":
-    "INTEGER", "host": "TEXT", "loadavg": "REAL", "reported": "REAL", "origin": "TEXT", "finished": "TEXT",
+    "signal": "INTEGER", "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER",
+    "jobs": "INTEGER", "host": "TEXT", "loadavg": "REAL", "reported": "REAL", "origin": "TEXT", "finished": "TEXT",
 }  # fmt: skip
 """Columns that the run fills; `attempts` counts how often it did, `target_error` is the error on the
 solver's own problem where the route is not exact, `reported` the time by the solver's own account,
