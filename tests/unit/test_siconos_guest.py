@@ -1,0 +1,120 @@
+"""The guest that serves Siconos: its matrices, one process a problem, and what is said where there is no Siconos."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import matrices
+from cpbench.errors import Ended
+from cpbench.formulations import FrictionContact
+from cpbench.solvers import solvers
+from cpbench.solvers.adapters import siconos
+from cpbench.solvers.adapters.siconos import Row, SiconosSolver
+from cpbench.solvers.adapters.siconos_fc3d import SiconosFC3D
+from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
+from cpbench.solvers.base import Budget, Claim
+from cpbench.testing import planted
+from cpbench.verification import judge
+
+TABLES = [solver for solver in solvers if isinstance(solver, SiconosSolver)]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def debian() -> None:
+    found = siconos.about(siconos.interpreter())
+    if "version" not in found:
+        pytest.skip(f"Siconos is {found['state']}: {found['detail']}")
+
+
+def _nsgs(storage: str) -> SiconosSolver:
+    row = solvers.get("siconos-fc3d-nsgs").row
+    return SiconosFC3D(
+        Row(name=storage, constant=row.constant, summary=row.summary, method="", citation="", storage=storage)
+    )
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_a_matrix_is_the_same_in_every_storage(sparse: bool) -> None:
+    """Nonsymmetric W: rows for columns would give another answer. The sweeps are the same up to rounding."""
+    problem, _ = planted.fc(np.random.default_rng(5), 6, 3, "monotone", sparse=sparse)
+    assert not np.allclose(matrices.dense(problem.W), matrices.dense(problem.W).T)
+    answers = []
+    for storage in ("dense", "blocks", "sparse", "given"):
+        solver = _nsgs(storage)
+        output = solver.run(problem, Budget(tolerance=1e-10))
+        assert judge(problem, output.point, 1e-8).solved, storage
+        answers.append(output.point.r)
+        solver.close()
+    np.testing.assert_allclose(answers, [answers[0]] * len(answers), atol=1e-9)
+
+
+def test_a_problem_that_kills_is_the_last_of_its_process_alone() -> None:
+    solver = solvers.get("siconos-fc3d-nsgs")
+    good, _ = planted.fc(np.random.default_rng(0), 2, 3, "positive definite")
+    bad = FrictionContact(W=np.diag([-1.0, 1, 1]), q=[-1.0, 1, 0], mu=[0.5], dimension=3)
+    for _ in range(2):
+        assert solver.run(good).claim is Claim.SOLVED
+        with pytest.raises(Ended) as end:
+            solver.run(bad)
+        assert end.value.code == -signal.SIGABRT
+
+
+def test_loading_again_and_again_takes_no_memory() -> None:
+    """Every problem has a child of the guest: nothing of it stays."""
+    psutil = pytest.importorskip("psutil")
+    solver = solvers.get("siconos-lcp-lemke")
+    problem, _ = planted.lcp(np.random.default_rng(0), 600, "positive definite")
+    sizes = []
+    for _ in range(8):
+        solver.hand_over(problem)
+        family = psutil.Process(os.getpid()).children(recursive=True)
+        sizes.append(sum(p.memory_info().rss for p in family if "SICONOS_LCP_LEMKE" in p.cmdline()))
+    assert sizes[-1] < sizes[1] + 4e6
+    solver.close()
+
+
+def test_tolerance_and_bound_are_always_set() -> None:
+    assert translate(Budget(tolerance=1e-8), Bound.NEWTON) == {"tolerance": pytest.approx(1e-9), "max_iter": 1000}
+    assert translate(Budget(iterations=7), Bound.SWEEPS)["max_iter"] == 7
+
+
+def test_names_are_one_each_and_few_run_by_default() -> None:
+    constants = [(s.row.constant, s.row.inner) for s in TABLES]
+    assert len(set(constants)) == len(constants) == 77
+    assert sum(s.spec.by_default for s in TABLES) == 12
+    known = siconos.about(siconos.interpreter())["constants"]
+    assert {constant for constant, _ in constants} <= set(known)
+    assert {inner for _, inner in constants if inner} <= set(known)
+
+
+def test_one_probe_for_the_whole_family(monkeypatch: pytest.MonkeyPatch) -> None:
+    siconos.about.cache_clear()
+    asked = []
+    run = siconos.subprocess.run
+    monkeypatch.setattr(siconos.subprocess, "run", lambda *a, **k: asked.append(a) or run(*a, **k))
+    assert all(solver.availability().ok for solver in TABLES)
+    assert len(asked) == 1
+
+
+def test_a_python_without_siconos_is_told_what_to_install() -> None:
+    found = siconos.about(sys.executable)
+    assert found["state"] == "missing"
+    assert "apt install python3-siconos" in found["detail"]
+    assert siconos.about("/nowhere/python3")["state"] == "missing"
+
+
+def test_a_siconos_that_cannot_be_imported_shows_why(tmp_path: Path) -> None:
+    broken = tmp_path / "python3"
+    (tmp_path / "siconos").mkdir()
+    (tmp_path / "siconos" / "__init__.py").write_text("raise OSError('libsiconos_numerics.so.7: cannot open')\n")
+    broken.write_text(f'#!/bin/sh\nPYTHONPATH={tmp_path} exec {sys.executable} "$@"\n')
+    broken.chmod(0o755)
+    found = siconos.about(str(broken))
+    assert found["state"] == "broken"
+    assert "libsiconos_numerics.so.7: cannot open" in found["detail"]
