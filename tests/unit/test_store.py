@@ -12,7 +12,8 @@ import pytest
 
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import schema
-from cpbench.bench.results.store import Store, read_results, use_journal
+from cpbench.bench.results.database import use_journal
+from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 
 DUMP = Path(__file__).parents[1] / "golden" / "results_schema1.sql"
@@ -172,7 +173,7 @@ def test_kept_bytes_follow_what_is_kept(store: Store, tmp_path: Path) -> None:
         store.finish(p.key, ROW, b"x" * 100)
     store.reset(keys=[planned[0].key])
     assert store._kept == 200
-    plan = store._read("EXPLAIN QUERY PLAN SELECT coalesce(sum(bytes), 0) FROM answers")
+    plan = store._database.read("EXPLAIN QUERY PLAN SELECT coalesce(sum(bytes), 0) FROM answers")
     assert "COVERING INDEX" in plan[0][-1], "opening a file reads no answers"
     store.close()
     with Store(tmp_path / "r.sqlite") as again:
@@ -205,7 +206,7 @@ def test_a_row_costs_the_same_however_many_there_are(tmp_path: Path) -> None:
                 steps += 1
                 return 0
 
-            made._connection.set_progress_handler(step, 1)
+            made._database.connection.set_progress_handler(step, 1)
             for p in planned[count // 2 : count // 2 + 10]:
                 made.finish(p.key, ROW, b"answer")
             costs[count] = steps
@@ -235,7 +236,7 @@ def test_an_old_file_is_migrated(schema1: Path, tmp_path: Path) -> None:
         assert store.meta() == {**meta, "refused": refused, "references": []}
         layout = "SELECT type, name, sql FROM sqlite_master ORDER BY name"
         with Store(tmp_path / "new.sqlite", create=True) as new:
-            assert store._read(layout) == new._read(layout)
+            assert store._database.read(layout) == new._database.read(layout)
     with Store(schema1, create=True) as again:
         assert len(list(again.rows())) == 12
 
@@ -286,7 +287,7 @@ def test_a_newer_file_is_left_alone(tmp_path: Path, create: bool) -> None:
     path = tmp_path / "newer.sqlite"
     with Store(path, create=True) as store:
         store.plan([pair()])
-        store._connection.execute(f"PRAGMA user_version={schema.SCHEMA + 1}")
+        store._database.connection.execute(f"PRAGMA user_version={schema.SCHEMA + 1}")
     before = path.read_bytes()
     with pytest.raises(StoreError, match=f"has results schema 3, this cpbench knows {schema.SCHEMA}; update") as told:
         Store(path, create=create)

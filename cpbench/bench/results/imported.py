@@ -19,8 +19,9 @@ from cpbench.bench import machine
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import answer_files, answers
 from cpbench.bench.results.answer_files import ENDINGS, Answer, Names, Told
+from cpbench.bench.results.planned import planned
 from cpbench.bench.results.schema import MEASURED
-from cpbench.bench.results.store import Store, planned
+from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, FormatError, PointError, StoreError
 from cpbench.formulations.base import Problem
 from cpbench.verification import Status

@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cpbench.bench.results.planned import LIMITS
 from cpbench.bench.results.schema import MEASURED
-from cpbench.bench.results.store import LIMITS, Store
+from cpbench.bench.results.store import Store
 from cpbench.errors import StoreError
 
 FLAG = "mixed"

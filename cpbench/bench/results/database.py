@@ -1,0 +1,261 @@
+"""The SQLite file of results as a file: who may open it, how, what is refused, how it is written and read.
+
+One process writes, held by a lock that dies with it; any number read, and leave the file as it is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import sqlite3
+import tempfile
+import threading
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from cpbench.bench.results import schema
+from cpbench.bench.results.lock import Lock
+from cpbench.bench.results.schema import SCHEMA
+from cpbench.errors import StoreError
+
+PATIENCE = 30.0
+"""Seconds to wait for another program that holds the database for a moment."""
+REMOTE = {"nfs", "nfs4", "cifs", "smb3", "9p", "afs", "ceph", "lustre", "gpfs", "beegfs", "fuse.sshfs"}
+"""File systems that other machines write to: SQLite's write-ahead log needs memory that all its readers share."""
+
+
+class Database:
+    """An open results file, with the tables of this version.
+
+    For writing (`create=True`) this process alone may write it, and an older file is migrated; for reading, an older
+    one is migrated in memory. May be used from several threads.
+
+    Raises StoreError when the file is no results file, is of a newer version, is being written by another process or
+    cannot be written; from every method, when SQLite fails.
+    """
+
+    def __init__(self, path: Path, *, create: bool = False) -> None:
+        self._path = path
+        self._real = Path(os.path.realpath(path))
+        """Where the file is, whatever links lead there: SQLite's helper files are beside it."""
+        self._guard = threading.RLock()
+        self._lock: Lock | None = None
+        self._db: sqlite3.Connection | None = None
+        self._copy: tempfile.TemporaryDirectory[str] | None = None
+        self._examine(create)
+        try:
+            if create:
+                self._lock = Lock(path)
+                self._open_to_write()
+            else:
+                self._open_to_read()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file and let others write it; harmless when done before."""
+        db, self._db = self._db, None
+        if db is not None:
+            with contextlib.suppress(sqlite3.Error):  # what is committed is safe in the log
+                db.close()
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            lock.release()
+        if self._copy is not None:
+            self._copy.cleanup()
+
+    @property
+    def connection(self) -> sqlite3.Connection:
+        """SQLite's; raises StoreError when the file was closed."""
+        if self._db is None:
+            raise StoreError(f"{self._path}: was closed")
+        return self._db
+
+    @contextmanager
+    def transaction(self) -> Generator[sqlite3.Connection]:
+        """All of what is written within, or nothing of it."""
+        db = self.connection
+        with self._guard, self._told():
+            db.execute("BEGIN IMMEDIATE")
+            try:
+                yield db
+                db.execute("COMMIT")
+            except BaseException:
+                with contextlib.suppress(sqlite3.Error):  # on a full disk SQLite has rolled back already
+                    db.execute("ROLLBACK")
+                raise
+
+    def read(self, query: str, parameters: Iterable[Any] = ()) -> list[tuple[Any, ...]]:
+        """All rows of a query."""
+        with self._guard, self._told():
+            return self.connection.execute(query, tuple(parameters)).fetchall()
+
+    def stream(self, query: str) -> Iterator[tuple[Any, ...]]:
+        """Rows of a query, not all at once."""
+        with self._told():
+            cursor = self.connection.execute(query)
+        while True:
+            with self._told():
+                found = cursor.fetchmany(256)
+            if not found:
+                return
+            yield from found
+
+    def settle(self) -> None:
+        """Bring all that is written into the one file; raises StoreError when that fails, where `close` would leave
+        it in the log beside the file."""
+        with self._guard, self._told():
+            self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    @contextmanager
+    def _told(self) -> Generator[None]:
+        """What SQLite or a value it cannot store raises becomes a StoreError with the cause."""
+        try:
+            yield
+        except (sqlite3.Error, OverflowError) as cause:
+            raise _explained(self._path, cause) from cause
+
+    # -------------------------------------------------------------------------------------------- open
+
+    def _examine(self, create: bool) -> None:
+        """Refuse what is no results file before anything of it or beside it is touched.
+
+        The file itself is opened by SQLite alone: a plain open and close would drop the locks that another connection
+        of this process has on it.
+        """
+        path = self._path
+        if path.is_dir():
+            raise StoreError(f"{path}: is a folder, not a results file; name a file in it")
+        if path.exists() and not path.is_file():
+            raise StoreError(f"{path}: is not a regular file; name another with -o")
+        if not path.exists() and not create:
+            raise StoreError(f"{path}: no such results file; make one with: cpbench run PROBLEMS -o {path}")
+        if not path.parent.is_dir():
+            raise StoreError(f"{path}: there is no folder {path.parent}; make it first")
+        if path.exists():
+            with self._told(), contextlib.closing(self._connect("immutable=1")) as db:
+                try:
+                    self._require(int(db.execute("PRAGMA user_version").fetchone()[0]))
+                except sqlite3.DatabaseError as cause:
+                    if cause.sqlite_errorcode & 0xFF != sqlite3.SQLITE_CORRUPT:
+                        raise
+                    # a full disk may leave the file half way to its log; it is whole when read together with that
+
+    def _require(self, found: int | None) -> int:
+        if found is None:
+            raise StoreError(f"{self._path}: not a results file (a database of something else); name another file")
+        if found > SCHEMA:
+            raise StoreError(
+                f"{self._path}: has results schema {found}, this cpbench knows {SCHEMA}; update cpbench, or use "
+                "another file with -o"
+            )
+        return found
+
+    def _open_to_write(self) -> None:
+        with self._told():
+            db = self._db = self._connect("mode=rwc")
+            found = self._require(schema.version(db))
+            use_journal(db, self._path)
+            db.execute("PRAGMA temp_store=MEMORY")
+            db.execute("PRAGMA wal_autocheckpoint=4000")  # 16 MB: a page that several rows share is moved once
+            if found == 0:
+                with self.transaction():
+                    schema.create(db)
+            elif found < SCHEMA:
+                schema.migrate(db, found)
+
+    def _open_to_read(self) -> None:
+        """Opened as if to write, and then not written: SQLite reads what a killed run left in its log, and leaves no
+        helper files behind."""
+        with self._told():
+            try:
+                self._db = self._connect("mode=rw")
+                found = schema.version(self._db)
+            except sqlite3.OperationalError as cause:
+                if cause.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
+                    raise
+                self._open_unwritable()
+                found = schema.version(self.connection)
+            found = self._require(found)
+            self.connection.execute("PRAGMA query_only=ON")
+            if found == 0:
+                raise StoreError(f"{self._path}: is empty, not a results file")
+            if found < SCHEMA:
+                old, self._db = self.connection, sqlite3.connect("", isolation_level=None, check_same_thread=False)
+                old.backup(self._db)
+                old.close()
+                schema.migrate(self._db, found)
+
+    def _open_unwritable(self) -> None:
+        """Where SQLite cannot make its helper files (a read-only folder, a full disk): the file as it is, or, where a
+        killed run left a log beside it, a copy of both."""
+        if self._db is not None:
+            self._db.close()
+        logs = [path for path in (Path(f"{self._real}-wal"), Path(f"{self._real}-journal")) if path.exists()]
+        if not any(path.stat().st_size for path in logs):
+            self._db = self._connect("immutable=1")
+            return
+        self._copy = tempfile.TemporaryDirectory(prefix="cpbench-results-")
+        try:
+            for path in (self._real, *logs):
+                shutil.copyfile(path, Path(self._copy.name) / path.name)
+        except OSError as cause:
+            raise StoreError(
+                f"{self._path}: is in a folder that cannot be written, with the log of a killed run, and no copy of "
+                f"them can be made in {self._copy.name} ({cause.strerror})"
+            ) from None
+        self._db = self._connect("mode=rw", Path(self._copy.name) / self._real.name)
+
+    def _connect(self, how: str, path: Path | None = None) -> sqlite3.Connection:
+        address = f"{(path or self._real).as_uri()}?{how}"
+        return sqlite3.connect(address, uri=True, isolation_level=None, timeout=PATIENCE, check_same_thread=False)
+
+
+def use_journal(db: sqlite3.Connection, path: Path) -> str:
+    """Write ahead where readers share memory, else into a rollback journal; the mode in use.
+
+    A commit survives kill -9 either way; on a power cut the last rows may be lost, the file stays whole. An fsync
+    a row would cost milliseconds.
+    """
+    db.execute("PRAGMA synchronous=NORMAL")
+    if _file_system(path) not in REMOTE:
+        mode = str(db.execute("PRAGMA journal_mode=WAL").fetchone()[0])
+        if mode == "wal":
+            return mode
+    return str(db.execute("PRAGMA journal_mode=TRUNCATE").fetchone()[0])
+
+
+def _file_system(path: Path) -> str:
+    """Type of the file system that holds `path`, '' where the system does not tell."""
+    try:
+        mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
+    except OSError:
+        return ""
+    folder = os.path.dirname(os.path.realpath(path))
+    found, kind = "", ""
+    for _, point, name, *_ in mounts:
+        point = point.replace("\\040", " ")
+        if len(point) >= len(found) and f"{folder}/".startswith(f"{point.rstrip('/')}/"):
+            found, kind = point, name
+    return kind
+
+
+def _explained(path: Path, cause: Exception) -> StoreError:
+    """One line: the file, the cause, what to do."""
+    code = getattr(cause, "sqlite_errorcode", 0) & 0xFF
+    kept = "what was finished is kept, and the same command goes on"
+    told = {
+        sqlite3.SQLITE_FULL: f"no room is left to write it ({cause}); make room: {kept}",
+        sqlite3.SQLITE_IOERR: f"could not be read or written ({cause}); see to the disk: {kept}",
+        sqlite3.SQLITE_READONLY: f"cannot be written ({cause}); name a file in another folder with -o",
+        sqlite3.SQLITE_CANTOPEN: f"cannot be opened ({cause}); see to its folder, or name another file with -o",
+        sqlite3.SQLITE_CORRUPT: f"is damaged ({cause}); go on with another file (-o), and save what can be read with: "
+        f"sqlite3 {path} .recover",
+        sqlite3.SQLITE_NOTADB: f"not a results file ({cause}); name another file",
+        sqlite3.SQLITE_BUSY: f"is held by another program ({cause}); end that program, or use another file with -o",
+    }
+    return StoreError(f"{path}: {told.get(code, f'SQLite failed: {cause}')}")
