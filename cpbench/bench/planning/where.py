@@ -149,20 +149,16 @@ class _Tokens:
 
 
 def _either(tokens: _Tokens, atom: Atom) -> Expression:
-    left = _both(tokens, atom)
-    while tokens.among("or"):
-        tokens.want(left, TRUTH)
-        tokens.advance()
-        left = _joined(left, tokens.want(_both(tokens, atom), TRUTH), True)
-    return left
+    return _chain(tokens, "or", lambda: _chain(tokens, "and", lambda: _negated(tokens, atom)))
 
 
-def _both(tokens: _Tokens, atom: Atom) -> Expression:
-    left = _negated(tokens, atom)
-    while tokens.among("and"):
+def _chain(tokens: _Tokens, word: str, part: Callable[[], Expression]) -> Expression:
+    """Conditions joined by `and` or by `or`."""
+    left = part()
+    while tokens.among(word):
         tokens.want(left, TRUTH)
         tokens.advance()
-        left = _joined(left, tokens.want(_negated(tokens, atom), TRUTH), False)
+        left = _joined(left, tokens.want(part(), TRUTH), word == "or")
     return left
 
 
