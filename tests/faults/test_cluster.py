@@ -19,10 +19,10 @@ import pytest
 
 import cpbench
 from cpbench import storage
-from cpbench.bench.cluster import crew as cluster
-from cpbench.bench.cluster import keeper, lenders
+from cpbench.bench.cluster import backlog, keeper, lenders
 from cpbench.bench.cluster.crew import Cluster
 from cpbench.bench.cluster.parcel import pack_blocks
+from cpbench.bench.cluster.post import opening
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
@@ -212,7 +212,7 @@ def test_a_sequence_over_machines_that_do_not_see_its_file(
 ) -> None:
     """The pack lies behind a descriptor that only this process has open: copies of it go to whoever needs them. Tasks
     end every 50 ms, so that steps follow answers that were found in another task."""
-    monkeypatch.setattr(cluster, "TASK", 0.05)
+    monkeypatch.setattr(backlog, "TASK", 0.05)
     (tmp_path / "scene").mkdir()
     list(write_collections(tmp_path / "scene", ("contact-sequence",)))
     limits = Limits(seconds=30.0, repeats=1)
@@ -298,7 +298,7 @@ def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
 def test_a_station_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """A client that was killed says no goodbye; one that is only slow finds its station again."""
     monkeypatch.setattr(keeper, "IDLE", 0.5)
-    identity, greeting = keeper.greet("run", cluster._opening(Setting()))
+    identity, greeting = keeper.greet("run", opening(Setting()))
     nothing = pack_blocks([], places={}, copies=[], seconds=1.0)
     try:
         assert wire.unpack(greeting)[0]["event"] == "ready"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import math
-import os
 import queue
 import threading
 import time
@@ -19,32 +18,22 @@ from asyncio import CancelledError as AsyncCancelled
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError as FutureCancelled
-from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
-import cpbench
-from cpbench import storage
 from cpbench.bench.block import Block, Ending, Notice
-from cpbench.bench.cluster import keeper
+from cpbench.bench.cluster import backlog, keeper
+from cpbench.bench.cluster.backlog import Backlog
 from cpbench.bench.cluster.parcel import pack_blocks, read_outcome
+from cpbench.bench.cluster.post import Freight, Post, opening
 from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes import wire
 from cpbench.bench.staff import Setting
 from cpbench.errors import CpbenchError
-from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
-from cpbench.storage.base import split_address
 
 logger = logging.getLogger("cpbench.bench")
 
-TASK = 2.0
-"""Seconds after which a task ends and what is left of it comes back: one that is lost costs little, and those who
-come late find work."""
-GUESS, MEMORY = 0.1, 0.3
-"""Seconds a pair may take, before any did; and how much the last task counts in what is expected of the next."""
-MOST = 1000
-"""Pairs of one task, however short they are."""
 LOOK = 0.5
 """Seconds between two looks at which workers are there."""
 PATIENCE = 30.0
@@ -59,34 +48,6 @@ FREIGHT = 2**26
 """Bytes of copied files beyond which a task takes no further block."""
 
 
-@dataclass
-class _Post:
-    """A Dask worker, as it is known here.
-
-    Attributes
-    ----------
-    identity : of its process, once it has answered. blocks : given to it and not sent. sent : the parts at work,
-    each with the block that it is the beginning of. since : when they were sent. suspect : whether they were at work
-    when a worker died. copies : whether it does not see our files. files : those it has copies of.
-    """
-
-    address: str
-    identity: str = ""
-    host: str = ""
-    future: Any = None
-    blocks: list[Block] = field(default_factory=list)
-    sent: list[tuple[Block, Block]] = field(default_factory=list)
-    since: float = 0.0
-    suspect: bool = False
-    copies: bool = False
-    files: set[str] = field(default_factory=set)
-
-    @property
-    def pairs(self) -> list[Pair]:
-        """The pairs at work, in their order."""
-        return [pair for part, _ in self.sent for pair in part.pairs]
-
-
 class Cluster:
     """The crew behind a Dask scheduler. Use as a context manager; `close` ends what `ending` names too."""
 
@@ -96,7 +57,7 @@ class Cluster:
         self.machines: dict[str, dict[str, Any]] = {}
         self._client = client
         self._ending = (client.close, *ending)
-        self._opening = _opening(setting)
+        self._opening = opening(setting)
         self._run = uuid.uuid4().hex
         self._forget()
 
@@ -115,7 +76,7 @@ class Cluster:
     def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome, str]]:
         """What comes of every pair, and where; raises CpbenchError when nobody is or will be there to run them."""
         self._notice = notice
-        self._todo.extend((block, False) for block in todo)
+        self._backlog.add(todo)
         left = sum(len(block.pairs) for block in todo)
         try:
             while left:
@@ -127,13 +88,12 @@ class Cluster:
             self._stop()
 
     def _forget(self) -> None:
-        self._posts: dict[str, _Post] = {}
+        self._posts: dict[str, Post] = {}
         self._refused: dict[str, str] = {}
-        self._todo: deque[tuple[Block, bool]] = deque()
+        self._backlog = Backlog()
         self._ready: deque[tuple[Pair, Outcome, str]] = deque()
-        self._events: queue.SimpleQueue[tuple[_Post, Any]] = queue.SimpleQueue()
+        self._events: queue.SimpleQueue[tuple[Post, Any]] = queue.SimpleQueue()
         self._deaths: dict[str, str] = {}
-        self._mean = GUESS
         self._looked = -math.inf
         self._alone_since: float | None = time.monotonic()
 
@@ -164,7 +124,8 @@ class Cluster:
             if self._posts.get(post.address) is post and post.future is future:
                 self._take_in(post)
         for idle in [p for p in self._posts.values() if p.identity and p.future is None]:
-            self._employ(idle)
+            if self._backlog.give(idle, self._posts.values()):
+                self._send(idle)
 
     # ------------------------------------------------------------------------------------- who is there
 
@@ -181,7 +142,7 @@ class Cluster:
         for address in self._posts.keys() - there:
             self._lose(self._posts[address])
         for address in there - self._posts.keys() - self._refused.keys():
-            post = self._posts[address] = _Post(address)
+            post = self._posts[address] = Post(address)
             self._submit(post, keeper.greet, self._run, self._opening)
         self._refused = {address: why for address, why in self._refused.items() if address in there}
         if self._posts:
@@ -194,26 +155,26 @@ class Cluster:
             logger.warning("no Dask worker is there; waiting for one to join")
             self._alone_since = math.inf
 
-    def _refuse(self, post: _Post, why: str) -> None:
+    def _refuse(self, post: Post, why: str) -> None:
         """Never use a worker again; what it was to do is for others."""
         self._refused[post.address] = f"{post.host or post.address}: {why}"
         logger.warning("a Dask worker is not used: %s", self._refused[post.address])
-        self._put_back(post)
+        post.put_back()
         self._abandon(post)
 
-    def _lose(self, post: _Post) -> None:
+    def _lose(self, post: Post) -> None:
         """A worker is gone: what it was at is suspect, what it had before it is not."""
         logger.warning("a Dask worker was lost: %s", post.host or post.address)
         self._suspect(post)
         self._abandon(post)
 
-    def _abandon(self, post: _Post) -> None:
-        self._todo.extendleft((block, post.suspect) for block in reversed(post.blocks))
+    def _abandon(self, post: Post) -> None:
+        self._backlog.take_back(post)
         if post.future is not None:
             post.future.cancel()
         del self._posts[post.address]
 
-    def _suspect(self, post: _Post, why: str = "") -> None:
+    def _suspect(self, post: Post, why: str = "") -> None:
         """Pairs that were at work when a process died: each is run once more, alone, and after all others.
 
         What was alone already is to blame, and gets its row.
@@ -229,70 +190,33 @@ class Cluster:
                 rest = whole.rest({pair.key: ("crash", None)})
             for pair in part.pairs:
                 self._deaths[pair.key] = told
-            while rest is not None:
-                alone, rest = (rest, None) if rest.chained else rest.cut(1)
-                self._todo.append((alone, True))
+            if rest is not None:
+                self._backlog.set_apart(rest)
         post.sent = []
 
     # ---------------------------------------------------------------------------------------- giving out
 
-    def _employ(self, post: _Post) -> None:
-        """Give an idle worker what it has before it, else the next blocks, else what another has before it."""
-        if not post.blocks:
-            post.suspect = bool(self._todo) and self._todo[0][1]
-            post.blocks = [self._todo.popleft()[0]] if self._todo else self._relieve()
-        if post.blocks:
-            self._send(post)
-
-    def _relieve(self) -> list[Block]:
-        """Half of what the worker with the most before it has not begun."""
-        busiest = max(self._posts.values(), key=lambda p: sum(len(b.pairs) for b in p.blocks))
-        pairs = sum(len(block.pairs) for block in busiest.blocks)
-        if busiest.suspect or pairs * self._mean < TASK:
-            return []
-        if len(busiest.blocks) > 1:
-            half = len(busiest.blocks) // 2
-            busiest.blocks, taken = busiest.blocks[:half], busiest.blocks[half:]
-            return taken
-        (block,) = busiest.blocks
-        if block.chained:
-            busiest.blocks = []
-            return [block]
-        first, others = block.cut(pairs // 2)
-        busiest.blocks = [first]
-        return [others] if others is not None else []
-
-    def _send(self, post: _Post, wanted: Iterable[str] = ()) -> None:
-        """Send the worker a task of about `TASK` seconds, with copies of the files that it does not have."""
-        quota = 1 if post.suspect else self._quota(post)
-        freight = _Freight(post, wanted)
-        count = 0
-        while count < quota and freight.weight < FREIGHT:
-            if not post.blocks and not post.suspect and self._todo and not self._todo[0][1]:
-                post.blocks = [self._todo.popleft()[0]]
-            if not post.blocks:
-                break
-            block = post.blocks.pop(0)
-            part, others = block.cut(quota - count)
-            post.sent.append((part, block if block.chained else part))
-            if others is not None and not block.chained:
-                post.blocks.insert(0, others)
-            count += len(part.pairs)
+    def _send(self, post: Post, wanted: Iterable[str] = ()) -> None:
+        """Send the worker its next task, with copies of the files that it does not have."""
+        freight = Freight(post, wanted)
+        for part in self._backlog.task(post, self._posts.values()):
             freight.take(part)
+            if freight.weight >= FREIGHT:
+                break
         parts = [part for part, _ in post.sent]
-        header = {"places": freight.places, "copies": freight.names, "seconds": TASK}
+        header = {"places": freight.places, "copies": freight.names, "seconds": backlog.TASK}
         message: Any = pack_blocks(parts, freight.contents, **header)
         if len(message) > LARGE:
             try:
                 (message,) = self._client.scatter([message], workers=[post.address], hash=False)
             except Exception:  # the worker or the scheduler is gone: the next look tells
                 self._looked = -math.inf
-                self._put_back(post)
+                post.put_back()
                 return
         self._submit(post, keeper.work, self._run, post.identity, message)
         self._notice("solve", parts[0].pairs[0], {"host": post.host})
 
-    def _submit(self, post: _Post, what: Callable[..., Any], *arguments: Any) -> None:
+    def _submit(self, post: Post, what: Callable[..., Any], *arguments: Any) -> None:
         """A task for this worker alone; its end comes as an event."""
         future = self._client.submit(
             what, *arguments, key=f"cpbench-{uuid.uuid4().hex}", workers=[post.address], allow_other_workers=False
@@ -300,15 +224,9 @@ class Cluster:
         post.future, post.since = future, time.monotonic()
         future.add_done_callback(lambda done: self._events.put((post, done)))
 
-    def _quota(self, post: _Post) -> int:
-        """Pairs of the next task: less towards the end, so that all workers end together."""
-        waiting = sum(len(b.pairs) for b, _ in self._todo) + sum(len(b.pairs) for b in post.blocks)
-        share = math.ceil(waiting / (2 * len(self._posts)))
-        return max(1, min(MOST, int(TASK / self._mean), share))
-
     # ----------------------------------------------------------------------------------------- taking in
 
-    def _take_in(self, post: _Post) -> None:
+    def _take_in(self, post: Post) -> None:
         from distributed import KilledWorker
 
         future = post.future
@@ -319,7 +237,7 @@ class Cluster:
         except (FutureCancelled, AsyncCancelled):
             self._look()  # which raises, or loses the worker, if that is why
             if post.address in self._posts:
-                self._put_back(post)
+                post.put_back()
         except KilledWorker:
             self._lose(post)
         except Exception as error:
@@ -331,12 +249,7 @@ class Cluster:
             else:
                 self._greeted(post, *result)
 
-    def _put_back(self, post: _Post) -> None:
-        post.blocks = [whole for _, whole in post.sent] + post.blocks
-        post.sent = []
-        post.future = None
-
-    def _greeted(self, post: _Post, identity: str, greeting: bytes) -> None:
+    def _greeted(self, post: Post, identity: str, greeting: bytes) -> None:
         header, _ = wire.unpack(greeting)
         if header["event"] != "ready":
             self._refuse(post, str(header["message"]))
@@ -344,7 +257,7 @@ class Cluster:
         post.identity, post.host = identity, str(header["host"])
         self.machines[post.host] = header["machine"]
 
-    def _answered(self, post: _Post, messages: Iterable[bytes]) -> None:
+    def _answered(self, post: Post, messages: Iterable[bytes]) -> None:
         """Outcomes, and how the task ended that they are of."""
         pairs = post.pairs
         endings: dict[str, Ending] = {}
@@ -356,10 +269,8 @@ class Cluster:
                 endings[pair.key] = (outcome.status, outcome.answer)
                 self._end(pair, outcome, post.host)
         if endings:
-            self._mean += MEMORY * ((time.monotonic() - post.since) / len(endings) - self._mean)
-        left = [(part.rest(endings), whole.rest(endings)) for part, whole in post.sent]
-        post.blocks = [whole for part, whole in left if part is None and whole is not None] + post.blocks
-        post.sent = [(part, whole) for part, whole in left if part is not None and whole is not None]
+            self._backlog.learn(time.monotonic() - post.since, len(endings))
+        post.end(endings)
         event = last["event"]
         if event == "stranger":
             self._lose(post)
@@ -368,7 +279,7 @@ class Cluster:
         elif event == "died":
             self._suspect(post, str(last["message"]))
         else:
-            self._put_back(post)
+            post.put_back()
             if event == "wanted":
                 post.copies = True
                 self._send(post, last["files"])
@@ -376,47 +287,3 @@ class Cluster:
     def _end(self, pair: Pair, outcome: Outcome, host: str) -> None:
         row = {**outcome.row, "jobs": sum(post.host == host for post in self._posts.values())}
         self._ready.append((pair, replace(outcome, row=row), host))
-
-
-class _Freight:
-    """The files of a task: where each stands here, and the contents of those that go along."""
-
-    def __init__(self, post: _Post, wanted: Iterable[str]) -> None:
-        self._post, self._wanted = post, {*wanted}
-        self.places: dict[str, tuple[str, str]] = {}
-        self.names: list[tuple[str, list[str]]] = []
-        self.contents: dict[str, bytes] = {}
-        self.weight = 0
-
-    def take(self, part: Block) -> None:
-        for pair in (*part.pairs, *part.before.values()):
-            if pair.address in self.places:
-                continue
-            path, member = split_address(pair.address)
-            file = os.path.abspath(path)
-            self.places[pair.address] = (file, member)
-            if file in self._wanted or (self._post.copies and file not in self._post.files):
-                self._copy(file, pair)
-
-    def _copy(self, file: str, pair: Pair) -> None:
-        try:
-            found = [(path.name, path.read_bytes()) for path in storage.files(pair.address, pair.format)]
-        except (CpbenchError, OSError):
-            found = []  # the row will tell
-        self._wanted.discard(file)
-        self._post.files.add(file)
-        self.contents |= {f"copy {len(self.names)} {name}": content for name, content in found}
-        self.names.append((file, [name for name, _ in found]))
-        self.weight += sum(len(content) for _, content in found)
-
-
-def _opening(setting: Setting) -> bytes:
-    """What every station is told first: whose run it is, the limits of its lane, the plugins, the declared solvers.
-
-    Files of tables stay here: what they declare is told, with the paths that it has here.
-    """
-    names = [name for name in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if name and not name.endswith(TABLES)]
-    plugins = {name: Path(name).read_bytes() for name in names}
-    anywhere = {k: v for k, v in asdict(setting).items() if k not in ("cpus", "lanes")}
-    opening = {"cpbench": cpbench.__version__, "setting": anywhere, "plugins": names}
-    return wire.pack({**opening, "solvers": os.environ.get(DECLARED, "")}, plugins)
