@@ -45,6 +45,10 @@ class Status(StrEnum):
     NOT_RUN = "not_run"
 
 
+VERIFIED = (str(Status.SOLVED), str(Status.STATIONARY))
+"""Statuses of an answer that meets the tolerance on the problem that was asked."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """What was measured of one answer at one tolerance.

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.verification import VERIFIED
 
 COLD = "cold"
 _PAIR = ["node", "fingerprint", "label", "tolerance", "threads", "set", "measure"]
@@ -28,7 +29,7 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
     both = warm.merge(cold, on=_PAIR, suffixes=("", "_cold"))
     rows: list[dict[str, object]] = []
     for (node, label, start), part in both.groupby(["node", "label", "start"], sort=True):  # type: ignore[misc]
-        solved = part[rows_of.solved(part) & part["status_cold"].isin(rows_of.SOLVED)]
+        solved = part[rows_of.solved(part) & part["status_cold"].isin(VERIFIED)]
         solved = solved[~solved["started"].str.startswith(COLD)]
         rows.append(
             {
@@ -37,7 +38,7 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
                 "start": start,
                 "pairs": len(part),
                 "warm": int(rows_of.solved(part).sum()),
-                "cold": int(part["status_cold"].isin(rows_of.SOLVED).sum()),
+                "cold": int(part["status_cold"].isin(VERIFIED).sum()),
                 "fell_back": int(part["started"].str.startswith(COLD).sum()),
                 "time": _mean_ratio(solved["time"], solved["time_cold"]),
                 "iterations": _mean_ratio(solved["iterations"], solved["iterations_cold"]),

@@ -16,7 +16,7 @@ import pandas as pd
 
 from cpbench.errors import StoreError
 from cpbench.formulations.base import Kind
-from cpbench.verification import Status
+from cpbench.verification import VERIFIED, Status
 
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
@@ -30,8 +30,6 @@ NUMBERS = (
 )  # fmt: skip
 NO_ANSWER = "no answer in the folder"
 """Message of an imported row whose problem nobody answered."""
-SOLVED = (str(Status.SOLVED), str(Status.STATIONARY))
-"""Statuses of an answer that meets the tolerance on the problem that was asked."""
 STATUSES = tuple(str(s) for s in Status)
 """Every status, from the best outcome to the least informative: the order of all tables."""
 CHARGED = ("convert", "setup", "solve", "lift")
@@ -69,7 +67,7 @@ def normalised(table: pd.DataFrame) -> pd.DataFrame:
 
 def solved(table: pd.DataFrame) -> pd.Series[bool]:
     """Whether the answer of each row was measured to meet the tolerance, whatever the solver said."""
-    return table["status"].isin(SOLVED)
+    return table["status"].isin(VERIFIED)
 
 
 def with_time(table: pd.DataFrame) -> pd.DataFrame:

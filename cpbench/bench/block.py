@@ -15,9 +15,7 @@ from cpbench.bench.history import History, derived_rows
 from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome, Predecessor
 from cpbench.bench.planning.plan import Pair
-
-VERIFIED = ("solved", "stationary")
-"""Statuses of answers that a next step may start from."""
+from cpbench.verification import VERIFIED
 
 Notice: TypeAlias = Callable[[str, Pair | None, Mapping[str, Any]], None]
 """Called with an event (`start`, `solve`, `done`), the pair, and the row or what there is of it."""

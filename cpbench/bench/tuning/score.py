@@ -12,12 +12,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from cpbench.verification import VERIFIED
+
 NAME = "problems solved, then PAR10 as a shifted geometric mean"
 CHARGE = 10.0
 """What an unsolved problem costs, in limits."""
 SHIFT = 1e-3
 """Seconds added to every time before its logarithm: below that a call weighs as much as the algorithm."""
-SOLVED = ("solved", "stationary")
 PARTS = ("convert", "setup", "solve", "lift")
 
 
@@ -41,7 +42,7 @@ def seconds(row: Mapping[str, Any]) -> float:
     >>> seconds({"status": "wrong", "solve": 1.0})
     inf
     """
-    if row["status"] not in SOLVED:
+    if row["status"] not in VERIFIED:
         return math.inf
     return sum(float(row.get(part) or 0.0) for part in PARTS)
 
