@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.solvers.adapters.cone_polish import polish
-from cpbench.solvers.adapters.cone_program import ConeProgram, cone_program, obstacle
-from cpbench.solvers.adapters.conic_models import ClarabelModel
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.adapters.cone_program import ConeProgram
+from cpbench.solvers.adapters.cone_solver import ConeSolver
+from cpbench.solvers.adapters.conic_models import ClarabelModel, ConicModel
+from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class ClarabelConeOptions:
 
 
 @register
-class ClarabelCone(Solver):
+class ClarabelCone(ConeSolver):
     """Interior point on the homogeneous embedding with Nesterov–Todd scaling; every factor becomes Lorentz cones."""
 
     spec = SolverSpec(
@@ -43,35 +41,12 @@ class ClarabelCone(Solver):
         options=ClarabelConeOptions,
     )
 
-    def obstacle(self, problem: ConeQP) -> str | None:
-        return obstacle(problem)
+    def model(self, prepared: ConeProgram, budget: Budget) -> ConicModel:
+        return ClarabelModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
 
-    def setup(self, problem: ConeQP, budget: Budget, options: Any) -> ConeProgram:
-        return cone_program(problem)
-
-    def solve(
-        self,
-        prepared: ConeProgram,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        model = ClarabelModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
-        end = model.solve()
-        claim, counters = end.claim, {"iterations": end.iterations}
-        if not end.usable:
-            claim = claim if claim in (Claim.INFEASIBLE, Claim.UNBOUNDED) else Claim.FAILED
-            return SolverOutput(claim=claim, counters=counters, message=end.status)
-        point = prepared.point(end.x, end.y)
+    def finish(
+        self, problem: ConeQP, point: ConeQPPoint, claim: Claim, tolerance: float, options: Any
+    ) -> tuple[ConeQPPoint, float, dict[str, int]]:
         steps = options.polish if claim in (Claim.SOLVED, Claim.INACCURATE) else 0
-        point, error, counters["polishing_steps"] = polish(prepared.problem, point, budget.tolerance, steps)
-        if error <= budget.tolerance:
-            claim = Claim.SOLVED
-        elif claim is Claim.SOLVED:
-            claim = Claim.INACCURATE
-        return SolverOutput(claim=claim, point=point, counters=counters, message=f"{end.status}, error {error:.1e}")
-
-    def warmup(self) -> None:
-        K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
-        self.run(ConeQP.over(np.eye(3), -np.ones(3), K))
+        point, error, done = polish(problem, point, tolerance, steps)
+        return point, error, {"polishing_steps": done}

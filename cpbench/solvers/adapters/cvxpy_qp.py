@@ -10,10 +10,11 @@ import warnings
 from dataclasses import dataclass
 from typing import Any
 
+from cpbench.solvers.adapters.cvxpy_claims import CLAIMS
 from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings, translate
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
 
 _NOT_CVXPYS = ("raise_error",)
 """Arguments of a backend's own function, which are no settings of it."""
@@ -45,15 +46,7 @@ class CvxpyQP(QPBackend):
     )
     bounds_as_rows = True
     needs_inequality = True  # SCS wants a cone
-    claims = {
-        "optimal": Claim.SOLVED,
-        "optimal_inaccurate": Claim.INACCURATE,
-        "infeasible": Claim.INFEASIBLE,
-        "infeasible_inaccurate": Claim.INFEASIBLE,
-        "unbounded": Claim.UNBOUNDED,
-        "unbounded_inaccurate": Claim.UNBOUNDED,
-        "user_limit": Claim.MAX_ITER,
-    }
+    claims = CLAIMS
 
     def solve(
         self,

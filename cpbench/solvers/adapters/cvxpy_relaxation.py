@@ -25,6 +25,7 @@ from cpbench import matrices
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.solvers.adapters.cvxpy_claims import CLAIMS
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -39,16 +40,6 @@ from cpbench.solvers.base import (
 
 SYMMETRY_LIMIT = 1e-8
 """max|W − Wᵀ|/max|W| up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
-
-_CLAIMS = {
-    "optimal": Claim.SOLVED,
-    "optimal_inaccurate": Claim.INACCURATE,
-    "infeasible": Claim.INFEASIBLE,
-    "infeasible_inaccurate": Claim.INFEASIBLE,
-    "unbounded": Claim.UNBOUNDED,
-    "unbounded_inaccurate": Claim.UNBOUNDED,
-    "user_limit": Claim.MAX_ITER,
-}
 
 
 @dataclass(frozen=True)
@@ -134,7 +125,7 @@ class CvxpyRelaxation(Solver):
         value = prepared.x.value
         stats = prepared.problem.solver_stats
         return SolverOutput(
-            claim=_CLAIMS.get(status, Claim.FAILED),
+            claim=CLAIMS.get(status, Claim.FAILED),
             point=None if value is None else FCPoint(r=prepared.scale * np.asarray(value)),
             counters={"iterations": int(stats.num_iters)} if stats is not None and stats.num_iters else {},
             message=status,

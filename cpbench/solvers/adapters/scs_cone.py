@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from cpbench.formulations.coneqp import ConeQP
-from cpbench.product_cones import Cone, ProductCone
-from cpbench.solvers.adapters.cone_program import ConeProgram, cone_program, obstacle
-from cpbench.solvers.adapters.conic_models import ScsModel
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.solvers.adapters.cone_program import ConeProgram
+from cpbench.solvers.adapters.cone_solver import ConeSolver
+from cpbench.solvers.adapters.conic_models import ConicModel, ScsModel
+from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
 
 
 @register
-class ScsCone(Solver):
+class ScsCone(ConeSolver):
     """Douglas–Rachford splitting of the homogeneous embedding; every factor becomes Lorentz cones."""
 
     spec = SolverSpec(
@@ -29,33 +27,10 @@ class ScsCone(Solver):
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
     )
 
-    def obstacle(self, problem: ConeQP) -> str | None:
-        return obstacle(problem)
+    def model(self, prepared: ConeProgram, budget: Budget) -> ConicModel:
+        return ScsModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
 
-    def setup(self, problem: ConeQP, budget: Budget, options: Any) -> ConeProgram:
-        return cone_program(problem)
-
-    def solve(
-        self,
-        prepared: ConeProgram,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        end = ScsModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget).solve()
-        claim, counters = end.claim, {"iterations": end.iterations}
-        if not end.usable:
-            claim = claim if claim in (Claim.INFEASIBLE, Claim.UNBOUNDED) else Claim.FAILED
-            return SolverOutput(claim=claim, counters=counters, message=end.status)
-        point = prepared.point(end.x, end.y)
-        error = prepared.problem.residuals(point, budget.tolerance).error
-        if error <= budget.tolerance:
-            claim = Claim.SOLVED
-        elif claim is Claim.SOLVED:
-            claim = Claim.INACCURATE
-        return SolverOutput(claim=claim, point=point, counters=counters, message=f"{end.status}, error {error:.1e}")
-
-    def warmup(self) -> None:
-        K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
-        self.run(ConeQP.over(np.eye(3), -np.ones(3), K))
+    def finish(
+        self, problem: ConeQP, point: ConeQPPoint, claim: Claim, tolerance: float, options: Any
+    ) -> tuple[ConeQPPoint, float, dict[str, int]]:
+        return point, problem.residuals(point, tolerance).error, {}
