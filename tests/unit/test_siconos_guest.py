@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from cpbench import matrices
@@ -67,7 +68,6 @@ def test_a_problem_that_kills_is_the_last_of_its_process_alone() -> None:
 
 def test_loading_again_and_again_takes_no_memory() -> None:
     """Every problem has a child of the guest: nothing of it stays."""
-    psutil = pytest.importorskip("psutil")
     solver = solvers.get("siconos-lcp-lemke")
     problem, _ = planted.lcp(np.random.default_rng(0), 600, "positive definite")
     sizes = []

@@ -44,7 +44,7 @@ class Row:
     storage : of the matrices, dense, blocks or sparse; `given` is dense or blocks, as the problem is.
     bound : iterations if the budget has no bound. inner : of the subproblems: a constant, if not the default.
     dimension : rows of a contact, where a solver is for one. enumerates : whether it tries 2ⁿ index sets.
-    deterministic : whether two runs in two processes are the same to the last bit.
+    warm : whether a start is used and shortens it (the local ADMM and MLCP_FB need more iterations from a solution).
     false : case -> our error, where it claims what is not. ends : case -> how its process ended, or its time.
     early : the same after one iteration, where it is right in the end. impossible : problems without a solution that it
     claims to have solved. failures : check -> reason, for the rest.
@@ -61,12 +61,17 @@ class Row:
     inner: str = ""
     dimension: int = 0
     enumerates: bool = False
-    deterministic: bool = True
+    warm: bool = False
     false: Mapping[str, float] = field(default_factory=dict)
     ends: Mapping[str, str] = field(default_factory=dict)
     early: Mapping[str, float] = field(default_factory=dict)
     impossible: tuple[str, ...] = ()
     failures: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def traits(self) -> frozenset[Trait]:
+        given = {Trait.SPARSE: self.storage != "dense", Trait.WARM_START: self.warm, Trait.DETERMINISTIC: True}
+        return frozenset(trait for trait, has in given.items() if has)
 
     @property
     def known_failures(self) -> Mapping[str, str]:
@@ -105,7 +110,7 @@ class SiconosSolver(ServedSolver):
             citation=row.citation,
             install=INSTALL,
             kind=Kind.EQUIVALENT,
-            traits=frozenset({Trait.DETERMINISTIC} if row.deterministic else ()),
+            traits=row.traits,
             by_default=row.by_default,
             known_failures=row.known_failures,
         )

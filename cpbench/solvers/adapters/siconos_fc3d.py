@@ -39,6 +39,7 @@ register_family(
         summary="Gauss–Seidel over the contacts, Alart–Curnier Newton with projections in each",
         method="block Gauss–Seidel",
         citation=JEAN,
+        warm=True,
         storage="given",
         by_default=True,
         early={"velocity-unit-1e-08-3d": 8.5e-02, "impulse-unit-1e+08-3d": 8.5e-02},
@@ -51,6 +52,7 @@ register_family(
         summary="Gauss–Seidel over the contacts, projections with local iterations in each",
         method="block Gauss–Seidel",
         citation=REVIEW,
+        warm=True,
         storage="given",
         early={"impulse-unit-1e-08-3d": 7.3e-01, "impulse-unit-1e+08-3d": 8.5e-02},
         impossible=("immovable",),
@@ -62,6 +64,7 @@ register_family(
         summary="Gauss–Seidel over the contacts, each by the roots of a quartic",
         method="block Gauss–Seidel",
         citation="Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact (2011)",
+        warm=True,
         storage="given",
         early={"velocity-unit-1e-08-3d": 8.5e-02, "impulse-unit-1e+08-3d": 8.5e-02},
     ),
@@ -105,6 +108,7 @@ register_family(
         summary="Tresca fixed point: friction thresholds held, a convex problem by Gauss–Seidel, and again",
         method="fixed point",
         citation="Haslinger, Least square method for solving contact problems with friction (1984)",
+        warm=True,
         storage="given",
         bound=Bound.OUTER,
         false={
@@ -121,6 +125,7 @@ register_family(
         summary="Panagiotopoulos' fixed point: normal and tangential problems in turn",
         method="fixed point",
         citation="Panagiotopoulos, A nonlinear programming approach to the unilateral contact problem (1975)",
+        warm=True,
         storage="blocks",
         bound=Bound.OUTER,
         false={
@@ -152,6 +157,7 @@ register_family(
         summary="Gauss–Seidel on the convex relaxation (no De Saxcé term), listed by Siconos among those of the law",
         method="relaxation",
         citation=ACARY,
+        warm=True,
         storage="given",
         false={
             "positive-definite-3d": 2.5e-02,

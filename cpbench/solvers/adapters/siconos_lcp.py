@@ -41,6 +41,7 @@ register_family(
         summary="semismooth Newton on the Fischer–Burmeister function, line search on its square",
         method="semismooth Newton",
         citation=FISCHER,
+        warm=True,
         bound=Bound.NEWTON,
         by_default=True,
         false={"impulse-unit-1e-08": 4.7e-01, "velocity-unit-1e+08": 4.7e-01},
@@ -51,6 +52,7 @@ register_family(
         summary="semismooth Newton on the minimum function, line search on Fischer–Burmeister",
         method="semismooth Newton",
         citation=FISCHER,
+        warm=True,
         bound=Bound.NEWTON,
     ),
     Row(
@@ -68,6 +70,7 @@ register_family(
         summary="projected Gauss–Seidel",
         method="projected Gauss–Seidel",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         false={"any": math.inf, "all-ties": math.inf},
     ),
     Row(
@@ -76,6 +79,7 @@ register_family(
         summary="projected successive over-relaxation, ω = 0.1 by Siconos' default",
         method="projected SOR",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         false={"any": math.inf},
     ),
     Row(
@@ -84,6 +88,7 @@ register_family(
         summary="projected Gauss–Seidel on M + ρI, ρ = 1 by Siconos' default",
         method="regularised projected Gauss–Seidel",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
     ),
     Row(
         name="siconos-lcp-nsgs-sbm",
@@ -91,6 +96,7 @@ register_family(
         summary="block Gauss–Seidel, projected SOR in every block",
         method="block Gauss–Seidel",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         storage="blocks",
         false={"any": math.inf},
     ),
@@ -100,6 +106,7 @@ register_family(
         summary="projected conjugate gradient, for symmetric positive semidefinite M",
         method="conjugate gradient",
         citation="Renouf and Alart, Conjugate gradient type algorithms for frictional contact, CMAME 194 (2005)",
+        warm=True,
     ),
     Row(
         name="siconos-lcp-convexqp-pg",
@@ -107,6 +114,7 @@ register_family(
         summary="projected gradient on the QP of a symmetric M",
         method="projected gradient",
         citation="Bertsekas, Nonlinear Programming (1999), section 2.3",
+        warm=True,
     ),
     Row(
         name="siconos-lcp-latin",

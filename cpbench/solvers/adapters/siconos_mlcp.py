@@ -72,6 +72,7 @@ register_family(
         summary="projected Gauss–Seidel over equalities and complementarities",
         method="projected Gauss–Seidel",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         false={"both-units-1e-08": 1.2e00},
     ),
     Row(
@@ -80,6 +81,7 @@ register_family(
         summary="projected Gauss–Seidel with ρI added, ρ = 1 by Siconos' default",
         method="regularised projected Gauss–Seidel",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         false={"both-units-1e-08": 1.2e00, "u-unit-1e+08": 7.0e-01},
     ),
     Row(
@@ -88,6 +90,7 @@ register_family(
         summary="projected successive over-relaxation, ω = 1.2 by Siconos' default",
         method="projected SOR",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         false={
             "monotone": math.inf,
             "positive-definite": math.inf,
@@ -107,6 +110,7 @@ register_family(
         summary="projected successive over-relaxation with ρI added, ω = 2, ρ = 0.5 by Siconos' default",
         method="regularised projected SOR",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         impossible=("no-row",),
         false={
             "monotone": math.inf,

@@ -47,6 +47,7 @@ register_family(
         summary="projected Gauss–Seidel on the box",
         method="projected Gauss–Seidel",
         citation=f"{BOOK}, section 5.2",
+        warm=True,
         false={"z-unit-1e-08": 3.5e-01, "w-unit-1e-08": 3.5e-01, "w-unit-1e+08": 3.5e-01},
     ),
     Row(

@@ -31,6 +31,7 @@ register_family(
         summary="Gauss–Seidel over the cones, projection with local iterations in each",
         method="block Gauss–Seidel",
         citation="Jourdan, Alart and Jean, A Gauss–Seidel like algorithm, CMAME 155 (1998)",
+        warm=True,
         by_default=True,
     ),
     Row(
@@ -39,6 +40,7 @@ register_family(
         summary="fixed point of the projection, step size by itself",
         method="projection",
         citation="Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), section 12.1",
+        warm=True,
     ),
     Row(
         name="siconos-soclcp-vi-eg",
@@ -46,5 +48,6 @@ register_family(
         summary="extragradient, step size by itself",
         method="extragradient",
         citation="Khobotov, A modification of the extragradient method, USSR Comp. Math. 27 (1987)",
+        warm=True,
     ),
 )
