@@ -29,6 +29,12 @@ class Exchange(ABC):
     suffix: ClassVar[str] = ""
     nodes: ClassVar[frozenset[str] | None] = None
 
+    def obstacle(self, problem: Problem) -> str | None:
+        """Why it cannot carry a problem, None where it can."""
+        if self.nodes is not None and problem.node not in self.nodes:
+            return f"the exchange {self.name} carries {', '.join(sorted(self.nodes))}, not {problem.node}"
+        return None
+
     @abstractmethod
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
         """Put `problem` at `path`, in place of what is there; `dense`: no sparse matrix. Raises FormatError."""

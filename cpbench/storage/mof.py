@@ -68,6 +68,13 @@ class MOF(Format):
             file.write(part.encode())
 
 
+def obstacle(problem: Any) -> str | None:
+    """Why a problem of a formulation that can be written cannot be, None where it can."""
+    if problem.node == "avi" and not problem.only_box:
+        return f"its set has {problem.b.size + problem.d.size} rows beside the box"
+    return None
+
+
 def text(problem: Problem) -> Iterator[str]:
     """The file in pieces; raises FormatError when it would be too large, or the set of an avi is no box."""
     model = _MODELS[problem.node](problem)
@@ -90,11 +97,9 @@ def _lcp(problem: Any) -> _Model:
 
 
 def _box(problem: Any) -> _Model:
-    if problem.node == "avi" and not problem.only_box:
-        rows = problem.b.size + problem.d.size
-        raise FormatError(
-            problem.name or "avi", "", f"cannot be written as mof: its set has {rows} rows beside the box"
-        )
+    why = obstacle(problem)
+    if why is not None:
+        raise FormatError(problem.name or "avi", "", f"cannot be written as mof: {why}")
     return _complements(problem.M, problem.q, _numbered("z", problem.q.size), problem.lb, problem.ub)
 
 

@@ -112,6 +112,20 @@ def test_a_problem_that_it_cannot_carry_is_refused(name: str, tmp_path: Path) ->
     assert not _path(tmp_path, name).exists()
 
 
+@pytest.mark.parametrize("name", exchanges.names())
+def test_what_an_exchange_refuses_is_known_before(name: str, tmp_path: Path) -> None:
+    """Met only when it is written it would be an error of the solver's row."""
+    exchange = exchanges.get(name)
+    for case, problem in CASES.items():
+        try:
+            exchange.write_problem(problem, _path(tmp_path, name))
+            refused = False
+        except FormatError:
+            refused = True
+        if exchange.nodes is not None:
+            assert (exchange.obstacle(problem) is not None) == refused, case
+
+
 # ------------------------------------------------------------------------------------------- HDF5 and FCLIB
 
 

@@ -15,6 +15,7 @@ import psutil
 import pytest
 
 from cpbench.errors import Ended, NotApplicable, Unavailable
+from cpbench.exchange import exchanges
 from cpbench.formulations import LCP
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.solvers.base import Budget, Claim, SolverSpec, solvers
@@ -277,6 +278,18 @@ def test_any_registered_solver_is_served_and_answers_as_it_does_here() -> None:
         there.close()
 
 
+@pytest.mark.parametrize("name", [name for name in exchanges.names() if name != "fclib"])
+def test_any_exchange_serves_a_registered_solver(name: str) -> None:
+    there = ServedSolver(
+        solvers.get("psor").spec, [sys.executable, "-m", "cpbench.solvers.external.serve", "psor"], name
+    )
+    try:
+        output = there.run(PROBLEM, start=LCPPoint(z=ANSWER))
+        np.testing.assert_allclose(output.point.z, ANSWER, atol=1e-6)
+    finally:
+        there.close()
+
+
 @pytest.mark.parametrize("check", ["check_claims_are_true", "check_answers_have_their_shape"])
 def test_a_served_solver_conforms_as_any(check: str) -> None:
     command = [sys.executable, "-m", "cpbench.solvers.external.serve", "lemke"]
@@ -321,3 +334,33 @@ def test_an_answer_of_an_earlier_solve_is_not_taken_again(tmp_path: Path) -> Non
     )
     with pytest.raises(ProgramError, match="exited with code 0 and wrote no answer"):
         solver.collect(solver.solve(solver.setup(handed, budget, options), budget, options))
+
+
+def test_a_claim_of_an_earlier_solve_is_not_taken_again(tmp_path: Path) -> None:
+    """One in the folder of the answer, of a solve that was timed again and not collected."""
+    (tmp_path / "once.sh").write_text(
+        '#!/bin/sh\n[ -e done ] && cp q.npy "$1/z.npy" || echo \'{"claim": "infeasible"}\' > "$1/claim.json"\n'
+    )
+    (tmp_path / "once.sh").chmod(0o755)
+    np.save(tmp_path / "q.npy", ANSWER)
+    spec = SolverSpec(name="mine", node="lcp", summary="a command", method="direct")
+    solver = CommandSolver(spec, "./once.sh {answer}", cwd=str(tmp_path))
+    handed, budget, options = solver.hand_over(PROBLEM), Budget(), spec.options()
+    solver.solve(solver.setup(handed, budget, options), budget, options)
+    (tmp_path / "done").touch()
+    output = solver.collect(solver.solve(solver.setup(handed, budget, options), budget, options))
+    assert output.claim == Claim.SOLVED
+
+
+def test_folders_of_processes_that_start_together_stay(tmp_path: Path) -> None:
+    """What looks for the folders of the dead does not take those that are just being made."""
+    code = (
+        "import os\nfrom cpbench.solvers.external import folder\n"
+        "for _ in range(300):\n"
+        "    folder._homes.clear()\n"
+        "    mine = folder.Folder(1)\n"
+        "    assert mine.path.is_dir()\n"
+        "    os.close(folder._homes[folder.MEMORY][2])\n"
+    )
+    together = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(3)]
+    assert [process.wait(120) for process in together] == [0, 0, 0]

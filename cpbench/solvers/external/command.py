@@ -70,10 +70,7 @@ class CommandSolver(Solver):
         self.env, self.cwd = dict(env or {}), cwd
 
     def obstacle(self, problem: Any) -> str | None:
-        nodes = exchanges.get(self.exchange).nodes
-        if nodes is not None and problem.node not in nodes:
-            return f"the exchange {self.exchange} carries {', '.join(sorted(nodes))}, not {problem.node}"
-        return None
+        return exchanges.get(self.exchange).obstacle(problem)
 
     def hand_over(self, problem: Any) -> HandedOver:
         return HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)

@@ -44,25 +44,37 @@ def _own(place: Path) -> Path:
     remove_abandoned()
     while True:
         path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=place))
-        lock = _lock(path)
-        if path.is_dir():  # somebody else's `remove_abandoned` may come in between
-            break
+        with contextlib.suppress(FileNotFoundError, BlockingIOError):  # somebody's `remove_abandoned` came in between
+            lock = _lock(path)
+            if path.is_dir():
+                break
+            _unlock(lock)
     _homes[place] = (os.getpid(), path, lock)
     atexit.register(shutil.rmtree, path, ignore_errors=True)
     return path
 
 
 def _lock(path: Path) -> int:
-    """Descriptor of a folder that is ours alone, -1 where it is not. Raises OSError."""
+    """Descriptor of a folder that is ours alone, -1 where there are no locks.
+
+    Raises BlockingIOError when it is somebody else's, OSError.
+    """
     if fcntl is None:
         return -1
     descriptor = os.open(path, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except OSError as cause:
         os.close(descriptor)
+        if isinstance(cause, BlockingIOError):
+            raise
         return -1
     return descriptor
+
+
+def _unlock(descriptor: int) -> None:
+    if descriptor >= 0:
+        os.close(descriptor)
 
 
 def remove_abandoned() -> None:
@@ -72,4 +84,4 @@ def remove_abandoned() -> None:
             descriptor = _lock(left)
             if descriptor >= 0:
                 shutil.rmtree(left, ignore_errors=True)
-                os.close(descriptor)
+                _unlock(descriptor)

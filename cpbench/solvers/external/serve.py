@@ -23,8 +23,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from cpbench.errors import CpbenchError, NotApplicable, Unavailable
-from cpbench.exchange import exchanges
+from cpbench.errors import CpbenchError, FormatError, NotApplicable, Unavailable
+from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget, Solver, SolverOutput, solvers
 
@@ -37,6 +37,7 @@ class Desk:
     def __init__(self, name: str) -> None:
         self._name = name
         self._solver: Solver | None = None
+        self._exchange: Exchange | None = None
         self._problem: Problem | None = None
         self._handed: Any = None
         self._output: SolverOutput | None = None
@@ -89,7 +90,8 @@ class Desk:
     def _load(self, request: Mapping[str, Any]) -> Reply:
         path = Path(request["problem"])
         self._problem = self._handed = self._output = None  # two at a time might not fit
-        problem = exchanges.get(_exchange(path)).read_problem(path)
+        self._exchange = _exchange(path)
+        problem = self._exchange.read_problem(path)
         why = self._known().obstacle(problem)
         if why is not None:
             raise NotApplicable(self._name, why)
@@ -108,8 +110,7 @@ class Desk:
         )
         options = solver.spec.options(**request.get("options", {}))
         if request.get("start") is not None:
-            path = Path(request["start"])
-            start = exchanges.get(_exchange(path)).read_answer(path, problem)
+            start = self._known_exchange().read_answer(Path(request["start"]), problem)
         begun = time.perf_counter()
         output = solver.solve(solver.setup(self._handed, budget, options), budget, options, start)
         taken = time.perf_counter() - begun
@@ -122,8 +123,7 @@ class Desk:
             raise CpbenchError("nothing was solved since the problem was loaded")
         point = self._known().collect(self._output).point
         if point is not None:
-            path = Path(request["answer"])
-            exchanges.get(_exchange(path)).write_answer(point, path)
+            self._known_exchange().write_answer(point, Path(request["answer"]))
         return {}
 
     def _known(self) -> Solver:
@@ -131,15 +131,25 @@ class Desk:
             raise CpbenchError("was not greeted")
         return self._solver
 
+    def _known_exchange(self) -> Exchange:
+        if self._exchange is None:
+            raise CpbenchError("holds no problem")
+        return self._exchange
+
     def _held(self) -> Problem:
         if self._problem is None:
             raise CpbenchError("holds no problem")
         return self._problem
 
 
-def _exchange(path: Path) -> str:
-    """An archive or a folder of arrays, as the path's name says."""
-    return "npz" if path.suffix == ".npz" else "npy-dir"
+def _exchange(path: Path) -> Exchange:
+    """The one that wrote a problem, as its name or its folder says; raises FormatError."""
+    if path.is_dir():
+        return exchanges.get("mtx" if any(path.glob("*.mtx")) else "npy-dir")
+    for exchange in exchanges:
+        if exchange.suffix and path.name.endswith(exchange.suffix):
+            return exchange
+    raise FormatError(path, "", "is no file or folder of any exchange")
 
 
 if __name__ == "__main__":

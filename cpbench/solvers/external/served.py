@@ -88,7 +88,7 @@ class HandedOver:
             path.unlink(missing_ok=True)
         elif not path.is_dir():
             path.mkdir()
-        elif self.answered():
+        elif any(path.iterdir()):  # an answer, or what was said of one
             shutil.rmtree(path)
             path.mkdir()
         return path
@@ -137,10 +137,7 @@ class ServedSolver(Solver):
         self._session: Session | None = None
 
     def obstacle(self, problem: Any) -> str | None:
-        nodes = exchanges.get(self.exchange).nodes
-        if nodes is not None and problem.node not in nodes:
-            return f"the exchange {self.exchange} carries {', '.join(sorted(nodes))}, not {problem.node}"
-        return None
+        return exchanges.get(self.exchange).obstacle(problem)
 
     def hand_over(self, problem: Any) -> HandedOver:
         handed = HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)

@@ -45,6 +45,10 @@ class MathOptFormat(Exchange):
     suffix = mof.SUFFIX
     nodes = mof.MOF.writes
 
+    def obstacle(self, problem: Problem) -> str | None:
+        why = mof.obstacle(problem)
+        return f"the exchange {self.name} cannot carry it: {why}" if why else super().obstacle(problem)
+
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
         """The format has no dense matrices, whatever `dense` asks for."""
         if problem.node not in mof.MOF.writes:
