@@ -54,7 +54,7 @@ class Result:
     solve: float
     cpu: float
     grown: int
-    peak: int
+    peak: int | None
     children: int
     threads: int
     wrote: bool
@@ -75,7 +75,7 @@ class Result:
             solve=solve,
             cpu=_seconds(reply["cpu"]),
             grown=_count(reply["grown"]),
-            peak=_count(reply.get("peak", 0)),
+            peak=None if reply.get("peak") is None else _count(reply["peak"]),
             children=_count(reply.get("children", 0)),
             threads=_count(reply.get("threads", 1)),
             wrote=bool(reply.get("wrote", False)),

@@ -138,6 +138,7 @@ class Bench:
         output, setup, solve, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)
         used = self.meter.end(setup + solve, cpu)
         output = self._solver.collect(output)
+        used["children"] = max(used["children"], self.meter.children)  # a program may start some once it has replied
         vectors, counters, notes = _checked(output, problem)
         wrote = checksum(problem) != self._checksum
         if wrote:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import scipy.sparse as sp
 
@@ -37,6 +39,30 @@ def test_peak_is_what_was_needed_even_if_given_back() -> None:
     assert 60 * MiB < first["peak"] < 80 * MiB
     measured.begin()
     assert measured.end(1e-3, 1e-3)["peak"] < 4 * MiB, "the mark begins anew"
+
+
+BURN = "import time\nwhile time.process_time() < 0.3: pass"
+FORKS = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {BURN!r}])\nprint(flush=True)\nsys.stdin.read()"
+
+
+@linux
+def test_what_a_command_and_the_children_of_a_helper_used_is_charged() -> None:
+    measured = Meter()
+    measured.begin()
+    before = measured.cpu()
+    subprocess.run([sys.executable, "-c", BURN], check=True)
+    spent = measured.cpu() - before
+    assert spent > 0.25
+    assert measured.end(1e-3, 1e-3)["peak"] is None, "no figure is better than that of somebody else"
+    measured.begin()
+    assert measured.end(1e-3, 1e-3)["peak"] < 4 * MiB, "nobody was waited for"
+    with subprocess.Popen([sys.executable, "-c", FORKS], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as helper:
+        measured = Meter()
+        measured.helpers = (psutil.Process(helper.pid),)
+        before = measured.cpu()
+        assert helper.stdout is not None
+        helper.stdout.readline()
+        assert measured.cpu() - before > 0.25
 
 
 def test_threads_that_stay_and_those_that_were_busy() -> None:

@@ -37,7 +37,12 @@ class Meter:
     def __init__(self) -> None:
         self._space = address_space()
         self.helpers = descendants()
-        self._tasks, self._memory = 1, 0
+        self._tasks, self._memory, self._faults = 1, 0, 0
+
+    @property
+    def children(self) -> int:
+        """Processes of this one that run, beside its helpers."""
+        return max(_count() - len(self.helpers), 0)
 
     @property
     def threads(self) -> int:
@@ -45,7 +50,7 @@ class Meter:
         return _tasks()
 
     def cpu(self) -> float:
-        """CPU seconds of this process, of those it has waited for, and of its helpers."""
+        """CPU seconds of this process and its helpers, and of those that they have waited for."""
         seconds = time.process_time()
         if os.name == "posix":
             ended = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -53,7 +58,7 @@ class Meter:
         for helper in self.helpers:
             with contextlib.suppress(psutil.Error):
                 used = helper.cpu_times()
-                seconds += used.user + used.system
+                seconds += used.user + used.system + used.children_user + used.children_system
         return seconds
 
     def begin(self) -> None:
@@ -63,20 +68,22 @@ class Meter:
         for helper in self.helpers:
             _forget_peak(str(helper.pid))
         self._memory = self._peak()
+        self._faults = _faults()
 
-    def end(self, seconds: float, cpu: float) -> dict[str, int]:
+    def end(self, seconds: float, cpu: float) -> dict[str, Any]:
         """Just after a solve that took these wall and CPU seconds.
 
-        `peak` : bytes of resident memory that it needed on top of what was there. `grown` : bytes of address space
-        since the warm-up. `threads` : those that it started and left, or kept busy, its own included. `children` :
-        its processes that still run.
+        `peak` : bytes of resident memory that it needed on top of what was there; None where processes were at work
+        that have ended, of which the system keeps no such figure. `grown` : bytes of address space since the warm-up.
+        `threads` : those that it started and left, or kept busy, its own included. `children` : its processes that
+        still run.
         """
         busy = round(cpu / seconds) if seconds >= BUSY else 1
         return {
-            "peak": max(self._peak() - self._memory, 0),
+            "peak": max(self._peak() - self._memory, 0) if _faults() == self._faults else None,
             "grown": address_space() - self._space,
             "threads": max(1, 1 + _tasks() - self._tasks, busy),
-            "children": max(_count() - len(self.helpers), 0),
+            "children": self.children,
         }
 
     def _peak(self) -> int:
@@ -149,6 +156,14 @@ def _peak() -> int:
         return int(psutil.Process().memory_info().peak_wset)
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def _faults() -> int:
+    """Page faults of all processes that this one has waited for: none is without."""
+    if os.name != "posix":
+        return 0
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return ended.ru_minflt + ended.ru_majflt
 
 
 def _peak_of(pid: int) -> int:
