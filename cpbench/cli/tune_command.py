@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import platform
 import shlex
 import sys
@@ -94,6 +95,8 @@ def command(
     path = output or Path(f"{where.entry.solver}.tuned.toml")
     if path.exists() and not force:
         raise CpbenchError(f"{path}: exists; --force replaces it")
+    if not os.access(path.absolute().parent, os.W_OK):  # found out after the search it would have been in vain
+        raise CpbenchError(f"{path}: its folder is not there or cannot be written; name another file with -o")
     if not math.isfinite(asked["timeout"]):
         raise CpbenchError("--timeout none: a search needs a limit, which a solve that fails is charged")
     part = _part(solver, problems, asked, seed)

@@ -293,6 +293,13 @@ def _part(folder: Path) -> Any:
     return ProblemSet(problems=(str(folder / "p"), "builtin/lcp"), split="dev", where=where, family=("x*",))
 
 
+def test_a_plan_that_cannot_be_written_is_told_before_the_search(monkeypatch: Any, tmp_path: Path, capsys: Any) -> None:
+    begun = time.monotonic()
+    assert cpbench(monkeypatch, "tune", "psor", "--budget", "2m", "-o", tmp_path / "nowhere" / "t.toml") == 2
+    assert time.monotonic() - begun < 60.0
+    assert "its folder is not there" in capsys.readouterr().err
+
+
 def test_ctrl_c_keeps_the_best_so_far(obstacles: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "cpbench", "tune", "psor", str(obstacles), "--budget", "2m", "-o", "t.toml"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
