@@ -27,6 +27,8 @@ U = TypeVar("U")
 PLUGIN_GROUP = "cpbench.plugins"
 PLUGIN_FILES = "CPBENCH_PLUGINS"
 DECLARED = "CPBENCH_SOLVERS"
+PLUGIN_MODULE = "cpbench_plugin_"
+"""What the names of modules begin with that were imported from a plugin's file."""
 TABLES = ".toml"
 """Suffix of plugin files that are tables."""
 _READER = "cpbench.solvers.external.declared"
@@ -63,7 +65,7 @@ def load_plugin(path: Path) -> None:
 
     Raises FormatError with the line and the exception when that fails, DuplicateName.
     """
-    spec = importlib.util.spec_from_file_location(f"cpbench_plugin_{path.stem}", path)
+    spec = importlib.util.spec_from_file_location(f"{PLUGIN_MODULE}{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
         raise FormatError(path, "", "is no Python file and no .toml, but CPBENCH_PLUGINS or --plugin names it")
     module = importlib.util.module_from_spec(spec)

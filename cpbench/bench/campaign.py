@@ -20,6 +20,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
 from cpbench.errors import CpbenchError
 from cpbench.solvers.base import solvers
+from cpbench.solvers.external import declared
 
 
 class Watcher(Protocol):
@@ -146,6 +147,7 @@ def _sheets(
     tuned = {tuning.label: tuning.as_data() for tuning in tunings}
     for pair in planned:
         spec = solvers.get(pair.entry.solver).spec
+        plugin, written = declared.origin(spec.name)
         sheets[pair.label] = {
             "name": spec.name,
             "node": spec.node,
@@ -154,6 +156,8 @@ def _sheets(
             "publishing": spec.publishing,
             "summary": spec.summary,
             "citation": spec.citation,
+            "plugin": plugin,
+            "written": written,
             "tuned": tuned.get(pair.entry.label) or before.get(pair.label, {}).get("tuned"),
         }
     return sheets

@@ -23,6 +23,7 @@ from cpbench.bench.staff import Setting
 from cpbench.cli.options import Counts, Names, Numbers, Sections, format_option, limit_options
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError
+from cpbench.verification import Status
 
 if TYPE_CHECKING:
     from cpbench.bench.cluster.crew import Cluster
@@ -37,6 +38,8 @@ SECTIONS = {
     "Results": ["output", "no_resume", "rerun", "retry", "keep", "report", "no_report", "fail_on"],
     "What is shown": ["dry_run", "quiet", "verbose", "log", "help"],
 }
+ABSENT = 4
+"""The most solvers of which the end of a run tells why they could not run."""
 EXAMPLES = (
     "cpbench run",
     "cpbench run scenes/ -s nsgs -s 'newton-*' -t 1e-4,1e-8 --timeout 1m",
@@ -251,6 +254,8 @@ def _tell_refused(refused: Sequence[tuple[str, str]]) -> None:
 def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     _tell_refused(assembly.refused)
     counts = store.counts()
+    if counts.get(Status.UNAVAILABLE):
+        _tell_absent(store)
     click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
@@ -264,6 +269,16 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     if failed:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)
         sys.exit(1)
+
+
+def _tell_absent(store: Store) -> None:
+    """Why solvers could not run, in a line for each of the first; the report has all."""
+    rows = [row for row in store.rows() if row["status"] == Status.UNAVAILABLE]
+    reasons = {str(row["solver"]): (str(row["message"] or "").strip().splitlines() or ["not told"])[-1] for row in rows}
+    for name, reason in sorted(reasons.items())[:ABSENT]:
+        click.echo(f"not available: {name}: {reason}", err=True)
+    if len(reasons) > ABSENT:
+        click.echo(f"and {len(reasons) - ABSENT} more solvers: cpbench doctor says what each lacks", err=True)
 
 
 def _summary(counts: Mapping[str, int]) -> str:

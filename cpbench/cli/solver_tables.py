@@ -135,10 +135,10 @@ def _search(where: Mapping[str, Any], name: str) -> dict[str, Any] | None:
 def _options(spec: SolverSpec) -> Iterator[str]:
     fields = dataclasses.fields(spec.options)
     if not fields:
-        yield "  options      none"
+        yield "  options       none"
         return
     where = domains(spec.options)
-    yield f"  options      as in --solver '{spec.name}[{fields[0].name}={written(fields[0].default)}]'"
+    yield f"  options       as in --solver '{spec.name}[{fields[0].name}={written(fields[0].default)}]'"
     head = ("    option", "type", "default", "searched by cpbench tune")
     rows = [
         (f"    {f.name}", type(f.default).__name__, written(f.default), str(where.get(f.name, "no"))) for f in fields

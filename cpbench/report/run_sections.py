@@ -62,7 +62,7 @@ def _false_claims(run: Run) -> Iterator[str]:
                 plain(row["status"]),
                 number(row["error"]),
                 f"{row['tolerance']:g}",
-                code(solve_command(row)),
+                code(_again(run, row)),
             ]
             for _, row in found.head(LISTED).iterrows()
         ),
@@ -86,7 +86,7 @@ def _directions(run: Run) -> Iterator[str]:
                 plain(row["status"]),
                 number(row["error"]),
                 number(_part(row["parts"], "slip_angle [deg]")),
-                code(solve_command(row)),
+                code(_again(run, row)),
             ]
             for _, row in found.head(LISTED).iterrows()
         ),
@@ -134,7 +134,7 @@ def _failures(run: Run) -> Iterator[str]:
         yield "Every pair that was started was solved."
         return
     yield "Messages that differ in numbers only are one line; the command runs its first pair again."
-    yield _reasons(reasons)
+    yield _reasons(run, reasons)
 
 
 def _not_started(run: Run) -> Iterator[str]:
@@ -144,10 +144,15 @@ def _not_started(run: Run) -> Iterator[str]:
         return
     yield "## Never started"
     yield "Pairs whose solver cannot take the problem, or was not reached before the run ended."
-    yield _reasons(reasons)
+    yield _reasons(run, reasons)
 
 
-def _reasons(reasons: Sequence[summary.Reason]) -> str:
+def _again(run: Run, row: Any) -> str:
+    here = str(Path.cwd()) + os.sep
+    return solve_command(row, (run.meta.get("solvers") or {}).get(row["label"])).replace(here, "")
+
+
+def _reasons(run: Run, reasons: Sequence[summary.Reason]) -> str:
     return table(
         ["outcome", "pairs", "solvers", "message of the first", "first pair again"],
         (
@@ -156,7 +161,7 @@ def _reasons(reasons: Sequence[summary.Reason]) -> str:
                 str(reason.count),
                 listed([f"{label} {count}" for label, count in reason.labels.items()], 4),
                 plain(cut(reason.message)) or "—",
-                code(solve_command(reason.example)),
+                code(_again(run, reason.example)),
             ]
             for reason in reasons
         ),
@@ -238,7 +243,7 @@ def _machine(run: Run) -> Iterator[str]:
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
     memory = sorted(set(run.rows["memory"].dropna()))
     if memory:
-        facts["memory limit of a solve"] = ", ".join(f"{m:.0f} bytes" if m else "none" for m in memory)
+        facts["memory limit of a solve"] = ", ".join(f"{m / 2**30:.3g} GiB" if m else "none" for m in memory)
     hosts = sorted(set(run.rows["host"]) - {""})
     if hosts:
         facts["hosts"] = ", ".join(hosts)

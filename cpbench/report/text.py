@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 _SPECIAL = re.compile(r"([\\`*\[\]#~$!|])|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
@@ -108,8 +108,8 @@ def listed(labels: Sequence[str], most: int = 6) -> str:
     return f"{shown} and {len(labels) - most} more" if len(labels) > most else shown
 
 
-def solve_command(row: Any) -> str:
-    """The command that runs one row of a table again.
+def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
+    """The command that runs one row of a table again; `sheet` says where a solver that is not cpbench's comes from.
 
     >>> solve_command({"address": "a b.h5", "label": "lemke@inner8", "solver": "lemke", "request": "inner8",
     ...                "tolerance": 1e-6, "seconds": 10.0, "start": "cold"})
@@ -120,7 +120,10 @@ def solve_command(row: Any) -> str:
         return shlex.join([*words, "--tolerance", f"{row['tolerance']:g}"])
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
-    words = ["cpbench", "solve", one_line(row["address"]), "-s", solver, *_route_options(request)]
+    told = sheet or {}
+    if solver == told.get("name"):  # with options a variant of the command line cannot be said in one word
+        solver = told.get("written") or solver
+    words = ["cpbench", "solve", one_line(row["address"]), "-s", one_line(solver), *_route_options(request)]
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):
         words += ["--timeout", f"{row['seconds']:g}s"]
@@ -129,6 +132,8 @@ def solve_command(row: Any) -> str:
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
     if row["start"] != "cold":
         words += ["--start", row["start"]]
+    if told.get("plugin"):
+        words += ["--plugin", one_line(told["plugin"])]
     return shlex.join(words)
 
 

@@ -225,7 +225,7 @@ def test_what_is_said_at_the_door(code: str, state: str, told: str) -> None:
 
 def test_what_is_missing_says_how_to_get_it(tmp_path: Path) -> None:
     assert _served("./nothing").availability().detail == "./nothing: no such executable; build or install it"
-    assert _served("./nothing", install="make mine").availability().detail == "make mine"
+    assert _served("./nothing", install="make mine").availability().detail == "./nothing: no such executable; make mine"
     (tmp_path / "text").write_text("no program")
     assert _served(str(tmp_path / "text")).availability().state == "missing"
     (tmp_path / "other").write_text("no program")

@@ -218,6 +218,21 @@ def test_an_order_that_a_third_solver_decides_is_told(tmp_path: Path) -> None:
     assert "\n- `c` lies above `b` here, below it alone\n" in report(table(*rows), tmp_path)
 
 
+def test_commands_load_the_file_that_a_solver_comes_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    sheets = {
+        "mine": {"name": "mine", "plugin": f"{tmp_path}/mine.toml", "written": "mine"},
+        "pgs@x": {"name": "pgs@x", "plugin": "", "written": 'pgs@x={env={A="1"}}'},
+    }
+    text = report(
+        table(row("p", "mine", "error"), row("p", "pgs@x", "crash", key="2", request="exact")),
+        tmp_path / "out",
+        solvers=sheets,
+    )
+    assert "-s mine --tolerance 1e-06 --timeout 10s --plugin mine.toml`" in text
+    assert """-s 'pgs@x={env={A="1"}}' --tolerance""" in text
+
+
 def test_commands_name_the_route() -> None:
     base = {"address": "p.h5", "tolerance": 1e-8, "solver": "lemke", "seconds": math.inf, "start": "cold"}
 

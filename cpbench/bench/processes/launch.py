@@ -30,6 +30,9 @@ THREAD_VARIABLES = (
     "RAYON_NUM_THREADS",
 )
 SAFE_PATH = "PYTHONSAFEPATH"
+WARNINGS = "PYTHONWARNINGS"
+NO_LEAKS = "ignore:resource_tracker:UserWarning"
+"""A guest that is killed leaves its semaphores to multiprocessing's tracker, which removes them and need not say so."""
 PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.processes.preload"]
 
 
@@ -82,15 +85,22 @@ def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any
 
 @contextlib.contextmanager
 def _apart_from_here() -> Generator[None]:
-    """The forkserver, where it starts now, is not to import a `numpy.py` of the folder that the run was started in."""
-    if SAFE_PATH in os.environ:
-        yield
-        return
-    os.environ[SAFE_PATH] = "1"
+    """The forkserver, where it starts now, is not to import a `numpy.py` of the folder that the run was started in, and
+    its tracker of resources is not to talk of those of guests."""
+    wanted = {
+        SAFE_PATH: os.environ.get(SAFE_PATH, "1"),
+        WARNINGS: ",".join(filter(None, (os.environ.get(WARNINGS), NO_LEAKS))),
+    }
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
     try:
         yield
     finally:
-        os.environ.pop(SAFE_PATH, None)
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
 
 
 _here: Isolation | None = None

@@ -31,7 +31,7 @@ from typing import Any
 from cpbench.errors import CpbenchError, DuplicateName, UnknownName
 from cpbench.exchange import exchanges
 from cpbench.formulations.base import Kind, formulations
-from cpbench.registry import DECLARED
+from cpbench.registry import DECLARED, PLUGIN_MODULE
 from cpbench.solvers.base import NoOptions, Solver, SolverSpec, Trait, solvers
 from cpbench.solvers.external.command import PLACEHOLDERS, CommandSolver
 from cpbench.solvers.external.served import MATRICES, ServedSolver
@@ -48,22 +48,24 @@ _SAFE = {"PYTHONSAFEPATH": "1"}
 
 _declared: dict[str, tuple[Table, str]] = {}
 """What was declared in this process: the table, and where."""
+_texts: dict[str, str] = {}
+"""The variants of the command line, as they were written there."""
 
 
 def declare(name: str, table: Any, origin: str, folder: str | Path = ".") -> Solver:
     """Register the solver of a table; what was declared before in the same words is there already.
 
-    `origin` is what messages begin with (a file), `folder` what relative paths in the table are relative to.
-    Raises CpbenchError, in one line with origin, table and key, DuplicateName.
+    `origin` is what messages begin with (a file, '' for the command line), `folder` what relative paths in the table
+    are relative to. Raises CpbenchError, in one line with origin, table and key, DuplicateName.
     """
-    place = f"{origin}: [solver.{_quoted(name)}]"
+    place = f"{origin}: [solver.{_quoted(name)}]" if origin else f"[solver.{_quoted(name)}]"
     if not isinstance(table, dict):
         raise CpbenchError(f"{place}: is no table")
     plain = _placed(_checked(name, table, place), Path(folder).absolute())
     solvers.discover()  # what another process declared is known before it is declared again
     if name in _declared:
         if _declared[name][0] != plain:
-            raise DuplicateName(f"{place}: was declared otherwise in {_declared[name][1]}: rename one")
+            raise DuplicateName(f"{place}: was declared otherwise {_where(_declared[name][1])}: rename one")
         return solvers.get(name)
     base, at, _ = name.partition(AT)
     try:
@@ -132,8 +134,26 @@ def declare_text(text: str) -> str | None:
     except (ValueError, RecursionError) as cause:
         said = str(cause).replace("(at line 1, column", "(column")
         raise CpbenchError(f"solver '{text}': is no inline table of TOML, as {{serve=\"./mine\"}}: {said}") from None
-    declare(name, found["table"], "solver")
+    declare(name, found["table"], "")
+    _texts[name] = text.strip()
     return name
+
+
+def origin(name: str) -> tuple[str, str]:
+    """What makes a solver known to another command: the file for its --plugin, and what to write for its name, which
+    differs for a variant of the command line. The file is '' for solvers that are known everywhere."""
+    text = _texts.get(name, name)
+    if text != name:
+        name = name.partition(AT)[0]
+    if name in _declared:
+        return _declared[name][1], text
+    module = sys.modules.get(type(solvers.get(name)).__module__)
+    is_plugin = module is not None and module.__name__.startswith(PLUGIN_MODULE)
+    return (str(module.__file__) if module is not None and is_plugin else ""), text
+
+
+def _where(origin: str) -> str:
+    return f"in {origin}" if origin else "on the command line"
 
 
 # --------------------------------------------------------------------------------------------- the table
@@ -170,7 +190,9 @@ def _variant(name: str, table: Table, base: Solver) -> Solver:
         given["env"] = {**base.env, **table.get("env", {})}
     elif not {"command", "serve"} & table.keys():
         python = table.get("interpreter", sys.executable)
-        spec = dataclasses.replace(spec, install=f"{python} has to find cpbench: {python} -m pip install cpbench")
+        spec = dataclasses.replace(
+            spec, install=f"{python} has to be a Python that finds cpbench: {python} -m pip install cpbench"
+        )
         served = [python, "-m", "cpbench.solvers.external.serve", base.spec.name]
         given |= {"serve": shlex.join(served), "env": {**_SAFE, **table.get("env", {})}}
     own = {key: value for key, value in table.items() if key != "env" or "env" not in given}

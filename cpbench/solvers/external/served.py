@@ -257,10 +257,13 @@ _spare: tuple[Key, Session] | None = None
 def missing(command: str, solver: Any) -> str:
     """What to do where there is no such executable, "" where there is; a path is one from the solver's `cwd` on."""
     if os.path.dirname(command):
-        found = shutil.which(os.path.join(solver.cwd or "", command))
+        place = os.path.join(solver.cwd or "", command)
+        found = shutil.which(place)
+        if not found and os.path.isfile(place):
+            return f"{command}: is no executable; chmod +x {command}, or name the program that runs it"
     else:
         found = shutil.which(command, path=solver.env.get("PATH"))
-    return "" if found else solver.spec.install or f"{command}: no such executable; build or install it"
+    return "" if found else f"{command}: no such executable; {solver.spec.install or 'build or install it'}"
 
 
 def _greet(solver: ServedSolver) -> _Greeting:

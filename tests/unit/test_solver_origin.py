@@ -1,0 +1,47 @@
+"""What makes a solver known to another command: a file to load, or the words of the command line that declared it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cpbench import registry
+from cpbench.errors import UnknownName
+from cpbench.solvers.base import solvers
+from cpbench.solvers.external import declared
+
+
+@pytest.fixture(autouse=True)
+def _nothing_declared(monkeypatch: pytest.MonkeyPatch) -> None:
+    solvers.discover()
+    monkeypatch.setattr(solvers, "_items", dict(solvers._items))
+    monkeypatch.setattr(declared, "_declared", {})
+    monkeypatch.setattr(declared, "_texts", {})
+    monkeypatch.delenv(registry.DECLARED, raising=False)
+
+
+def test_solvers_of_cpbench_need_no_file() -> None:
+    assert declared.origin("pgs") == ("", "pgs")
+
+
+def test_a_declared_solver_comes_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("[solver.mine]\nnode = 'lcp'\nserve = 'true'\n[solver.'mine@b']\nserve = 'false'\n")
+    declared.declare_file(path)
+    assert declared.origin("mine") == (str(path), "mine")
+    assert declared.origin("mine@b") == (str(path), "mine@b")
+    text = "mine@c={serve='cat'}"
+    assert declared.declare_text(text) == "mine@c"
+    assert declared.origin("mine@c") == (str(path), text)
+
+
+def test_a_variant_of_the_command_line_is_written_out() -> None:
+    text = 'pgs@x={env={A="1"}}'
+    declared.declare_text(text)
+    assert declared.origin("pgs@x") == ("", text)
+
+
+def test_an_unknown_solver_may_be_one_of_a_file() -> None:
+    with pytest.raises(UnknownName, match="needs --plugin FILE"):
+        solvers.get("of-a-plan-file-elsewhere")
