@@ -10,6 +10,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import cpbench.bench.worker as worker_process
@@ -113,25 +114,23 @@ class Lane:
     def run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None = None) -> Outcome:
         """The outcome of one pair. Never raises for anything that a solver, a conversion or a file does."""
         begun = time.perf_counter()
+        row = conversion_row(prepared)
         try:
-            outcome = self._run(pair, prepared, before)
-        except Exception as surprise:  # of what a worker said, in a way that nobody thought of
+            outcome = self._run(pair, prepared, before, row) if not row["status"] else Outcome(row)
+        except Exception as noise:  # a worker may say anything, and fail us in ways that nobody thought of
             self.workers.drop(pair.entry.solver)
-            message = f"the worker sent no valid message: {type(surprise).__name__}: {surprise}"[:500]
-            outcome = Outcome({**conversion_row(prepared), "status": "error", "message": message})
+            message = f"the worker sent no valid message: {type(noise).__name__}: {noise}"[:500]
+            outcome = Outcome({**row, "status": "error", "message": message})
         self.workers.served(pair.entry.solver)
-        row = {
-            **outcome.row,
+        about = {
             "wall": time.perf_counter() - begun,
             "jobs": self.setting.lanes,
             "loadavg": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
         }
-        return Outcome(row, outcome.answer, outcome.history)
+        return replace(outcome, row={**outcome.row, **about})
 
-    def _run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None) -> Outcome:
-        row = conversion_row(prepared)
-        if row["status"]:
-            return Outcome(row)
+    def _run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None, row: dict[str, Any]) -> Outcome:
+        """The outcome; `row` is filled on the way, for what the worker says may be no message (any exception)."""
         name, limit = pair.entry.solver, pair.limits.seconds
         try:
             start, row["started"] = self._start_of(pair, before)
@@ -179,9 +178,6 @@ class Lane:
             status = "memout" if death.out_of_memory else "crash"
             ending = {"message": obituary(death), "signal": death.signal, "code": death.code}
             return Outcome({**row, "status": status, **ending})
-        except (wire.WireError, KeyError, TypeError, ValueError) as noise:
-            self.workers.drop(name)
-            return Outcome({**row, "status": "error", "message": f"the worker sent no valid message: {noise}"})
         if reply["event"] == "memory":
             self.workers.drop(name)  # what is left of its memory is not worth trusting
             return Outcome({**row, "status": "memout", "message": f"over {pair.limits.memory} bytes"})
