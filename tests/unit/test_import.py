@@ -162,6 +162,17 @@ def test_the_folder_of_an_answer_may_say_how_it_went(monkeypatch, tmp_path: Path
     assert (row["status"], row["claim"], row["solve"]) == ("solved", "inaccurate", 2.0)
 
 
+def test_an_ending_that_was_told_stays(monkeypatch, capsys, tmp_path: Path, asked: Path) -> None:
+    """Whatever is in the folder, also when answers are judged again."""
+    z = PLANTED["planted-1"][1]
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made" / "planted-1.json").write_text(json.dumps({"z": z.tolist()}))
+    (tmp_path / "made" / "claim.json").write_text('{"planted-1": "memout"}')
+    assert run(monkeypatch, tmp_path / "made", "-s", "a", "--problems", asked, "-o", tmp_path / "r.sqlite") == 0
+    assert rows(tmp_path / "r.sqlite")["planted-1"]["status"] == "memout"
+    assert list(rejudge_file(tmp_path / "r.sqlite", None, None)) == ["0 answers judged again: no change"]
+
+
 def test_exported_answers_come_back(monkeypatch, tmp_path: Path, asked: Path, made: Path) -> None:
     first, second = tmp_path / "a.sqlite", tmp_path / "b.sqlite"
     assert run(monkeypatch, made, "-s", "abacus", "--problems", asked, "-o", first) == 0

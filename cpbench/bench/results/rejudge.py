@@ -10,6 +10,7 @@ from typing import Any
 
 from cpbench import storage, verification
 from cpbench.bench.results import answers
+from cpbench.bench.results.answer_files import ENDINGS
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
@@ -26,7 +27,9 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
             problem: Problem | None = None
             for row in group:
                 blob = store.ending(row["key"])[1]
-                if blob is None or row["status"] == "timeout":  # that came too late, whatever it is worth
+                if (
+                    blob is None or row["status"] in ENDINGS
+                ):  # that came too late, or so it was told: whatever its worth
                     continue
                 problem = problem or storage.load(address, format=formats.get(address))
                 status, error = _judge(problem, row, blob, measure, tolerance)
