@@ -228,6 +228,16 @@ def test_other_processes_know_what_was_declared(tmp_path: Path) -> None:
     assert "CPBENCH_SOLVERS: is no JSON" in refused.stderr
 
 
+def test_more_tables_than_a_process_can_be_told_are_refused() -> None:
+    """Nothing could be started any more where the variable is too long."""
+    told = {"node": "lcp", "command": "true", "summary": "x" * (declared.MOST - 200)}
+    assert declared.declare("long", told, "here").spec.name == "long"
+    subprocess.run(["true"], check=True)
+    with pytest.raises(CpbenchError, match=r"here: \[solver.more\]: with it the tables of .* declare fewer"):
+        declared.declare("more", told, "here")
+    assert "more" not in solvers
+
+
 def test_options_of_a_program_without_any() -> None:
     solver = declared.declare("bare", {"node": "lcp", "command": "true"}, "here")
     assert solver.spec.options is NoOptions

@@ -43,9 +43,11 @@ Check = Callable[[Any], Any]
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 _ROUTE = re.compile(r"exact|(inner|outer|facets)\d+.*|necessary|relaxed")
 """Requests of routes, which stand behind an @ in the labels of rows."""
-_SAFE = {"PYTHONSAFEPATH": "1"}
-"""A module in the folder of a run is nobody's import."""
+_SAFE = {"PYTHONSAFEPATH": "1", DECLARED: ""}
+"""A module in the folder of a run is nobody's import; another cpbench need not know what is declared here."""
 
+MOST = 2**17 - 2**8
+"""Bytes of all tables together: Linux starts no process with a longer variable."""
 _declared: dict[str, tuple[Table, str]] = {}
 """What was declared in this process: the table, and where."""
 _texts: dict[str, str] = {}
@@ -77,9 +79,15 @@ def declare(name: str, table: Any, origin: str, folder: str | Path = ".") -> Sol
         raise CpbenchError(f"{place}: {f'{key} = {_shown(table[key])}: ' if key else ''}{cause}") from None
     if name in solvers:
         raise DuplicateName(f"{place}: there is a solver of this name already: rename this one")
+    known = json.dumps({**_inherited(), name: plain})
+    if len(known) > MOST:
+        raise CpbenchError(
+            f"{place}: with it the tables of {len(_declared) + 1} solvers are {len(known)} bytes, of {MOST} "
+            "that other processes of a run can be told: declare fewer in one run"
+        )
     solvers.add(name, solver)
     _declared[name] = (plain, origin)
-    os.environ[DECLARED] = json.dumps({**_inherited(), name: plain})
+    os.environ[DECLARED] = known
     return solver
 
 
