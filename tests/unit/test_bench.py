@@ -389,7 +389,7 @@ RESULT |= {"grown": 0, "peak": 0, "children": 0, "threads": 1, "wrote": False}
         {"grown": float("inf")},
         {"counters": None},
         {"counters": {"iterations": "many"}},
-        {"peak": None},
+        {"peak": "much"},
     ],
     ids=lambda forged: next(iter(forged)),
 )
