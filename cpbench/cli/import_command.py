@@ -93,7 +93,8 @@ def _builtin_folder() -> Path:
 
 
 def _tell(done: Imported) -> None:
-    for reason, lines in (("refused", [reason for _, reason in done.refused]), ("not used", done.stray)):
+    refused = [reason for _, reason in done.refused]
+    for reason, lines in (("refused", refused), ("not used", done.stray), ("error", done.broken)):
         for line in lines[:_SHOWN]:
             click.echo(f"{reason}: {line}", err=True)
         if len(lines) > _SHOWN:
@@ -101,5 +102,7 @@ def _tell(done: Imported) -> None:
     if done.unasked:
         listed = ", ".join(f"{node} {count}" for node, count in sorted(done.unasked.items()))
         click.echo(f"no answer to any problem of these formulations, no row: {listed}", err=True)
+    if done.unanswered:
+        click.echo(f"{done.unanswered} problems have no answer, and a row that says failed", err=True)
     if done.untimed:
-        click.echo(f"{done.untimed} rows have no time: it was not told", err=True)
+        click.echo(f"{done.untimed} answers have no time: --times was not given, or has no line of them", err=True)

@@ -150,8 +150,9 @@ def _route_options(request: str) -> list[str]:
         found: list[str] = []
         for edge in edges:
             assert edge is not None
-            found += ["--via", edge[1]]
             knobs = dict(pair.split("=", 1) for pair in (edge[2] or "").split(",") if "=" in pair)
-            found += ["--facets", knobs["facets"]] if "facets" in knobs else []
+            facets_only = knobs.keys() == {"facets"}
+            found += ["--via", edge[1] if facets_only else edge[0]]
+            found += ["--facets", knobs["facets"]] if facets_only else []
         return found
     return ["--routes", "all"]

@@ -53,7 +53,9 @@ def save(
     file = Path(path)
     chosen = formats.get(format) if format is not None else _by_suffix(problem, file)
     if problem.node not in chosen.writes:
-        able = ", ".join(sorted(chosen.writes)) or "nothing"
+        if not chosen.writes:
+            raise FormatError(file, "", f"the format {chosen.name} is only read; cpbench list formats has the others")
+        able = ", ".join(sorted(chosen.writes))
         reason = f": {chosen.why_not[problem.node]}" if problem.node in chosen.why_not else ""
         raise FormatError(
             file, "", f"the format {chosen.name} writes {able}, not a problem of type {problem.node}{reason}"

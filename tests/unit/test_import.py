@@ -115,7 +115,8 @@ def test_every_form_is_found_and_judged(monkeypatch, capsys, tmp_path: Path, ask
     assert "5 solved, 1 failed" in told.out
     assert "nobody" in told.err
     assert "no row: mlcp 1" in told.err
-    assert "5 rows have no time" in told.err
+    assert "1 problems have no answer" in told.err
+    assert "4 answers have no time" in told.err
     with Store(out) as store:
         kept = {key: answers.unpack(blob) for key, blob in store.answers()}
     np.testing.assert_array_equal(kept[first["key"]], PLANTED["planted-1"][1])

@@ -135,6 +135,8 @@ def test_where_plan_files_are_found(tmp_path) -> None:
         ("solvers = ['lemka']", "solvers = ['lemka']: unknown solver 'lemka': did you mean lemke"),
         ("solvers = 'nsgs[omga=1]'", "did you mean omega?"),
         ("via = 'inne'", "inner"),
+        ("via = 'compliant[complianc=1]'", "did you mean compliance?"),
+        ("via = 'compliant[compliance=1'", "the bracket is not closed"),
         ("facets = [8, 9]", "9 facets: the number must be even"),
         ("routes = 'al'", "unknown choice 'al'"),
         ("where = 'nc >> 3'", "at '> 3': expected a number"),

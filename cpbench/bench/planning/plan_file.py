@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench.planning import features, grids, quantities, tunings, where
-from cpbench.bench.planning.plan import find_via
+from cpbench.bench.planning.plan import pinned
 from cpbench.bench.planning.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import KEEP
@@ -263,8 +263,7 @@ def _solvers(value: Any) -> tuple[str, ...]:
 
 def _via(value: Any) -> tuple[str, ...]:
     texts = _texts(value)
-    for text in texts:
-        find_via(text)
+    pinned(texts, {})
     return texts
 
 

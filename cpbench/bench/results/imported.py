@@ -46,10 +46,13 @@ class Origin:
 
 @dataclass
 class Imported:
-    """What became of it: rows by status, those without a time, a line for everything that was not used."""
+    """What became of it: rows by status, answers without a time, problems without an answer, a line for every answer
+    that is none and for everything that was not used."""
 
     counts: Counter[str] = field(default_factory=Counter)
     untimed: int = 0
+    unanswered: int = 0
+    broken: list[str] = field(default_factory=list)
     stray: list[str] = field(default_factory=list)
     refused: list[tuple[str, str]] = field(default_factory=list)
     unasked: Counter[str] = field(default_factory=Counter)
@@ -90,7 +93,12 @@ def import_answers(
         row, blob = _judged(pair, answer, said if answer is None else answer.told.over(said), origin)
         store.put({**planned(pair), **dict.fromkeys(MEASURED), **row}, blob)
         done.counts[row["status"]] += 1
-        done.untimed += row["solve"] is None
+        if answer is None:
+            done.unanswered += 1
+        elif row["status"] == Status.ERROR:
+            done.broken.append(str(row["message"]))
+        else:
+            done.untimed += row["solve"] is None
     return done
 
 
