@@ -15,7 +15,7 @@ from typing import Any
 
 import cpbench.bench.worker as worker_process
 from cpbench.bench.desk import Case
-from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, repeat_times
+from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, remembered, repeat_times
 from cpbench.bench.planning.plan import Pair, Request
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
@@ -233,12 +233,14 @@ class Lane:
             or 0 < pair.limits.memory * FULL < result.grown
         ):
             self.workers.drop(pair.entry.solver)  # what one problem left behind must not count against the next
-        told = [flag for flag, holds in (*result.flags(pair.limits.threads), ("repeat", bool(lost))) if holds]
+        once = remembered(solves)
+        marks = (*result.flags(pair.limits.threads), ("repeat", bool(lost)), ("remembered", once))
+        told = [flag for flag, holds in marks if holds]
         row |= {
             "claim": result.claim,
             "counters": json.dumps(result.counters),
             "setup": statistics.median(setups),
-            "solve": statistics.median(solves),
+            "solve": solves[0] if once else statistics.median(solves),
             "cpu": result.cpu,
             "peak": result.peak,
             "reported": result.reported,

@@ -13,6 +13,9 @@ from cpbench.errors import FormatError
 LATE, LATE_SHARE = 0.25, 1.5
 """An answer that came this many seconds later than so many times what the worker told carries the flag `clock`."""
 
+REMEMBERED, NOTICED = 20.0, 0.01
+"""A first solve of so many seconds at least that took so many times the median of its repeats: they were remembered."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -91,6 +94,16 @@ class Result:
             ("threads", self.threads > threads),
             ("clock", self.waited > LATE + LATE_SHARE * (self.setup + self.solve)),
         )
+
+
+def remembered(solves: Sequence[float]) -> bool:
+    """Whether repeats were so much faster than the first solve that nothing can have been solved in them.
+
+    >>> remembered([0.7, 3e-4, 1e-4]), remembered([0.7, 0.5, 0.6]), remembered([0.7])
+    (True, False, False)
+    """
+    first, *others = solves
+    return bool(others) and first > max(NOTICED, REMEMBERED * statistics.median(others))
 
 
 def repeat_times(told: Any, most: int) -> list[tuple[float, float]]:

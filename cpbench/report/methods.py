@@ -39,6 +39,7 @@ all must pass.
 **Flags.** *scale*: the natural residual passes and the energy norm does not (inaccurate). *direction*: accepted, but
 some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *absolute*: a scale was
 0, so the error is absolute. *repeat*: a repeat of the timing failed after the first answer, which stands.
+*remembered*: the repeats were so much faster than the first solve that it alone counts.
 *children*: the solver left processes behind; *threads*: it used more threads than it was given; *wrote*: it wrote to
 the problem's data; *clock*: its answer came much later than its own clock says. After the first three its process
 was replaced. *history*: not run, but read off the iterates of a run at a tighter tolerance. *mixed*: merged from runs

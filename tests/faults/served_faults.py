@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 
 FAULT = sys.argv[1]
+_known: set[bytes] = set()
+"""Problems that were solved before: nobody has to solve them again."""
 
 
 def reply(**what: object) -> None:
@@ -36,6 +38,9 @@ def solve(M: np.ndarray, q: np.ndarray) -> None:
     match FAULT:
         case "hang":
             time.sleep(60.0)
+        case "remember" if M.tobytes() not in _known:
+            _known.add(M.tobytes())
+            time.sleep(0.2)
         case "segfault":
             sys.stderr.write("last words of a program\n")
             ctypes.string_at(0)

@@ -20,6 +20,7 @@ LIMIT = 1.0
 SERVED: dict[str, tuple[str, float | None, float | None, str]] = {  # status, signal, exit code, part of the message
     "none": ("solved", None, None, ""),
     "stay": ("solved", None, None, ""),
+    "remember": ("solved", None, None, ""),
     "hang": ("timeout", None, None, "killed after 1 s"),
     "stall": ("timeout", None, None, "killed after 1 s"),
     "segfault": ("crash", 11, None, "last words of a program"),
@@ -131,6 +132,12 @@ def test_row(rows: pd.DataFrame, name: str) -> None:
     assert len(row.message) < 3000
     assert (None if pd.isna(row.signal) else row.signal) == signal
     assert code is None or row.code == code
+
+
+def test_who_remembers_is_charged_the_first_solve(rows: pd.DataFrame) -> None:
+    assert "remembered" in rows.loc["remember"]["flags"]
+    assert rows.loc["remember"].solve >= 0.2
+    assert "remembered" not in rows.loc["none"]["flags"]
 
 
 def test_seconds_of_its_own_are_a_column_beside_ours(rows: pd.DataFrame) -> None:

@@ -25,7 +25,7 @@ from cpbench.bench.processes.log import Log
 
 LOOK = 0.05
 """Seconds between two looks at a child that says nothing."""
-LAST_WORDS = 0.5
+LAST_WORDS = 2.0
 """Seconds that a child has to end after it closed its connection."""
 BURIAL = 0.2
 """Seconds that a guard has to end after all that it guarded was killed."""
