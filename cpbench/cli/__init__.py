@@ -103,7 +103,7 @@ def cli() -> None:
 def main() -> None:
     """Entry point: errors in one line; exit codes 0 done, 1 check failed, 2 bad input, 3 internal, 130 interrupted."""
     try:
-        cli.main(standalone_mode=False)
+        cli.main(prog_name="cpbench", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as bare:
         click.echo(bare.format_message())
     except click.ClickException as usage:

@@ -11,7 +11,7 @@ import psutil
 from cpbench import checking, graph, storage
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import parse_request
-from cpbench.cli.options import Counts, Memory, force_option, format_option, number, tolerance_option
+from cpbench.cli.options import Address, Counts, Memory, force_option, format_option, number, tolerance_option
 from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
 from cpbench.formulations import Kind, Problem, formulations
@@ -19,7 +19,7 @@ from cpbench.report.show import slip_angle
 
 
 @click.command()
-@click.argument("source", metavar="IN")
+@click.argument("source", metavar="IN", type=Address())
 @click.argument("target_file", metavar="OUT", type=click.Path(path_type=Path))
 @click.option("--to", "node", required=True, metavar="NODE", help="Formulation to reach (cpbench list formulations).")
 @click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")

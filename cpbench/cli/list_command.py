@@ -127,4 +127,4 @@ def _problems() -> list[str]:
     from cpbench.generators.collection import builtin_folder
 
     folder = builtin_folder()
-    return [address.removeprefix(f"{folder}/") for address in storage.problem_files([str(folder)])]
+    return [f"builtin/{address.removeprefix(f'{folder}/')}" for address in storage.problem_files([str(folder)])]

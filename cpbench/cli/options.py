@@ -55,6 +55,18 @@ class Counts(click.ParamType):
             self.fail(str(cause), param, ctx)
 
 
+class Address(click.ParamType):
+    """A file, FILE::NAME, or one of the built-in problems, `builtin/lcp/american-put.h5::american-put-100`."""
+
+    name = "problem"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        from cpbench.bench.planning.selection import located
+        from cpbench.generators.collection import builtin_folder
+
+        return located(str(value), builtin_folder)
+
+
 class Numbers(click.ParamType):
     """`1e-6` or `1e-4,1e-6`."""
 

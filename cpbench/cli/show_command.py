@@ -7,14 +7,14 @@ import click
 from cpbench import graph, storage
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import parse_request
-from cpbench.cli.options import Counts, format_option
+from cpbench.cli.options import Address, Counts, format_option
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
 from cpbench.report import show, show_tex
 
 
 @click.command()
-@click.argument("source", metavar="FILE")
+@click.argument("source", metavar="FILE", type=Address())
 @click.option("--as", "node", metavar="NODE", help="Convert to this formulation first (cpbench list formulations).")
 @click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")
 @click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")

@@ -17,12 +17,12 @@ from cpbench.bench.planning import plan
 from cpbench.bench.results import answers
 from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
-from cpbench.cli.options import Counts, force_option, format_option, limit_options, number, tolerance_option
+from cpbench.cli.options import Address, Counts, force_option, format_option, limit_options, number, tolerance_option
 from cpbench.errors import CpbenchError, NoRoute
 
 
 @click.command()
-@click.argument("problem")
+@click.argument("problem", type=Address())
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver (cpbench list solvers).")
 @click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion.")
 @click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")

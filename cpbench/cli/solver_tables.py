@@ -160,5 +160,5 @@ def _folded(title: str, text: str) -> Iterator[str]:
     if "\n" in text:
         yield f"{title} {text}"
     else:
-        rest = " " * min(len(title) + 1, 15)
+        rest = " " * min(len(title) + 1, 16)
         yield from textwrap.wrap(f"{title} {text}", WIDTH, subsequent_indent=rest, break_long_words=False)

@@ -44,7 +44,8 @@ def locate(root: Tree, member: str) -> tuple[Tree, str]:
             )
         member = found[0]
     elif member not in found:
-        what = "is one problem, it has no members" if found == [""] else f"has the members {', '.join(found[:8])}"
+        shown = ", ".join(found[:8]) + (", ..." if len(found) > 8 else "")
+        what = "is one problem, it has no members" if found == [""] else f"has the members {shown}"
         raise root.error("", f"has no member '{member}': it {what}")
     if member in _PARTS and _PARTS[member] in root:
         return root, _PARTS[member]

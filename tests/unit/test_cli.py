@@ -394,3 +394,18 @@ def test_an_interrupted_run_goes_on(lcp) -> None:
     again = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert again.returncode == 0, again.stderr
     assert "12 pairs: 12 solved" in again.stdout
+
+
+def test_what_is_built_in_goes_for_a_file_everywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cpbench(monkeypatch, "list", "problems") == 0
+    address = "builtin/lcp/lcp-classics.h5::murty-10"
+    assert address in capsys.readouterr().out.splitlines()
+    for command in (["info", "--no-facts"], ["show"], ["route", "--to", "qp"], ["convert", "--to", "mlcp"]):
+        name, *options = command
+        out = ["out.h5"] if name == "convert" else []
+        assert cpbench(monkeypatch, name, address, *out, *options) == 0
+    np.save("z.npy", np.eye(10)[0])
+    assert cpbench(monkeypatch, "verify", address, "--answer", "z.npy", "--strict") == 0

@@ -37,14 +37,15 @@ def addresses(texts: Iterable[str], builtin: Callable[[], Path]) -> list[str]:
     """
     found: list[str] = []
     for text in texts:
-        here = storage.problem_files(_expanded(_located(text, builtin)))
+        here = storage.problem_files(_expanded(located(text, builtin)))
         if not here:
             raise CpbenchError(f"no problem file in {text}; see cpbench list formats")
         found += here
     return list(dict.fromkeys(found))
 
 
-def _located(text: str, builtin: Callable[[], Path]) -> str:
+def located(text: str, builtin: Callable[[], Path]) -> str:
+    """`builtin/...` as a path below the folder of the built-in problems; any other text as it is."""
     head, slash, rest = text.partition("/")
     head, separator, member = head.partition(SEPARATOR) if not slash else (head, "", "")
     if head != BUILTIN or os.path.exists(text):
