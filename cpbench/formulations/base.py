@@ -327,3 +327,8 @@ def scaled(value: float, *scales: float) -> float:
     """value / max(scales); the value itself when they are all 0 (the error is then absolute)."""
     scale = max(scales, default=0.0)
     return value / scale if scale > 0 else value
+
+
+def squared(value: float) -> float:
+    """value², ∞ where that is no number any more: Python's own power raises OverflowError."""
+    return value * value

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.cones import Coulomb, Law, RollingCoulomb
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, scaled
+from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, scaled, squared
 from cpbench.matrices import Dense, Matrix, Vector, norm
 
 
@@ -222,7 +222,7 @@ def contact_residuals(
     judged = {
         "natural": natural if absolute else scaled(natural, norm(q), norm(r), norm(u)),
         "energy": energy if absolute else scaled(energy, energy_scale),
-        "opening": (opening if absolute else scaled(opening, q_energy or u_energy)) ** 2,
+        "opening": squared(opening if absolute else scaled(opening, q_energy or u_energy)),
     }
     noise = tolerance * np.maximum(r_c / rho, energy_scale / root)
     work = float(np.einsum("ci,ci->", R, hat))

@@ -10,7 +10,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.factorization import Factorization
-from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
+from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, squared, vector_field
 from cpbench.formulations.contact import DelassusContact
 from cpbench.formulations.sizes import least_squares
 from cpbench.matrices import Dense, Matrix, Vector, norm
@@ -92,6 +92,6 @@ class MixedFrictionContact(DelassusContact):
             judged, parts, flags = self.contact_residuals(point.r, u, self.free_velocity, tolerance, absolute=absolute)
             unit = 0.0 if absolute else self.drift_unit
             judged["constraint"] = constraint if unit == 0 else scaled(constraint, norm(Vr), norm(Rl), unit)
-            judged["drift"] = scaled(constraint, unit) ** 2
+            judged["drift"] = squared(scaled(constraint, unit))
             parts["constraint_absolute [m/s]"] = constraint
             return Residuals(judged, parts, flags)

@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 
 from cpbench import matrices
 from cpbench.factorization import Factorization
-from cpbench.formulations.base import Point, Residuals, scaled
+from cpbench.formulations.base import Point, Residuals, scaled, squared
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.sizes import least_squares
 from cpbench.matrices import Dense, Matrix, Vector, norm
@@ -135,11 +135,11 @@ class GlobalContact(_HasDynamics, ContactProblem):
             impulse, velocity = (0.0, 0.0) if absolute else self.units
             impulse, velocity = max(impulse, norm(self.f)), max(velocity, norm(self.b))
             judged["dynamics"] = dynamics if impulse == 0 else scaled(dynamics, *map(norm, (Mv, Hr, Gl)), impulse)
-            judged["imbalance"] = scaled(dynamics, impulse) ** 2
+            judged["imbalance"] = squared(scaled(dynamics, impulse))
             parts["dynamics_absolute [N s]"] = dynamics
             if self.b.size:
                 Gv = norm(abs(self.G).T @ np.abs(point.v))
                 judged["constraint"] = constraint if velocity == 0 else scaled(constraint, Gv, velocity)
-                judged["drift"] = scaled(constraint, velocity) ** 2
+                judged["drift"] = squared(scaled(constraint, velocity))
                 parts["constraint_absolute [m/s]"] = constraint
             return Residuals(judged, parts, flags)

@@ -23,6 +23,7 @@ from cpbench.formulations import (
     MLCPPoint,
     QPPoint,
 )
+from cpbench.testing import cases
 from cpbench.verification import Status, judge, status
 
 SYSTEM_PYTHON = Path("/usr/bin/python3")
@@ -213,3 +214,15 @@ def test_a_small_column_does_not_hide_in_the_rounding_of_a_large_one() -> None:
     problem = LCP(M=np.diag([1.0, 1e-12]), q=[-1.0, -1e-8])
     assert judge(problem, LCPPoint(z=[1.0, 1e4]), 1e-6).solved
     assert not problem.certifies_infeasibility(np.array([0.0, 1.0]))
+
+
+@pytest.mark.parametrize("node", ["fc", "fcm", "gfc", "rfc", "grfc"])
+@pytest.mark.parametrize("size", [1e160, 1e300])
+def test_a_huge_answer_is_measured_as_wrong(node: str, size: float) -> None:
+    """A diverging solver hands out such numbers: their squares are ∞, and no exception."""
+    case = cases(node)[0]
+    huge = type(case.point)(**{name: np.full(part.shape, size) for name, part in case.point.arrays().items()})
+    with np.errstate(all="ignore"):
+        verdict = judge(case.problem, huge, 1e-6)
+    assert not verdict.solved
+    assert verdict.error > 1e10
