@@ -127,6 +127,8 @@ def command(
     record.write(path, record.plan_text(made, where.entry, part, threads, path.parent))
     for label, told in ((made.solver, made.found), (f"{record.as_text(where.entry)}, default", made.default)):
         click.echo(f"{label}: {told}")
+    if not found.score.gains_on(found.default):
+        click.echo("no gain on the default options: the difference is within what times differ from run to run")
     if not found.final:
         click.echo("measured at different times, not side by side: the search ended before the final")
     if not found.whole:

@@ -19,6 +19,8 @@ CHARGE = 10.0
 """What an unsolved problem costs, in limits."""
 SHIFT = 1e-3
 """Seconds added to every time before its logarithm: below that a call weighs as much as the algorithm."""
+GAIN = 0.9
+"""What a mean must be of another one to count as a gain, where as many problems are solved."""
 PARTS = ("convert", "setup", "solve", "lift")
 
 
@@ -29,6 +31,10 @@ class Score:
     unsolved: int
     mean: float
     problems: int
+
+    def gains_on(self, other: Score) -> bool:
+        """Whether this is better by more than times differ from one run to the next."""
+        return self.unsolved < other.unsolved or (self.unsolved == other.unsolved and self.mean < GAIN * other.mean)
 
     def __str__(self) -> str:
         return f"{self.problems - self.unsolved} of {self.problems} solved, mean {self.mean:.3g} s"
