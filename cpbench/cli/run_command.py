@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SECTIONS = {
     "Plan": ["plan_path", "only_sets"],
     "Problems": ["keyword", "family", "where", "split", "max_problems", "shard", "file_format"],
-    "Solvers and routes": ["solvers", "routes", "facets", "via", "start"],
+    "Solvers and routes": ["solvers", "routes", "facets", "via", "start", "plugin_files"],
     "Accuracy": ["tolerance", "measure", "history"],
     "Limits": ["timeout", "memory", "threads", "repeats", "isolate"],
     "Order and machines": ["seed", "jobs", "affinity", "dask", "cluster"],

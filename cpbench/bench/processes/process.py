@@ -25,8 +25,8 @@ from cpbench.bench.processes.log import Log
 
 LOOK = 0.05
 """Seconds between two looks at a child that says nothing."""
-LAST_WORDS = 2.0
-"""Seconds that a child has to end after it closed its connection."""
+LAST_WORDS, LAST_WORDS_SPAWNED = 0.5, 5.0
+"""Seconds that a child has to end after it closed its connection: one that was spawned takes its interpreter down."""
 BURIAL = 0.2
 """Seconds that a guard has to end after all that it guarded was killed."""
 LISTENING = 30.0
@@ -258,7 +258,7 @@ class Child:
 
     def _death(self) -> Died:
         """Why it ended; one that goes on without its connection is killed."""
-        self._join(LAST_WORDS)
+        self._join(LAST_WORDS if self._isolation.forks else LAST_WORDS_SPAWNED)
         reason = "closed its connection" if self.alive and self._family() else ""
         if reason:
             self.strike()
