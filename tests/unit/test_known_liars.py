@@ -8,18 +8,15 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from one_row import row_of
 
-from cpbench import storage
 from cpbench.bench.lane import Lane
-from cpbench.bench.planning import plan
 from cpbench.formulations import LCP, QP
 from cpbench.solvers import solvers
 
-LIMITS = plan.Limits(seconds=20.0, repeats=1)
 UNSOLVABLE = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1.0, -1, 1])
 """Pang's problem with δ = 1: w₁ = −z₂ − z₃ − 1 < 0 for every z ≥ 0."""
 
@@ -28,17 +25,6 @@ UNSOLVABLE = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1.0, -1
 def lane() -> Iterator[Lane]:
     with Lane() as lane:
         yield lane
-
-
-def row_of(lane: Lane, problem: Any, solver: str, folder: Path) -> dict[str, Any]:
-    available = solvers.get(solver).availability()
-    if not available.ok:
-        pytest.skip(f"{solver} is {available.state}: {available.detail}")
-    address = folder / f"{solver}.h5"
-    storage.save(problem, address)
-    asked = [plan.exact()]
-    (pair,) = plan.pairs([lane.survey(str(address), asked)], [plan.Entry(solver)], asked, 1e-6, LIMITS)
-    return dict(lane.run(pair, lane.prepare(pair)).row)
 
 
 def test_success_of_moby_where_there_is_no_solution(lane: Lane, tmp_path: Path) -> None:

@@ -5,19 +5,16 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from one_row import row_of
 
 from cpbench import storage
 from cpbench.bench.lane import Lane
-from cpbench.bench.planning import plan
 from cpbench.formulations import LCP, MLCP, FrictionContact
-from cpbench.solvers import solvers
 from cpbench.testing import planted
 
-LIMITS = plan.Limits(seconds=20.0, repeats=1)
 SADDLE = LCP(M=[[11.0, 0, 10, -1], [0, 11, 10, -1], [10, 10, 21, -1], [1, 1, 1, 0]], q=[50.0, 50, 10, -6])
 """Cottle, Pang and Stone: z = (2, 2, 2, 92); lcp_CPS_4 of Siconos' own tests."""
 THREE_CONTACTS = FrictionContact(W=np.eye(9), q=np.tile([-1.0, 1, 3], 3), mu=np.full(3, 0.1), dimension=3)
@@ -28,17 +25,6 @@ THREE_CONTACTS = FrictionContact(W=np.eye(9), q=np.tile([-1.0, 1, 3], 3), mu=np.
 def lane() -> Iterator[Lane]:
     with Lane() as lane:
         yield lane
-
-
-def row_of(lane: Lane, problem: Any, solver: str, folder: Path) -> dict[str, Any]:
-    available = solvers.get(solver).availability()
-    if not available.ok:
-        pytest.skip(f"{solver} is {available.state}: {available.detail}")
-    address = folder / f"{solver}.h5"
-    storage.save(problem, address)
-    asked = [plan.exact()]
-    (pair,) = plan.pairs([lane.survey(str(address), asked)], [plan.Entry(solver)], asked, 1e-6, LIMITS)
-    return dict(lane.run(pair, lane.prepare(pair)).row)
 
 
 def test_the_relaxation_that_is_listed_among_the_solvers_of_the_law(lane: Lane, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 from cpbench.errors import Unavailable
 from cpbench.solvers.adapters.qp_backend import Answer, QPSolversBackend
@@ -24,7 +24,12 @@ _MOSEK_LICENCE = range(1000, 1041)
 
 
 class LicensedBackend(QPSolversBackend):
-    """A backend that may refuse to work for want of a licence."""
+    """A backend that may refuse to work for want of a licence.
+
+    `words` : what its status numbers mean.
+    """
+
+    words: ClassVar[Mapping[int, str]] = {}
 
     @abstractmethod
     def licence(self) -> str:
@@ -38,6 +43,10 @@ class LicensedBackend(QPSolversBackend):
         state = super().availability()
         why = _licence(type(self)) if state.ok else ""
         return Availability("licence", why) if why else state
+
+    def status(self, solution: Any, settings: Settings) -> str:
+        value = int(solution.extras["status"])
+        return self.words.get(value, f"status {value}")
 
     def call(self, form: StandardForm, settings: Settings) -> Answer:
         try:
@@ -123,10 +132,6 @@ class Copt(LicensedBackend):
 
         return copt_solve_problem
 
-    def status(self, solution: Any, settings: Settings) -> str:
-        value = int(solution.extras["status"])
-        return self.words.get(value, f"status {value}")
-
 
 @register
 class Gurobi(LicensedBackend):
@@ -190,10 +195,6 @@ class Gurobi(LicensedBackend):
         from qpsolvers.solvers.gurobi_ import gurobi_solve_problem
 
         return gurobi_solve_problem
-
-    def status(self, solution: Any, settings: Settings) -> str:
-        value = int(solution.extras["status"])
-        return self.words.get(value, f"status {value}")
 
 
 @register
