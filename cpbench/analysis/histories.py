@@ -1,22 +1,32 @@
-"""Error against time: what the iterates of a group's solves tell about every tolerance at once.
+"""Error against time: what the iterates of a group's solves tell about every tolerance, or every deadline, at once.
 
 `histories` is a table with one row a judged iterate: `key` of the row it belongs to, `time` [s] since its solve began,
 `share` of the recorded solve that was over, `iteration`, `told` (the solver's residual) and `error` (ours). Iterates
-are kept at growing intervals, so that every time here is an upper bound.
+are kept at growing intervals, so that every time here is an upper bound, and so is every error at a time.
+
+With iterates k of pair (p, s), at t_k with error e_k (Moré and Wild, SIAM J. Optim. 20, 2009, read both ways):
+
+    t[p, s](ε) = min { t_k : e_k ≤ ε },      e[p, s](D) = min { e_k : t_k ≤ D },      min ∅ = ∞
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.verification import Status
 
 COLUMNS = ("key", "time", "iteration", "told", "error", "share")
 ERRORS = tuple(float(f"{10.0 ** (-k / 4):.6e}") for k in range(57))
 """Quarter decades from 1 to 1e-14, whole ones exact."""
 BEFORE = ("convert", "setup", "lift")
 """What a solver's time has besides its solve, of which the history tells a share."""
+
+Array: TypeAlias = np.ndarray[tuple[int], np.dtype[Any]]
 
 
 def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
@@ -31,10 +41,10 @@ def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     >>> charged(rows, path)["seconds"].tolist()
     [1.5, 3.0]
     """
-    own = rows[["key", "fingerprint", "label", "solve", *BEFORE]]
-    found = histories.merge(own, on="key", how="inner").sort_values(["label", "fingerprint", "time"], kind="stable")
-    solve = (found["share"] * found["solve"]).where(found["solve"].notna(), found["time"])
-    return found.assign(seconds=solve + found[list(BEFORE)].fillna(0.0).sum(axis=1)).reset_index(drop=True)
+    place, seconds, kept = _charged(rows, histories)
+    own = rows[["fingerprint", "label", "solve", *BEFORE]].iloc[place].reset_index(drop=True)
+    found = pd.concat([histories[kept].reset_index(drop=True), own], axis=1).assign(seconds=seconds)
+    return found.sort_values(["label", "fingerprint", "time"], kind="stable", ignore_index=True)
 
 
 def times_to(rows: pd.DataFrame, histories: pd.DataFrame, tolerance: float) -> pd.DataFrame:
@@ -42,7 +52,37 @@ def times_to(rows: pd.DataFrame, histories: pd.DataFrame, tolerance: float) -> p
 
     This is what a performance profile at that tolerance is made from. Labels without any history are left out.
     """
-    return _first(charged(rows, histories), set(rows["fingerprint"]), tolerance)
+    paths = _Paths(rows, histories)
+    return pd.DataFrame(paths.times_to(tolerance), index=paths.problems, columns=paths.labels)
+
+
+def error_at(rows: pd.DataFrame, histories: pd.DataFrame | None, seconds: float) -> pd.DataFrame:
+    """Least measured error within `seconds`, problems × labels; ∞ where nothing was there yet.
+
+    All problems and labels of a group, so that a profile of it is one of *error at a fixed time*. A pair without
+    iterates has its answer alone, at the time that was charged for it. A pair whose answer was claimed and is wrong is
+    ∞ whatever its iterates were worth: who trusts such a solver gets the answer, not the iterates.
+
+    >>> rows = pd.DataFrame({"key": ["k", "l"], "problem": "p", "fingerprint": "f", "label": ["s", "t"], "address": "",
+    ...                      "status": "solved", "error": [1e-6, 1e-9], "convert": [1.0, 0.0], "setup": [0.0, 0.0],
+    ...                      "lift": [0.0, 0.0], "solve": [2.0, 3.0]})
+    >>> path = pd.DataFrame({"key": ["k", "k"], "time": [1.0, 4.0], "share": [0.25, 1.0], "error": [1e-2, 1e-6]})
+    >>> [error_at(rows, path, seconds).loc["f"].tolist() for seconds in (1, 2, 3)]
+    [[inf, inf], [0.01, inf], [1e-06, 1e-09]]
+    """
+    best = np.full(len(rows), math.inf)
+    recorded = np.zeros(len(rows), dtype=bool)
+    if histories is not None:
+        place, at, kept = _charged(rows, histories)
+        recorded[place] = True
+        error = histories.loc[kept, "error"].to_numpy(dtype=float)
+        early = (at <= seconds) & ~np.isnan(error)
+        np.minimum.at(best, place[early], error[early])
+    spent = rows[["solve", *BEFORE]].to_numpy(dtype=float)
+    answered = ~recorded & ~np.isnan(spent[:, 0]) & (np.nansum(spent, axis=1) <= seconds)
+    best[answered] = rows["error"].to_numpy(dtype=float)[answered]
+    best[np.isnan(best) | (rows["status"] == str(Status.WRONG)).to_numpy()] = math.inf
+    return rows_of.pivot(rows.assign(best=best), "best", math.inf).astype(float)
 
 
 def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
@@ -51,20 +91,52 @@ def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     `reached` counts the problems on which an iterate was that good; `seconds` is the median time over all problems of
     the group, those that were not reached counting as ∞. Errors that a label reached nowhere have no row.
     """
-    found, problems = charged(rows, histories), set(rows["fingerprint"])
+    paths = _Paths(rows, histories)
     parts: list[pd.DataFrame] = []
-    for error in (e for e in ERRORS if e >= 0.99 * rows["tolerance"].min()):
-        times = _first(found, problems, error)
-        reached = np.isfinite(times).sum()
-        parts.append(
-            pd.DataFrame({"label": times.columns, "error": error, "reached": reached, "seconds": times.median()})
-        )
+    for level in (e for e in ERRORS if e >= 0.99 * rows["tolerance"].min()):
+        times = paths.times_to(level)
+        reached = np.isfinite(times).sum(axis=0)
+        median = np.median(times, axis=0) if len(times) else np.full(len(reached), math.nan)
+        parts.append(pd.DataFrame({"label": paths.labels, "error": level, "reached": reached, "seconds": median}))
     whole = pd.concat(parts, ignore_index=True)
     return whole[whole["reached"] > 0].sort_values(["label", "error"], ascending=[True, False], ignore_index=True)
 
 
-def _first(found: pd.DataFrame, problems: set[str], tolerance: float) -> pd.DataFrame:
-    """Least seconds of an iterate within the tolerance, problems × labels."""
-    good = found[found["error"] <= tolerance].groupby(["fingerprint", "label"])["seconds"].min().reset_index()
-    wide = good.pivot(index="fingerprint", columns="label", values="seconds")
-    return wide.reindex(index=sorted(problems), columns=sorted(set(found["label"]))).astype(float).fillna(math.inf)
+def _charged(rows: pd.DataFrame, histories: pd.DataFrame) -> tuple[Array, Array, Array]:
+    """Of the iterates of these rows: the row's place, the seconds charged; and which of all iterates they are.
+
+    Keys are looked up once each: a history names its row as often as it has iterates.
+    """
+    codes, keys = pd.factorize(histories["key"])
+    place = pd.Index(rows["key"]).get_indexer(pd.Index(keys))[codes]
+    kept = place >= 0
+    place = place[kept]
+    solve = rows["solve"].to_numpy(dtype=float)[place]
+    share, time = (histories.loc[kept, name].to_numpy(dtype=float) for name in ("share", "time"))
+    rest = rows[list(BEFORE)].fillna(0.0).sum(axis=1).to_numpy(dtype=float)[place]
+    return place, np.where(np.isnan(solve), time, share * solve) + rest, kept
+
+
+class _Paths:
+    """The iterates of a group's rows, those that are better than every earlier one of their pair, and the matrix that
+    they fill: problems × labels with a history."""
+
+    def __init__(self, rows: pd.DataFrame, histories: pd.DataFrame) -> None:
+        place, seconds, kept = _charged(rows, histories)
+        error = histories.loc[kept, "error"].fillna(math.inf).to_numpy(dtype=float)
+        label, labels = pd.factorize(rows["label"].iloc[place], sort=True)
+        problem, problems = pd.factorize(rows["fingerprint"], sort=True)
+        self.labels, self.problems = pd.Index(labels, name="label"), pd.Index(problems, name="fingerprint")
+        pair = problem[place] * len(labels) + label
+        order = np.lexsort((error, seconds, pair))
+        pair, seconds, error = pair[order], seconds[order], error[order]
+        before = pd.Series(error).groupby(pair).cummin().groupby(pair).shift(fill_value=math.inf).to_numpy()
+        better = error < before
+        self._pair, self._seconds, self._error = pair[better], seconds[better], error[better]
+
+    def times_to(self, tolerance: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+        """Least seconds of an iterate within the tolerance; ∞ where there is none."""
+        times = np.full(len(self.problems) * len(self.labels), math.inf)
+        good = self._error <= tolerance
+        np.minimum.at(times, self._pair[good], self._seconds[good])
+        return times.reshape(len(self.problems), len(self.labels))
