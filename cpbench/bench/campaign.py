@@ -58,6 +58,9 @@ def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> Non
     if asked.rerun:
         store.reset(RERUN[asked.rerun], [pair.key for pair in assembly.pairs])
         _reset_followers(store, assembly.pairs)
+    planned = {pair.fingerprint for pair in assembly.pairs}
+    surveyed = {str(survey["fingerprint"]): survey["features"] for survey in reversed(assembly.surveys)}
+    store.note_features({fingerprint: facts for fingerprint, facts in surveyed.items() if fingerprint in planned})
     store.note_files(assembly.read, assembly.refused)
     store.set_meta(
         command=command,

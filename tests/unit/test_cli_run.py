@@ -115,6 +115,10 @@ def test_a_plan_file_is_carried_out_and_kept(folder: Path) -> None:
     assert [sorted(part["found"]) for part in kept["sets"]] == [
         sorted({r["fingerprint"] for r in found if r["set"] == name}) for name in ("loose", "tight")
     ]
+    with Store(folder / "night.sqlite") as store:
+        features = store.features()
+    assert {features[r["fingerprint"]]["n"] for r in found} == {2.0, 3.0, 4.0, 5.0}
+    assert features.keys() == {r["fingerprint"] for r in found}
     assert "18 pairs, 18 done before" in run(folder).stderr, "the same command has nothing left to do"
     assert not (folder / "reports").exists()
     alone = run(folder, "--plan", "none", "p2.h5", "-s", "lemke", "--no-report")

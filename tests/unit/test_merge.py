@@ -85,6 +85,16 @@ def test_rows_answers_and_histories_of_all(made: Make, tmp_path: Path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"a.sqlite", "b.sqlite", "c.sqlite"}
 
 
+def test_features_of_all_problems(made: Make, tmp_path: Path) -> None:
+    a, b = made("a.sqlite", [pair(0), pair(1)]), made("b.sqlite", [pair(1)])
+    for path, name, facts in ((a, 0, {"n": 1.0}), (a, 1, {"n": 2.0}), (b, 1, {"n": 3.0})):
+        with Store(path, create=True) as store:
+            store.note_features({pair(name).fingerprint: facts})
+    merge([a, b], tmp_path / "c.sqlite")
+    with Store(tmp_path / "c.sqlite") as merged:
+        assert merged.features() == {pair(0).fingerprint: {"n": 1.0}, pair(1).fingerprint: {"n": 2.0}}
+
+
 def test_a_row_that_was_run_wins_over_one_that_was_not(made: Make, tmp_path: Path) -> None:
     both = [pair(0), pair(1)]
     a, b = made("a.sqlite", both, both[:1]), made("b.sqlite", both, both[1:])

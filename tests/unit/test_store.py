@@ -16,7 +16,8 @@ from cpbench.bench.results.database import use_journal
 from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 
-DUMP = Path(__file__).parents[1] / "golden" / "results_schema1.sql"
+GOLDEN = Path(__file__).parents[1] / "golden"
+DUMP = GOLDEN / "results_schema1.sql"
 ROW = {"status": "solved", "error": 1e-9, "solve": 1e-3, "samples": "[0.001, 0.002]", "repeats": 2}
 
 
@@ -241,6 +242,31 @@ def test_an_old_file_is_migrated(schema1: Path, tmp_path: Path) -> None:
         assert len(list(again.rows())) == 12
 
 
+def test_a_file_of_schema_2_is_migrated(tmp_path: Path) -> None:
+    """Nothing of it changes; there is a table more, for features that it does not have."""
+    path, everything = tmp_path / "old.sqlite", "SELECT * FROM rows ORDER BY rowid"
+    db = sqlite3.connect(path)
+    db.executescript((GOLDEN / "results_schema2.sql").read_text())
+    rows = db.execute(everything).fetchall()
+    meta = {name: json.loads(value) for name, value in db.execute("SELECT * FROM meta")}
+    kept = [db.execute(f"SELECT * FROM {table} ORDER BY key").fetchall() for table in ("answers", "histories")]
+    db.close()
+    with Store(path) as reading:
+        assert reading.features() == {}
+    with Store(path, create=True) as store, Store(tmp_path / "new.sqlite", create=True) as new:
+        assert store._database.read(everything) == rows
+        assert [list(store.answers()), list(store.histories())] == [[(a, c) for a, _, c in kept[0]], kept[1]]
+        told = store.meta()
+        assert {name: told[name] for name in meta} == meta
+        assert len(store.references()) == 2
+        assert list(store.machines()) == ["node"]
+        layout = "SELECT type, name, sql FROM sqlite_master ORDER BY name"
+        assert store._database.read(layout) == new._database.read(layout)
+        store.note_features({rows[0][3]: {"node": "lcp", "n": 3.0}})
+    with Store(path) as again:
+        assert again.features() == {rows[0][3]: {"node": "lcp", "n": 3.0}}
+
+
 def test_an_old_file_is_resumed(schema1: Path) -> None:
     """Today's keys are those of its rows, so that nothing is run twice; other limits are refused as ever."""
     with Store(schema1, create=True) as store:
@@ -289,7 +315,9 @@ def test_a_newer_file_is_left_alone(tmp_path: Path, create: bool) -> None:
         store.plan([pair()])
         store._database.connection.execute(f"PRAGMA user_version={schema.SCHEMA + 1}")
     before = path.read_bytes()
-    with pytest.raises(StoreError, match=f"has results schema 3, this cpbench knows {schema.SCHEMA}; update") as told:
+    with pytest.raises(
+        StoreError, match=f"has results schema {schema.SCHEMA + 1}, this cpbench knows {schema.SCHEMA}; update"
+    ) as told:
         Store(path, create=create)
     assert "\n" not in str(told.value)
     assert path.read_bytes() == before

@@ -237,6 +237,8 @@ def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str
     for store in stores:
         for host, description in store.machines().items():
             made.note_machine(host, description)
+    for store in reversed(stores):
+        made.note_features(store.features())
     solves = [solve for store in stores for solve in store.references()]
     made.add_references(sorted(solves, key=lambda solve: str(solve["at"])))
 

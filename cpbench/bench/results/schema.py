@@ -1,7 +1,7 @@
 """The tables of a results file, by version, and how an older file becomes one of today.
 
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
-reference solves and machines have tables of their own.
+reference solves and machines have tables of their own. Version 3 keeps the features of the problems.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sqlite3
 
-SCHEMA = 2
+SCHEMA = 3
 
 PLANNED = {
     "key": "TEXT", "problem": "TEXT", "address": "TEXT", "fingerprint": "TEXT", "node": "TEXT", "family": "TEXT",
@@ -46,11 +46,12 @@ _NEW_IN_2 = (
     "CREATE INDEX answers_bytes ON answers(bytes)",  # their sum, without reading an answer
     "CREATE INDEX rows_status ON rows(status)",  # what is left to run, without reading the rows
 )
+_NEW_IN_3 = ("CREATE TABLE problems (fingerprint TEXT PRIMARY KEY, features TEXT NOT NULL)",)
 
 
 def create(db: sqlite3.Connection) -> None:
     """Make the tables of this version; the caller's transaction holds them."""
-    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, f"PRAGMA user_version={SCHEMA}"):
+    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, f"PRAGMA user_version={SCHEMA}"):
         db.execute(statement)
 
 
@@ -98,5 +99,11 @@ def _from_1(db: sqlite3.Connection) -> None:
     db.execute("DROP TABLE rows_1")
 
 
-_STEPS = (_from_1,)
+def _from_2(db: sqlite3.Connection) -> None:
+    """The features of its problems are not in the file: whoever needs them reads the problems again."""
+    for statement in _NEW_IN_3:
+        db.execute(statement)
+
+
+_STEPS = (_from_1, _from_2)
 """From version 1 to 2, from 2 to 3, ..."""

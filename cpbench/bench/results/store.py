@@ -81,6 +81,12 @@ class Store:
         with self._database.transaction() as db:
             db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, json.dumps(dict(description))))
 
+    def note_features(self, features: Mapping[str, Mapping[str, Any]]) -> None:
+        """Note the features of problems by fingerprint, in place of what was noted of them."""
+        noted = [(fingerprint, json.dumps(dict(facts))) for fingerprint, facts in features.items()]
+        with self._database.transaction() as db:
+            db.executemany("INSERT OR REPLACE INTO problems VALUES (?, ?)", noted)
+
     def add_reference(self, pairs: int, seconds: float, loadavg: float | None = None) -> None:
         """A solve of the reference just now, after so many pairs: what it took [s], NaN if it failed, and the load of
         the machine."""
@@ -228,6 +234,12 @@ class Store:
     def machines(self) -> dict[str, dict[str, Any]]:
         """What the machines are that solved, by host."""
         return {host: json.loads(told) for host, told in self._database.read("SELECT * FROM machines ORDER BY host")}
+
+    def features(self) -> dict[str, dict[str, Any]]:
+        """The features of the problems by fingerprint, as `bench.planning.features` found them; those of rows that
+        were planned before results kept them are not among them."""
+        found = self._database.read("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
+        return {fingerprint: json.loads(told) for fingerprint, told in found}
 
     def references(self) -> list[dict[str, Any]]:
         """The solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
