@@ -12,15 +12,17 @@ from pathlib import Path
 
 import click
 
+from cpbench.cli import new_ci
 from cpbench.errors import CpbenchError, DuplicateName, FormatError
 
 LANGUAGES = ("python", "cpp", "julia", "command")
 KINDS = ("solver", "conversion", "problem")
+CI = "ci"
 
 
 @click.command()
-@click.argument("kind", type=click.Choice(KINDS))
-@click.argument("name")
+@click.argument("kind", type=click.Choice([*KINDS, CI]))
+@click.argument("name", required=False)
 @click.option(
     "--lang",
     type=click.Choice(LANGUAGES),
@@ -30,23 +32,47 @@ KINDS = ("solver", "conversion", "problem")
 )
 @click.option("--node", default="lcp", show_default=True, metavar="NODE", help="The formulation it is for.")
 @click.option("--with", "guest", type=click.Choice(["path"]), help="Julia: call the PATH solver (PATHSolver.jl).")
-@click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="Folder; default: NAME.")
+@click.option("--host", type=click.Choice(list(new_ci.HOSTS)), default="github", show_default=True, help="Of ci.")
+@click.option("--build", default="", metavar="COMMAND", help="ci: makes the solver, at the top of the repository.")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="Folder; default: NAME, for ci this one."
+)
 @click.option("--force", is_flag=True, help="Replace files that are there.")
-def command(kind: str, name: str, lang: str, node: str, guest: str | None, output: Path | None, force: bool) -> None:
+def command(
+    kind: str,
+    name: str | None,
+    lang: str,
+    node: str,
+    guest: str | None,
+    host: str,
+    build: str,
+    output: Path | None,
+    force: bool,
+) -> None:
     """Write a plugin that works: a solver, a conversion or a collection of problems, to be changed into yours.
 
     It passes `cpbench check` as it is. NAME is a word of letters, digits, - and _.
+
+    `cpbench new ci mine.toml` writes the workflow of a repository with a solver: each pull request is compared with
+    what it changes. NAME is the plugin of the solver; --host shell writes the script that all hosts run.
     """
-    found = [file for folder in _templates(kind, lang, node, guest) for file in folder.iterdir()]
-    words = _words(kind, name)
-    _is_free(kind, words["EDGE"] if kind == "conversion" else name)
-    folder = output or Path(name)
-    texts = {_filled(file.name, words, "{}"): file.read_text(encoding="utf-8") for file in found}
-    texts = {file.removesuffix(".in"): _filled(text, words, "@{}@") for file, text in texts.items()}
+    if kind == CI:
+        folder, texts = output or Path(), new_ci.texts(host, name, build)
+        steps = new_ci.next_steps(host, folder)
+    else:
+        if name is None:
+            raise click.UsageError(f"say a name: cpbench new {kind} NAME")
+        found = [file for folder in _templates(kind, lang, node, guest) for file in folder.iterdir()]
+        words = _words(kind, name)
+        _is_free(kind, words["EDGE"] if kind == "conversion" else name)
+        folder = output or Path(name)
+        texts = {_filled(file.name, words, "{}"): file.read_text(encoding="utf-8") for file in found}
+        texts = {file.removesuffix(".in"): _filled(text, words, "@{}@") for file, text in texts.items()}
+        steps = _next(lang, folder, texts)
     _write(folder, texts, force)
     for file in sorted(texts):
         click.echo(f"wrote {folder / file}")
-    for step in _next(lang, folder, texts):
+    for step in steps:
         click.echo(f"next: {step}")
 
 
@@ -99,10 +125,12 @@ def _write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
         with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
             for file, text in texts.items():
                 fresh = Path(place, file)
+                fresh.parent.mkdir(parents=True, exist_ok=True)
                 fresh.write_text(text, encoding="utf-8")
                 if text.startswith("#!"):
                     fresh.chmod(0o755)
             for file in texts:
+                (folder / file).parent.mkdir(parents=True, exist_ok=True)
                 os.replace(Path(place, file), folder / file)
     except OSError as cause:
         raise FormatError(folder, "", f"cannot be written ({cause.strerror or cause})") from None

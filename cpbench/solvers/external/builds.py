@@ -1,0 +1,105 @@
+"""`python -m cpbench.solvers.external.builds LABEL ROOT PLUGIN`: the solvers of one build, as tables of variants.
+
+    $ python -m cpbench.solvers.external.builds base ../before mine.toml
+    [solver."mine@base"]
+    serve = "/ci/before/build/mine --serve"
+    cwd = "/ci/before"
+
+ROOT is a checkout and PLUGIN a file in it, in words of ROOT. The tables of two checkouts, in one file for `--plugin`,
+are two builds in one run, each pair of them on the same problem at about the same time. A program is the one of its
+checkout. A solver in Python runs in a process of its own, which loads the plugin of its checkout and imports from there
+first; with ``--python .venv/bin/python`` (in words of ROOT) under the interpreter of its checkout, which needs cpbench.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cpbench import registry
+from cpbench.errors import CpbenchError
+from cpbench.solvers.base import solvers
+from cpbench.solvers.external import declared
+
+Tables = dict[str, dict[str, Any]]
+
+
+def tables(label: str, root: Path, plugin: str, python: str | None = None) -> Tables:
+    """NAME@`label` -> its table, for each solver that the plugin of a checkout has. Raises CpbenchError.
+
+    The solvers become known to this process too: one build a process.
+    """
+    root = root.absolute()
+    path = root / plugin
+    if not path.is_file():
+        raise CpbenchError(f"{path}: is no file: say where the plugin of the solver is, in words of {root}")
+    if path.suffix == registry.TABLES:
+        if python is not None:
+            raise CpbenchError(f"{path}: declares programs; --python is for solvers in Python")
+        found = _programs(path)
+    else:
+        found = _classes(root, path, python)
+    if not found:
+        raise CpbenchError(f"{path}: has no solver")
+    return {f"{name}{declared.AT}{label}": table for name, table in found.items()}
+
+
+def _programs(path: Path) -> Tables:
+    before = set(solvers.names())
+    declared.declare_file(path)
+    known = json.loads(os.environ[registry.DECLARED])  # with paths that hold anywhere
+    return {
+        name: {key: value for key, value in known[name].items() if key in declared.VARIANT_KEYS}
+        for name in sorted(known.keys() - before)
+        if declared.AT not in name
+    }
+
+
+def _classes(root: Path, path: Path, python: str | None) -> Tables:
+    places = [str(place) for place in (path.parent, root / "src", root) if place.is_dir()]
+    places = list(dict.fromkeys(places))
+    sys.path[:0] = places
+    before = set(solvers.names())
+    registry.load_plugin(path)
+    inherited = [os.environ["PYTHONPATH"]] if os.environ.get("PYTHONPATH") else []
+    env = {registry.PLUGIN_FILES: str(path), "PYTHONPATH": os.pathsep.join([*places, *inherited])}
+    table: dict[str, Any] = {"env": env}
+    if python is not None:
+        table["interpreter"] = str(root / python) if os.path.dirname(python) else python
+    return {name: dict(table) for name in sorted(set(solvers.names()) - before)}
+
+
+def as_toml(found: Tables) -> str:
+    """The tables in a file that `--plugin` takes."""
+    return "\n".join(
+        "\n".join([f"[solver.{_value(name)}]", *(f"{key} = {_value(value)}" for key, value in table.items()), ""])
+        for name, table in found.items()
+    )
+
+
+def _value(value: str | Mapping[str, str]) -> str:
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return "{" + ", ".join(f"{_value(key)} = {_value(text)}" for key, text in value.items()) + "}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m cpbench.solvers.external.builds", description=__doc__)
+    parser.add_argument("label")
+    parser.add_argument("root", type=Path)
+    parser.add_argument("plugin")
+    parser.add_argument("--python")
+    asked = parser.parse_args()
+    try:
+        sys.stdout.write(as_toml(tables(asked.label, asked.root, asked.plugin, asked.python)))
+    except CpbenchError as refusal:
+        sys.exit(f"cpbench: {refusal}")
+
+
+if __name__ == "__main__":
+    main()

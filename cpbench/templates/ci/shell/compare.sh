@@ -1,0 +1,181 @@
+#!/usr/bin/env bash
+# Compares two builds of a solver: that of this checkout and that of the commit which it branched from. Both run on the
+# same problems in one interleaved run of cpbench, the base twice, which tells the noise of this machine; then
+# `cpbench compare` gives the verdict.
+#
+#     compare.sh --solver FILE --base REF [--build COMMAND] [...]        in a git checkout
+#
+#   --solver FILE       the plugin of the solver: .toml or .py
+#   --base REF          a branch, tag or commit; what is compared with is the commit where HEAD left it
+#   --build COMMAND     makes the solver, in bash at the top of each checkout; default: nothing to make
+#   --python PATH       for a solver in Python: the interpreter that its build made, as .venv/bin/python
+#   --problems WORDS    files, folders, globs or names that `cpbench run` takes, or a plan (.toml); default: builtin
+#   --timeout TIME      of one solve; default: 10s
+#   --budget TIME       of the whole run; what it has not reached then is left out, and said; default: 10m
+#   --repeats N         solves of a pair that takes less than 1 s; default: 5
+#   --fail-on WORDS     what ends with 1; default: regression,wrong,crash
+#   -o, --output FOLDER for summary.md, results.sqlite, NAME.json and NAME.xml (JUnit) of each solver;
+#                       default: cpbench-compare
+#
+#     compare.sh --comment NUMBER [-o FOLDER]                            after it, on GitHub: the summary as a comment
+#
+# Paths are relative to the top of the checkout. Ends with 0; with 1 for what --fail-on names; with 2 when there is no
+# verdict, and says why. On GitHub the summary of the job and the outputs `verdict` and `results` are written too.
+set -euo pipefail
+
+solver='' base='' build='' python='' problems=builtin timeout=10s budget=10m repeats=5
+fail_on=regression,wrong,crash output=cpbench-compare comment=''
+shown="${GITHUB_STEP_SUMMARY:-/dev/null}" told="${GITHUB_OUTPUT:-/dev/null}"
+
+die() { # the reason
+  echo "cpbench: $1" >&2
+  printf '### cpbench: no verdict\n\n%s\n' "$1" >> "$shown"
+  exit 2
+}
+
+export PYTHONSAFEPATH=1 # a file of the checkout is nobody's import by its name alone
+cpbench() { python3 -m cpbench "$@"; }
+
+logged() { # a command; what it says goes to the log of the job, and its last words into the reason if it fails
+  "$@" 2>&1 | tee "$work/log" >&2
+}
+
+last_words() { tail -n 1 "$work/log" | cut -c 1-400; }
+
+# ------------------------------------------------------------------------------------------------ what is asked
+while [ $# -gt 0 ]; do
+  case $1 in
+    --solver | --base | --build | --python | --problems | --timeout | --budget | --repeats | --fail-on | --output | --comment)
+      name=${1#--} ;;
+    -o) name=output ;;
+    *) die "compare.sh: no option '$1'; its first lines list them" ;;
+  esac
+  [ $# -ge 2 ] || die "compare.sh: $1 needs a value"
+  printf -v "${name//-/_}" %s "$2"
+  shift 2
+done
+
+# ------------------------------------------------------------------------------------------------ the comment
+mark='<!-- cpbench compare -->' # finds the comment of an earlier push, which is replaced
+if [ -n "$comment" ]; then
+  [ -f "$output/summary.md" ] || die "compare.sh: no $output/summary.md to post: compare first"
+  ask() { # method, address; the body comes from stdin
+    curl --silent --show-error --fail -X "$1" -H @<(echo "Authorization: Bearer $GITHUB_TOKEN") --data-binary @- \
+      -H 'Accept: application/vnd.github+json' "$GITHUB_API_URL/repos/$GITHUB_REPOSITORY/issues/$2"
+  }
+  find='import json, sys; print(*[c["id"] for c in json.load(sys.stdin) if c["body"].startswith(sys.argv[1])][:1])'
+  wrap='import json, sys; print(json.dumps({"body": sys.argv[1] + "\n" + sys.stdin.read()[:60000]}))'
+  earlier=$(ask GET "$comment/comments?per_page=100" < /dev/null | python3 -c "$find" "$mark")
+  python3 -c "$wrap" "$mark" < "$output/summary.md" |
+    if [ -n "$earlier" ]; then ask PATCH "comments/$earlier"; else ask POST "$comment/comments"; fi > /dev/null
+  exit 0
+fi
+
+# ------------------------------------------------------------------------------------------------ what is there
+[ -n "$solver" ] || die 'compare.sh: say --solver FILE, the plugin of your solver (.toml or .py)'
+[ -n "$base" ] || die 'compare.sh: say --base REF, the branch or commit to compare with'
+python3 -c 'import cpbench' 2> /dev/null || die 'python3 finds no cpbench: pip install cpbench'
+top=$(git rev-parse --show-toplevel 2>&1) || die "no git checkout here ($top)"
+cd "$top"
+[ -f "$solver" ] || die "no file '$solver' in this checkout: say --solver with its path from the top"
+deep='check out with its whole history (GitHub: fetch-depth: 0 for actions/checkout; GitLab: GIT_DEPTH: "0")'
+shallow=$(git rev-parse --is-shallow-repository)
+if ! commit=$(git rev-parse --quiet --verify "$base^{commit}"); then
+  [ "$shallow" = false ] || die "no commit '$base' here, the clone is shallow: $deep"
+  die "no commit '$base' here: fetch it first, or say another --base"
+fi
+if ! before=$(git merge-base HEAD "$commit"); then
+  [ "$shallow" = false ] || die "where HEAD left '$base' is not known here, the clone is shallow: $deep"
+  die "HEAD and '$base' have no commit in common: say another --base"
+fi
+after=$(git rev-parse HEAD)
+work=$(mktemp -d)
+trap 'git worktree remove --force "$work/base" 2> /dev/null || true; rm -rf "$work"' EXIT
+rm -f "$output"/{summary.md,results.sqlite*,*.json,*.xml} # of an earlier time
+
+# ------------------------------------------------------------------------------------------------ both builds
+made() { # label, folder, commit
+  [ -n "$build" ] || return 0
+  echo "cpbench: building $1" >&2
+  (cd "$2" && logged env CPBENCH_BUILD="$1" bash -euo pipefail -c "$build") ||
+    die "the build of $1 (${3:0:12}) failed with exit code $?: \`$build\`: $(last_words)"
+}
+
+variants() { # label, folder
+  python3 -m cpbench.solvers.external.builds "$1" "$2" "$solver" ${python:+--python "$python"} \
+    > "$work/$1.toml" 2> "$work/log" || { cat "$work/log" >&2; die "$1: $(last_words)"; }
+  sed -n "s/^\[solver\.\"\(.*\)@$1\"\]\$/\1/p" "$work/$1.toml" | sort > "$work/$1.names"
+}
+
+git worktree add --quiet --detach "$work/base" "$before" 2> "$work/log" || die "git worktree: $(last_words)"
+[ ! -f .gitmodules ] || git -C "$work/base" submodule --quiet update --init --recursive
+made head "$top" "$after"
+variants head "$top"
+if [ -f "$work/base/$solver" ]; then
+  made base "$work/base" "$before"
+  variants base "$work/base"
+  variants again "$work/base"
+else
+  touch "$work"/{base,again}.{toml,names}
+fi
+mapfile -t both < <(comm -12 "$work/base.names" "$work/head.names")
+mapfile -t fresh < <(comm -13 "$work/base.names" "$work/head.names")
+cat "$work"/{base,again,head}.toml > "$work/variants.toml"
+
+# ------------------------------------------------------------------------------------------------ one run
+asked=(--plugin "$solver" --plugin "$work/variants.toml" --timeout "$timeout" --repeats "$repeats")
+case $problems in
+  *.toml) asked+=(--plan "$problems") ;;
+  *) read -ra words <<< "$problems"; asked+=(--plan none "${words[@]}") ;;
+esac
+for name in "${both[@]}"; do asked+=(-s "$name@base" -s "$name@again" -s "$name@head"); done
+if [ ${#both[@]} = 0 ]; then # nothing to compare with; wrong answers and crashes are found all the same
+  for name in "${fresh[@]}"; do asked+=(-s "$name@head"); done
+  statuses=$(tr , '\n' <<< "$fail_on" | grep -xE 'wrong|crash' | paste -sd ,) || true
+  asked+=(${statuses:+--fail-on "$statuses"})
+fi
+case $solver in
+  *.py) PYTHONPATH="$top/$(dirname "$solver"):$top/src:$top${PYTHONPATH:+:$PYTHONPATH}" && export PYTHONPATH ;;
+esac
+code=0
+logged timeout --foreground --signal INT --kill-after 60 "$budget" \
+  python3 -m cpbench run "${asked[@]}" --no-report --quiet -o "$work/results.sqlite" || code=$?
+left=''
+case $code in
+  0 | 1) ;;
+  124 | 130 | 137) left="The budget of $budget was used up: pairs that had no turn are left out. " ;;
+  *) die "the run ended with $code: $(last_words)" ;;
+esac
+
+# ------------------------------------------------------------------------------------------------ the verdict
+mkdir -p "$work/out"
+changed=''
+git diff --quiet HEAD || changed=' with changes that are not committed'
+{
+  echo "\`$solver\`: base ${before:0:12}, head ${after:0:12}$changed. $left"
+  [ ${#fresh[@]} = 0 ] || echo "Only head has ${fresh[*]}: nothing to compare with."
+} > "$work/out/summary.md"
+verdict=new
+if [ ${#both[@]} = 0 ]; then
+  if [ "$code" = 1 ]; then verdict=failed; else code=0; fi
+  printf '\n%s\n' "$(last_words)" >> "$work/out/summary.md"
+else
+  code=0 verdict=''
+  for name in "${both[@]}"; do
+    one=0
+    logged python3 -m cpbench compare "$work/results.sqlite" --a "$name@base" --b "$name@head" \
+      --equal "$name@base,$name@again" --fail-on "$fail_on" -o "$work/$name.md" -o "$work/out/$name.json" -o "$work/out/$name.xml" || one=$?
+    [ "$one" -le 1 ] || die "$name: the comparison ended with $one: $(last_words)"
+    [ "$one" = 0 ] || code=1
+    { echo; cat "$work/$name.md"; } >> "$work/out/summary.md"
+    verdict+=$(python3 -c 'import json, sys; print(json.load(sys.stdin)["verdict"])' < "$work/out/$name.json")' '
+  done
+  for worst in same improved inconclusive regressed; do case $verdict in *$worst*) said=$worst ;; esac; done
+  verdict=$said
+fi
+mkdir -p "$output"
+mv "$work/out"/* "$work"/results.sqlite* "$output"/
+cat "$output/summary.md" >> "$shown"
+printf '%s\n' "verdict=$verdict" "results=$output" >> "$told"
+cat "$output/summary.md"
+exit $code
