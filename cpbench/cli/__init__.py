@@ -28,6 +28,8 @@ COMMANDS = {
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file.",
+    "compare": "Compare two results files, or two builds in one: what regressed, and what nobody can tell.",
+    "baseline": "Keep the outcomes of a run as text for version control, and tell what a later run changes.",
     "import": "Judge answers that were made elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",

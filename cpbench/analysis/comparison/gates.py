@@ -1,0 +1,164 @@
+"""What is not random is compared first: status, then verified error, then counters.
+
+Each gate takes pairs (`pairs.Matched.pairs`) and rules on those it can tell something of; what it leaves undecided is
+for the next one. A status that got worse is a regression of its kind and never a ratio.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Mapping
+from enum import StrEnum
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis.attendance import REFUSED
+from cpbench.verification import VERIFIED, Status
+
+
+class Verdict(StrEnum):
+    """On a pair, a label or two tables. `inconclusive` is an outcome of its own: shown, with what would decide it."""
+
+    REGRESSED = "regressed"
+    INCONCLUSIVE = "inconclusive"
+    SAME = "same"
+    IMPROVED = "improved"
+
+
+UNDECIDED = ""
+SETTLED = (*VERIFIED, str(Status.INFEASIBLE))
+"""Statuses of a problem that is done with: an answer that was verified, or a proof that there is none."""
+WORST = (str(Status.WRONG), str(Status.CRASH))
+"""What is worse than other ways not to solve a problem."""
+DECADE = 10.0
+"""Factor between errors beyond the tolerance that counts."""
+FIRST = "iterations"
+"""The counter that is looked at first."""
+
+
+def rulings(pairs: pd.DataFrame) -> pd.DataFrame:
+    """An empty ruling for every pair: verdict, gate, kind, why."""
+    return pd.DataFrame(dict.fromkeys(("verdict", "gate", "kind", "why"), UNDECIDED), index=pairs.index)
+
+
+def rule(ruling: pd.DataFrame, gate: str, verdict: Verdict, where: pd.Series[bool], kind: object, why: object) -> None:
+    """Enter a verdict for the pairs `where` it holds and nothing was ruled before; `kind` and `why` are texts, or
+    series of them."""
+    open_pairs = where & (ruling["verdict"] == UNDECIDED)
+    for column, value in {"verdict": str(verdict), "gate": gate, "kind": kind, "why": why}.items():
+        ruling.loc[open_pairs, column] = value[open_pairs] if isinstance(value, pd.Series) else value
+
+
+def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
+    """Rule by status.
+
+    `stray` : the factor by which one time strays by itself. A solve that ended that near to the limit on one side,
+    and over it on the other, is no change of status.
+    """
+    base, new = pairs["status_base"], pairs["status_new"]
+    change = base.str.replace("_", " ") + " → " + new.str.replace("_", " ")
+    message = pairs["message_new"].where(new.isin(REFUSED), pairs["message_base"])
+    told = change + message.where(message == "", ": " + message)
+    rule(ruling, "status", Verdict.INCONCLUSIVE, base.isin(REFUSED) ^ new.isin(REFUSED), "not compared", told)
+    for limit, status in (("seconds", Status.TIMEOUT), ("memory", Status.MEMOUT)):
+        other = differ(pairs, limit) & ((base == status) ^ (new == status))
+        rule(ruling, "status", Verdict.INCONCLUSIVE, other, "other limits", change + f", under another limit ({limit})")
+    done, was = new.isin(SETTLED), base.isin(SETTLED)
+    contradiction = done & was & ((base == Status.INFEASIBLE) ^ (new == Status.INFEASIBLE))
+    why = change + ": both were verified, so one of the two tolerances is too loose for this problem"
+    rule(ruling, "status", Verdict.INCONCLUSIVE, contradiction, "contradiction", why)
+    for timed_out, status, side in ((was & ~done, new, "base"), (done & ~was, base, "new")):
+        near = timed_out & (status == Status.TIMEOUT) & (pairs[f"solve_{side}"] * stray >= pairs[f"seconds_{side}"])
+        why = change + f", within a factor {stray:.3g} of the limit, as far as one time strays"
+        rule(ruling, "status", Verdict.INCONCLUSIVE, near, "at the limit", why)
+    rule(ruling, "status", Verdict.REGRESSED, was & ~done, new, change)
+    rule(ruling, "status", Verdict.IMPROVED, done & ~was, base, change)
+    moved = (base != new) & ~done & ~was
+    rule(ruling, "status", Verdict.REGRESSED, moved & new.isin(WORST), new, change)
+    rule(ruling, "status", Verdict.IMPROVED, moved & base.isin(WORST), base, change)
+
+
+def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
+    """Rule by the error that was verified, of answers that solve the problem on neither side: within the tolerance all
+    are equal, beyond it a factor of 10 counts."""
+    floor = pairs["tolerance"].astype(float)
+    base, new = (pairs[f"error_{side}"].astype(float).clip(lower=floor) for side in ("base", "new"))
+    both = np.isfinite(base) & np.isfinite(new)
+    why = "error " + base.map("{:.1e}".format) + " → " + new.map("{:.1e}".format)
+    rule(ruling, "error", Verdict.REGRESSED, both & (new > DECADE * base), "error", why)
+    rule(ruling, "error", Verdict.IMPROVED, both & (base > DECADE * new), "error", why)
+
+
+def by_counters(
+    pairs: pd.DataFrame, margin: float, left_out: Collection[tuple[str, str]] = frozenset()
+) -> pd.DataFrame:
+    """What the counters of pairs solved on both sides say: verdict ('' where none is common), why.
+
+    A counter moved when it changed by more than `margin` relative to the smaller side, and by more than 1. `iterations`
+    is looked at first, then the others by name; counters that moved apart leave the pair inconclusive.
+    `left_out` : (solver, counter) that are not the same from run to run.
+    """
+    found = pd.DataFrame({"verdict": UNDECIDED, "why": UNDECIDED}, index=pairs.index)
+    solved = pairs["status_base"].isin(VERIFIED) & pairs["status_new"].isin(VERIFIED)
+    texts = pairs.loc[solved, ["solver", "counters_base", "counters_new"]]
+    ruled: dict[tuple[str, str, str], tuple[str, str]] = {}
+    for case in texts.drop_duplicates().itertuples(index=False, name=None):
+        ruled[case] = _moved(*case, margin, left_out)
+    columns = [texts[name] for name in texts]
+    answers = [ruled[case] for case in zip(*columns, strict=True)]
+    found.loc[solved, "verdict"] = np.array([verdict for verdict, _ in answers], dtype=object)
+    found.loc[solved, "why"] = np.array([why for _, why in answers], dtype=object)
+    return found
+
+
+def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:
+    """(solver, counter) that moved between two sides that are the same code: nothing can be concluded from them."""
+    found: set[tuple[str, str]] = set()
+    columns = ["solver", "counters_base", "counters_new"]
+    for solver, base, new in pairs[columns].drop_duplicates().itertuples(index=False, name=None):
+        found |= {(str(solver), name) for name in _changes(_read(base), _read(new), margin)}
+    return frozenset(found)
+
+
+def _moved(solver: str, base: str, new: str, margin: float, left_out: Collection[tuple[str, str]]) -> tuple[str, str]:
+    before, after = (
+        {name: count for name, count in _read(text).items() if (solver, name) not in left_out} for text in (base, new)
+    )
+    if not before.keys() & after.keys():
+        return UNDECIDED, ""
+    changes = _changes(before, after, margin)
+    if not changes:
+        return str(Verdict.SAME), ""
+    names = sorted(changes, key=lambda name: (name != FIRST, name))
+    why = ", ".join(f"{name} {before[name]:g} → {after[name]:g}" for name in names[:3])
+    if len(set(changes.values())) > 1:
+        return str(Verdict.INCONCLUSIVE), f"counters moved apart: {why}"
+    return str(Verdict.REGRESSED if changes[names[0]] > 0 else Verdict.IMPROVED), why
+
+
+def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: float) -> dict[str, int]:
+    """Sign of the change of the common counters that moved."""
+    changes: dict[str, int] = {}
+    for name in before.keys() & after.keys():
+        gap = after[name] - before[name]
+        if abs(gap) > 1 and abs(gap) > margin * min(abs(before[name]), abs(after[name])):
+            changes[name] = 1 if gap > 0 else -1
+    return changes
+
+
+def _read(text: str) -> dict[str, float]:
+    """Counters of a row; what is no number is none."""
+    try:
+        found = json.loads(text) if text else {}
+    except ValueError:
+        return {}
+    items = found.items() if isinstance(found, dict) else ()
+    return {str(k): float(v) for k, v in items if isinstance(v, int | float) and math.isfinite(v)}
+
+
+def differ(pairs: pd.DataFrame, column: str) -> pd.Series[bool]:
+    """Whether a limit is known on both sides and differs."""
+    base, new = pairs[f"{column}_base"], pairs[f"{column}_new"]
+    return base.notna() & new.notna() & (base != new)

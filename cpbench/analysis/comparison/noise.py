@@ -1,0 +1,98 @@
+"""How far times of equal code differ in these runs: below that, a change of times is the machine's.
+
+What is known of it: the solve that is always the same, which a run repeats (its drift from one file to the other), and,
+where a run has one build under two labels, how these two differ. One worker process beside another has a bias of its
+own (where its memory lies), which all its problems share and no repetition within it can show: BIAS.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+BIAS = 0.02
+"""Standard deviation of the log of a process's own factor on all its times."""
+STRAY = 2.0
+"""Factor between two equal solves that is taken for possible as long as no two equal builds were measured."""
+ENOUGH = 10
+"""Pairs of equal builds from which on the largest factor between them says how far one pair strays."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is known of a comparison's noise.
+
+    Attributes
+    ----------
+    margin : the change of times that is asked for, relative.
+    drift : factor ≥ 1 between the reference solves of the two files; 1 within one run, NaN where it is not known.
+    spread : coefficient of variation of the reference solves, of each file (NaN below two of them).
+    equal : factor ≥ 1 between two labels of equal code (geometric mean), NaN where there are none.
+    stray : factor ≥ 1 within which one pair differs by itself. unsteady : (solver, counter) that equal code changes.
+    """
+
+    margin: float
+    drift: float = math.nan
+    spread: tuple[float, ...] = ()
+    equal: float = math.nan
+    stray: float = STRAY
+    unsteady: frozenset[tuple[str, str]] = frozenset()
+
+    @property
+    def delta(self) -> float:
+        """The relative change below which two times are the same: the margin, or the noise where that is larger.
+
+        >>> Noise(0.05, drift=1.08).delta, Noise(0.05, equal=1.02).delta
+        (0.08, 0.05)
+        """
+        return round(max(self.margin, *(f - 1.0 for f in (self.drift, self.equal) if math.isfinite(f)), 0.0), 12)
+
+    @property
+    def bias(self) -> float:
+        """Standard deviation of the log of the ratio of two labels, shared by all their problems."""
+        seen = math.log(self.equal) if math.isfinite(self.equal) else 0.0
+        return max(math.sqrt(2.0) * BIAS, seen)
+
+    @property
+    def strays(self) -> float:
+        """The factor beyond which the times of one pair are no accident."""
+        return max(1.0 + self.delta, self.stray)
+
+
+def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tuple[float, ...]]:
+    """`drift` and `spread` of `Noise` from the reference solves of each file; one list where both sides are one run.
+
+    >>> drift([[{"seconds": 1.0}, {"seconds": 1.0}], [{"seconds": 1.25}]])
+    (1.25, (0.0, nan))
+    """
+    took = [
+        np.array([row["seconds"] for row in solves if row["seconds"] is not None and row["seconds"] > 0], dtype=float)
+        for solves in references
+    ]
+    spread = tuple(float(s.std(ddof=1) / s.mean()) if len(s) > 1 else math.nan for s in took)
+    if len(took) == 1:
+        return 1.0, spread
+    if not all(len(s) for s in took):
+        return math.nan, spread
+    first, second = (float(np.median(s)) for s in took)
+    return max(first / second, second / first), spread
+
+
+def one_machine(pairs: pd.DataFrame, machines: Sequence[Mapping[str, Mapping[str, Any]]]) -> pd.Series[bool]:
+    """Whether both times of a pair were taken on one machine: a host of one name, and of one description.
+
+    `machines` : what each file says of its hosts; hosts of which it says nothing are another machine.
+    """
+    base, new = machines
+    same = {host for host, told in base.items() if host and host in new and _lasting(told) == _lasting(new[host])}
+    return (pairs["host_base"] == pairs["host_new"]) & pairs["host_new"].isin(same)
+
+
+def _lasting(told: Mapping[str, Any]) -> dict[str, Any]:
+    """What a machine is, without how it was."""
+    return {name: told.get(name) for name in ("cpu", "cores", "threads", "ram_gib")}

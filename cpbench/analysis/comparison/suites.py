@@ -1,0 +1,164 @@
+"""All pairs of a label together: the geometric mean of new over base times, and what it allows to say.
+
+    L_p = log(t_new / t_base),     log of the mean  L̄ = mean over the pairs solved on both sides.
+
+- Its interval resamples *families* (`analysis.bootstrap`), widened for few of them by t_{k-1} / z · √(k / (k-1)): the
+  bootstrap of k clusters has (k-1)/k of the variance, and knows it from k values only.
+- p is the larger of Wilcoxon's signed-rank test on the L_p and of L̄ against a normal law with the interval's width
+  and the bias of a worker process together (`noise`): a process's own factor is shared by all its problems,
+  so that no number of them averages it away. Labels are adjusted for one another after Holm.
+
+Regressed: p < α, the interval excludes 1, and the mean is beyond 1 + δ. Same: the interval lies within
+[1/(1+δ), 1+δ]. Anything else is inconclusive, with what would decide it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from cpbench.analysis import bootstrap
+from cpbench.analysis.comparison.gates import Verdict
+from cpbench.analysis.comparison.noise import Noise
+from cpbench.analysis.comparison.times import LEVEL, holm
+
+FEWEST = 6
+"""Pairs below which Wilcoxon's test cannot reach 5 %."""
+_Z = NormalDist().inv_cdf((1 + LEVEL) / 2)
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A label over all its pairs.
+
+    Attributes
+    ----------
+    label : of the new side. pairs : compared. solved_base, solved_new, both : verified as solved.
+    below : solved on both sides in less than the floor, told and left out of what follows.
+    timed : pairs in the mean, of `families` families. ratio, low, high : geometric mean of new over base, interval.
+    p : adjusted after Holm. wilcoxon : its own p, unadjusted.
+    time : verdict on the times, None where none could be compared. why : its reason, and what would decide it.
+    counts : verdicts on pairs.
+    """
+
+    label: str
+    pairs: int
+    solved_base: int
+    solved_new: int
+    both: int
+    below: int
+    timed: int
+    families: int
+    ratio: float
+    low: float
+    high: float
+    p: float
+    wilcoxon: float
+    time: Verdict | None
+    why: str
+    counts: dict[Verdict, int]
+
+
+def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tuple[Suite, ...]:
+    """The suites of judged pairs (`comparison.compare`), in order of label."""
+    parts = [_measured(str(label), own, noise, seed) for label, own in pairs.groupby("label_new", sort=True)]
+    adjusted = holm([part.p for part in parts])
+    return tuple(_decided(replace(part, p=p), noise, alpha) for part, p in zip(parts, adjusted, strict=True))
+
+
+def mean_ratio(
+    ratios: pd.Series[float], families: pd.Series[str], problems: pd.Series[str], seed: int = 0
+) -> tuple[float, float, float, int]:
+    """Geometric mean, interval and number of families; NaN where one problem leaves no interval.
+
+    Problems of one family only are resampled one by one. A problem without a family is one by itself.
+
+    >>> mean, low, high, count = mean_ratio(pd.Series([2.0, 2.0]), pd.Series(["x", "y"]), pd.Series(["p", "q"]))
+    >>> (round(mean, 12), round(low, 12), round(high, 12)), count
+    ((2.0, 2.0, 2.0), 2)
+    """
+    cluster = families.where(families != "", problems)
+    count = cluster.nunique()
+    if count < 2:
+        cluster = problems
+    places = pd.RangeIndex(len(ratios))
+    top = np.log(ratios.to_numpy(dtype=float))[:, None]
+    mean = bootstrap.Statistic(("mean",), places, top, np.ones_like(top), lambda x: x)
+    found = bootstrap.intervals(mean, pd.Series(cluster.to_numpy(), index=places), level=LEVEL, seed=seed)
+    estimate, low, high = (float(found.table.loc["mean", name]) for name in ("estimate", "low", "high"))
+    k = cluster.nunique()
+    wider = float(stats.t.ppf((1 + LEVEL) / 2, k - 1)) / _Z * math.sqrt(k / (k - 1)) if k > 1 else math.nan
+    ends = (math.exp(estimate + wider * (end - estimate)) for end in (low, high))
+    return math.exp(estimate), *ends, count  # type: ignore[return-value]
+
+
+def _measured(label: str, own: pd.DataFrame, noise: Noise, seed: int) -> Suite:
+    timed = own[own["comparable"]]
+    ratio = low = high = p = wilcoxon = math.nan
+    families = 0
+    if len(timed):
+        ratio, low, high, families = mean_ratio(timed["ratio"], timed["family"], timed["fingerprint"], seed)
+        log = np.log(timed["ratio"].to_numpy(dtype=float))
+        wilcoxon = float(stats.wilcoxon(log).pvalue) if np.any(log != 0) else 1.0
+        error = math.hypot(noise.bias, (math.log(high) - math.log(low)) / (2 * _Z))
+        p = max(wilcoxon, 2 * NormalDist().cdf(-abs(math.log(ratio)) / error)) if math.isfinite(error) else 1.0
+    counts = own["verdict"].value_counts()
+    return Suite(
+        label=label,
+        pairs=len(own),
+        solved_base=int(own["solved_base"].sum()),
+        solved_new=int(own["solved_new"].sum()),
+        both=int((own["solved_base"] & own["solved_new"]).sum()),
+        below=int(own["below"].sum()),
+        timed=len(timed),
+        families=families,
+        ratio=ratio,
+        low=low,
+        high=high,
+        p=p,
+        wilcoxon=wilcoxon,
+        time=None,
+        why="",
+        counts={verdict: int(counts.get(str(verdict), 0)) for verdict in Verdict},
+    )
+
+
+def _decided(suite: Suite, noise: Noise, alpha: float) -> Suite:
+    if not suite.timed:
+        return suite
+    edge = 1 + noise.delta
+    apart = suite.low > 1 or suite.high < 1
+    if suite.p < alpha and apart and (suite.ratio > edge or suite.ratio < 1 / edge):
+        verdict = Verdict.REGRESSED if suite.ratio > 1 else Verdict.IMPROVED
+        return replace(suite, time=verdict)
+    if 1 / edge <= suite.low and suite.high <= edge:
+        return replace(suite, time=Verdict.SAME)
+    return replace(suite, time=Verdict.INCONCLUSIVE, why=_wanting(suite, noise, apart))
+
+
+def _wanting(suite: Suite, noise: Noise, apart: bool) -> str:
+    """What would decide."""
+    if suite.timed < FEWEST:
+        return f"at least {FEWEST} problems that both sides solve would decide, or more repeats"
+    if not math.isfinite(suite.low):
+        return "more problems would decide: one leaves no interval"
+    if suite.ratio > 1 + noise.delta or suite.ratio < 1 / (1 + noise.delta):
+        if apart:
+            return (
+                f"beyond {noise.delta:.1%}, but one process beside another differs by {noise.bias:.1%} by itself: "
+                "another run, with other processes, would decide"
+            )
+        return "beyond the margin, but not on every family alike: more problems, of more families, would decide"
+    if noise.delta > noise.margin:
+        return f"equal code differs by {noise.delta:.1%} here: a quieter machine would decide"
+    need = (math.log(suite.high / suite.low) / 2 / math.log1p(noise.delta)) ** 2
+    if need > 1:
+        return (
+            f"about {math.ceil(2 * need) / 2:g} times as many problems, more repeats or a quieter machine would decide"
+        )
+    return "near the margin: more problems, or another --margin, would decide"

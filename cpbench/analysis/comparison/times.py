@@ -1,0 +1,165 @@
+"""Times of one pair: how much longer, within which interval, and whether that is more than an accident.
+
+The repeats of a solve give samples of its time (conversion, set-up and lift added). With at least five on both sides
+two samples are compared by Mann and Whitney's U (exact where it is small); with fewer by Welch's t on the logarithms;
+p-values of all pairs are adjusted after Benjamini and Hochberg, J. R. Statist. Soc. B 57 (1995). Repeats follow one
+another within milliseconds: they share whatever the machine did at that moment, and say nothing of the next. So one
+pair decides by its time only beyond the factor by which equal pairs stray (`noise.Noise`), and only where the
+processor's time, which other programs do not lengthen, moved with it; otherwise it takes the pairs together (`suites`).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from cpbench.analysis.comparison.gates import UNDECIDED, Verdict
+from cpbench.analysis.comparison.noise import Noise
+from cpbench.analysis.profiles import FLOOR
+
+Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+ENOUGH = 5
+"""Samples a side from which on ranks are compared."""
+LEVEL = 0.95
+COLUMNS = ("ratio", "low", "high", "p", "below", "comparable", "significant", "time_verdict", "time_why")
+
+
+def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alpha: float) -> pd.DataFrame:
+    """What the times of pairs say, one row a pair.
+
+    Columns: `ratio` new over base (NaN unless both sides were solved and timed) with its interval [`low`, `high`] (NaN
+    without repeats) and `p` (adjusted); `below`: both shorter than the floor; `comparable`: above it, taken on
+    one machine, one at a time, by cpbench; `significant`: the sign of a difference that the samples show, else 0;
+    `time_verdict` ('' where not comparable), `time_why`.
+    """
+    base, new = (pairs[f"time_{side}"].to_numpy(dtype=float) for side in ("base", "new"))
+    timed = np.isfinite(base) & np.isfinite(new)
+    ratio = np.divide(np.maximum(new, FLOOR), np.maximum(base, FLOOR), out=np.full(len(pairs), math.nan), where=timed)
+    below = timed & (base < FLOOR) & (new < FLOOR)
+    alone = np.ones(len(pairs), dtype=bool)
+    for side in ("base", "new"):
+        alone &= ~(pairs[f"jobs_{side}"] > 1).to_numpy() & (pairs[f"origin_{side}"] == "").to_numpy()
+    comparable = timed & ~below & alone & one_machine.to_numpy()
+    low, high, p = _tested(pairs, comparable)
+    p[comparable] = adjusted(p[comparable])
+    log = np.log(ratio)
+    significant = np.where(comparable & (p < alpha) & (np.abs(log) > math.log1p(noise.delta)), np.sign(log), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        processor = np.log(pairs["cpu_new"].to_numpy(dtype=float) / pairs["cpu_base"].to_numpy(dtype=float))
+        agrees = processor * np.sign(log) >= np.abs(log) / 2
+    decisive = (significant != 0) & (np.abs(log) > math.log(noise.strays)) & agrees
+    within = comparable & (low >= 1 / (1 + noise.delta)) & (high <= 1 + noise.delta)
+    verdict = np.full(len(pairs), UNDECIDED, dtype=object)
+    verdict[comparable] = str(Verdict.INCONCLUSIVE)
+    verdict[within & ~decisive] = str(Verdict.SAME)
+    verdict[decisive] = np.where(log[decisive] > 0, str(Verdict.REGRESSED), str(Verdict.IMPROVED))
+    found = pd.DataFrame(
+        {
+            "ratio": ratio,
+            "low": low,
+            "high": high,
+            "p": p,
+            "below": below,
+            "comparable": comparable,
+            "significant": significant.astype(int),
+            "time_verdict": verdict,
+        },
+        index=pairs.index,
+    )
+    return found.assign(time_why=_told(found, decisive, noise))
+
+
+def adjusted(p: Floats) -> Floats:
+    """P-values adjusted for the rate of false discoveries; NaN is no test.
+
+    >>> adjusted(np.array([0.01, 0.04, math.nan])).tolist()
+    [0.02, 0.04, nan]
+    """
+    found = p.copy()
+    known = np.isfinite(p)
+    if known.any():
+        found[known] = stats.false_discovery_control(p[known], method="bh")
+    return found
+
+
+def samples_of(text: str, solve: float, time: float, flags: str) -> list[float]:
+    """The times of one row [s]: its repeats, each with what comes before and after a solve.
+
+    A program that remembers what it has solved has one time, its first.
+
+    >>> samples_of("[0.25, 0.5]", 0.375, 1.375, "")
+    [1.25, 1.5]
+    """
+    try:
+        solves = json.loads(text) if text else []
+    except ValueError:
+        solves = []
+    if "remembered" in flags.split(",") or len(solves) < 2:
+        return [max(time, FLOOR)]
+    return [max(float(s) + time - solve, FLOOR) for s in solves]
+
+
+def _tested(pairs: pd.DataFrame, chosen: np.ndarray) -> tuple[Floats, Floats, Floats]:
+    """Interval of the ratio and p of every chosen pair; pairs of equally many samples are tested in one go."""
+    low, high, p = (np.full(len(pairs), math.nan) for _ in range(3))
+    places: dict[tuple[int, int], list[int]] = {}
+    taken: dict[int, tuple[list[float], list[float]]] = {}
+    names = [f"{column}_{side}" for side in ("base", "new") for column in ("samples", "solve", "time", "flags")]
+    rows = pairs.loc[chosen, names].itertuples(index=False, name=None)
+    for at, row in zip(np.flatnonzero(chosen).tolist(), rows, strict=True):
+        taken[at] = samples_of(*row[:4]), samples_of(*row[4:])
+        places.setdefault((len(taken[at][0]), len(taken[at][1])), []).append(at)
+    for counts, where in places.items():
+        if min(counts) < 2:
+            continue
+        x, y = (np.log(np.array([taken[at][side] for at in where])) for side in (0, 1))
+        low[where], high[where], p[where] = _welch(x, y)
+        if min(counts) >= ENOUGH:
+            p[where] = stats.mannwhitneyu(x, y, axis=1, alternative="two-sided").pvalue
+    return low, high, p
+
+
+def _welch(x: np.ndarray, y: np.ndarray) -> tuple[Floats, Floats, Floats]:
+    """Interval of the ratio of times and p by Welch's t, of rows of logarithms; samples that do not vary at all are
+    given the resolution of the clock."""
+    n, m = x.shape[1], y.shape[1]
+    least = 1e-12
+    u, v = x.var(axis=1, ddof=1) / n + least, y.var(axis=1, ddof=1) / m + least
+    freedom = (u + v) ** 2 / (u**2 / (n - 1) + v**2 / (m - 1))
+    gap = np.median(y, axis=1) - np.median(x, axis=1)
+    error = np.sqrt(u + v)
+    half = stats.t.ppf((1 + LEVEL) / 2, freedom) * error
+    return np.exp(gap - half), np.exp(gap + half), 2 * stats.t.sf(np.abs(gap) / error, freedom)
+
+
+def _told(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
+    """What is said of each comparable pair."""
+    why = pd.Series(UNDECIDED, index=found.index, dtype=object)
+    moment = f", of one moment: one pair decides beyond {noise.strays:.3g}, with the processor's time"
+    columns = [found[name] for name in ("comparable", "ratio", "low", "high", "significant")]
+    texts: list[str] = []
+    for (_, ratio, low, high, significant), decides in zip(zip(*columns, strict=True), decisive, strict=True):
+        interval = ", not repeated" if math.isnan(low) else f" [{low:.3g}, {high:.3g}]"
+        texts.append(f"{ratio:.3g} times the time{interval}{moment if significant and not decides else ''}")
+    return why.where(~found["comparable"], pd.Series(texts, index=found.index, dtype=object))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """P-values adjusted after Holm, Scand. J. Statist. 6 (1979); NaN is no test.
+
+    >>> holm([0.01, 0.04, 0.03, math.nan])
+    [0.03, 0.06, 0.06, nan]
+    """
+    known = sorted((value, at) for at, value in enumerate(p) if not math.isnan(value))
+    found, largest = [math.nan] * len(p), 0.0
+    for rank, (value, at) in enumerate(known):
+        largest = max(largest, min(1.0, (len(known) - rank) * value))
+        found[at] = largest
+    return found

@@ -1,0 +1,284 @@
+"""Two tables of results compared: what got worse, what better, what is the same, and what nobody can tell.
+
+Gates in order, for every pair: status, verified error, counters, time; the first that rules decides. Counters of a
+program are the same on every machine; wall time counts where both sides ran on one machine, one at a time, and beyond
+the noise. Counters and a significant change of time that point in opposite directions leave a pair inconclusive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.comparison import gates, noise, pairs, suites, times
+from cpbench.analysis.comparison.gates import Verdict
+from cpbench.analysis.comparison.noise import ENOUGH, Noise
+from cpbench.analysis.comparison.suites import Suite
+from cpbench.errors import CpbenchError
+from cpbench.verification import VERIFIED
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side: a name to be told by, a table (`analysis.table`), and what its file says beside the rows.
+
+    A table without times (a baseline) is compared by status, error and counters. `references` are the repeated
+    reference solves, `machines` what each host is.
+    """
+
+    name: str
+    table: pd.DataFrame
+    meta: Mapping[str, Any] = field(default_factory=dict)
+    machines: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def references(self) -> list[Mapping[str, Any]]:
+        return list(self.meta.get("references") or [])
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How much counts. `margin` : relative change of times; `counter_margin` : of counters. `alpha` : level of tests.
+    `same_machine` : the two files are of one machine, whatever it is called in them."""
+
+    margin: float = 0.05
+    counter_margin: float = 0.05
+    alpha: float = 0.05
+    same_machine: bool = False
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The outcome.
+
+    Attributes
+    ----------
+    verdict : the worst of all: regressed, else inconclusive, else improved, else same. Pairs that are inconclusive by
+        their time alone do not count, their label does.
+    pairs : one row a pair: `pairs.Matched.pairs`, `times.COLUMNS`, and the ruling: verdict, gate, kind, why.
+    suites : by label. idle : pairs that started on neither side. notes : what else a reader has to know.
+    """
+
+    base: Side
+    new: Side
+    settings: Settings
+    verdict: Verdict
+    pairs: pd.DataFrame
+    suites: tuple[Suite, ...]
+    noise: Noise
+    only_base: pd.DataFrame
+    only_new: pd.DataFrame
+    changed: tuple[str, ...]
+    idle: int
+    notes: tuple[str, ...]
+
+    def of(self, verdict: Verdict) -> pd.DataFrame:
+        """The pairs of a verdict, those that no clock decided first."""
+        own = self.pairs[self.pairs["verdict"] == verdict]
+        order = own["gate"].map({"status": 0, "error": 1, "counters": 2, "time": 3})
+        return own.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")
+
+    def became(self, status: str) -> pd.DataFrame:
+        """The pairs that have this status on the new side, and not on the base."""
+        return self.pairs[(self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)]
+
+
+def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.DataFrame | None = None) -> Comparison:
+    """Compare two results files. `equal` : pairs of the same code (`equal_pairs`), which tell the noise.
+
+    Raises CpbenchError where no pair is common.
+
+    >>> rows = pd.DataFrame({"problem": ["p", "q"], "label": "s", "solver": "s", "status": ["solved", "wrong"]})
+    >>> found = compare(Side("old", rows), Side("new", rows.assign(status=["timeout", "wrong"])))
+    >>> str(found.verdict), found.pairs["why"].tolist()
+    ('regressed', ['solved → timeout', ''])
+    """
+    return _compare(base, new, settings, (), equal)
+
+
+def compare_labels(
+    run: Side,
+    base: str,
+    new: str,
+    settings: Settings = Settings(),
+    equal: tuple[str, str] | None = None,
+) -> Comparison:
+    """Compare two solvers, or two labels, of one run: two builds that were interleaved. `equal` : two labels of equal
+    code. Raises CpbenchError, UnknownName."""
+    sides, loose = _sides(run, base, new)
+    return _compare(*sides, settings, loose, equal_pairs(run, equal) if equal else None)
+
+
+def equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
+    """The pairs of two labels of equal code in a run; raises CpbenchError, UnknownName."""
+    (one, other), loose = _sides(run, *labels)
+    found = pairs.match(one.table, other.table, loose).pairs
+    if not len(found):
+        raise CpbenchError(f"{run.name}: {' and '.join(labels)} have no pair in common: run both on the same problems")
+    return found
+
+
+def _sides(run: Side, first: str, second: str) -> tuple[tuple[Side, Side], tuple[str, ...]]:
+    one, other, loose = pairs.labelled(run.table, first, second)
+    return (replace(run, name=first, table=one), replace(run, name=second, table=other)), loose
+
+
+def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], equal: pd.DataFrame | None) -> Comparison:
+    found = pairs.match(base.table, new.table, loose)
+    if not len(found.pairs):
+        raise CpbenchError(_nothing_common(base, new))
+    started = ~(found.pairs["status_base"].isin(REFUSED) & found.pairs["status_new"].isin(REFUSED))
+    own = found.pairs[started].reset_index(drop=True)
+    interleaved = bool(loose)  # two labels of one run
+    one_machine = _one_machine(own, base, new, settings, interleaved)
+    told = _noise(base, new, settings, interleaved, equal)
+    judged = _judged(own, one_machine, told, settings)
+    by_label = suites.by_label(judged, told, settings.alpha, settings.seed)
+    return Comparison(
+        base=base,
+        new=new,
+        settings=settings,
+        verdict=_worst(judged, by_label),
+        pairs=judged,
+        suites=by_label,
+        noise=told,
+        only_base=found.only_base,
+        only_new=found.only_new,
+        changed=found.changed,
+        idle=int((~started).sum()),
+        notes=tuple(_notes(judged, found, told, int((~started).sum()), interleaved, bool(one_machine.any()))),
+    )
+
+
+def _one_machine(own: pd.DataFrame, base: Side, new: Side, settings: Settings, interleaved: bool) -> pd.Series[bool]:
+    if settings.same_machine:
+        return pd.Series(True, index=own.index)
+    if interleaved:
+        return own["host_base"] == own["host_new"]
+    return noise.one_machine(own, [base.machines, new.machines])
+
+
+def _noise(base: Side, new: Side, settings: Settings, interleaved: bool, equal: pd.DataFrame | None) -> Noise:
+    drift, spread = noise.drift([new.references] if interleaved else [base.references, new.references])
+    told = Noise(settings.margin, drift, spread)
+    if equal is None:
+        return told
+    steady = gates.unsteady(equal, settings.counter_margin)
+    seen = times.by_time(equal, equal["host_base"] == equal["host_new"], told, settings.alpha)
+    timed = equal.assign(ratio=seen["ratio"])[seen["comparable"]]
+    if not len(timed):
+        return replace(told, unsteady=steady)
+    mean = suites.mean_ratio(timed["ratio"], timed["family"], timed["fingerprint"], settings.seed)[0]
+    far = float(np.exp(np.abs(np.log(timed["ratio"])).max()))
+    stray = far if len(timed) >= ENOUGH else max(far, told.stray)
+    return replace(told, equal=max(mean, 1 / mean), stray=stray, unsteady=steady)
+
+
+def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settings: Settings) -> pd.DataFrame:
+    """Pairs with what their times say, and their ruling."""
+    ruling = gates.rulings(own)
+    gates.by_status(own, ruling, told.strays)
+    gates.by_error(own, ruling)
+    counted = gates.by_counters(own, settings.counter_margin, told.unsteady)
+    timed = times.by_time(own, one_machine, told, settings.alpha)
+    moved = counted["verdict"].map({str(Verdict.REGRESSED): 1, str(Verdict.IMPROVED): -1}).fillna(0).astype(int)
+    against = (moved * timed["significant"]) < 0
+    why = counted["why"] + ", but " + timed["time_why"]
+    gates.rule(ruling, "counters", Verdict.INCONCLUSIVE, against, "counters against time", why)
+    for verdict in (Verdict.REGRESSED, Verdict.INCONCLUSIVE, Verdict.IMPROVED):
+        gates.rule(ruling, "counters", verdict, counted["verdict"] == verdict, "counters", counted["why"])
+    for verdict in (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.SAME, Verdict.INCONCLUSIVE):
+        gates.rule(ruling, "time", verdict, timed["time_verdict"] == verdict, "time", timed["time_why"])
+    gates.rule(ruling, "counters", Verdict.SAME, counted["verdict"] == Verdict.SAME, "", "")
+    gates.rule(ruling, "status", Verdict.SAME, pd.Series(True, index=own.index), "", "")
+    solved = {f"solved_{side}": own[f"status_{side}"].isin(VERIFIED) for side in ("base", "new")}
+    return pd.concat([own.assign(**solved), timed, ruling], axis=1)
+
+
+def _worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> Verdict:
+    by_time = judged["gate"] == "time"
+    decided = set(judged.loc[~(by_time & (judged["verdict"] == Verdict.INCONCLUSIVE)), "verdict"])
+    decided |= {str(suite.time) for suite in by_label if suite.time is not None}
+    order = (Verdict.REGRESSED, Verdict.INCONCLUSIVE, Verdict.IMPROVED)
+    return next((verdict for verdict in order if verdict in decided), Verdict.SAME)
+
+
+def _nothing_common(base: Side, new: Side) -> str:
+    def names(side: Side, column: str) -> set[str]:
+        return set(side.table[column].dropna().astype(str))
+
+    problems = len(names(base, "fingerprint") & names(new, "fingerprint"))
+    solvers = len(names(base, "solver") & names(new, "solver"))
+    cause = (
+        "they share no problem"
+        if not problems
+        else f"they share {problems} problems and no solver; two solvers of one run: --a X --b Y"
+        if not solvers
+        else f"they share {problems} problems and {solvers} solvers, but no options, tolerance, start or threads"
+    )
+    return (
+        f"{base.name} ({len(base.table)} rows) and {new.name} ({len(new.table)} rows) have no pair in common: {cause}; "
+        "run both with the same problems and settings"
+    )
+
+
+def _notes(
+    judged: pd.DataFrame, found: pairs.Matched, told: Noise, idle: int, interleaved: bool, here: bool
+) -> list[str]:
+    notes: list[str] = []
+    if len(found.only_base) or len(found.only_new):
+        notes.append(f"{len(found.only_base)} rows are in the base only, {len(found.only_new)} in the new results only")
+    if len(found.twice):
+        notes.append(f"{len(found.twice)} rows could not be told apart, and were not compared")
+    if found.changed:
+        notes.append(
+            f"{len(found.changed)} problems are others under their old names, and were not compared: "
+            + ", ".join(found.changed[:5])
+            + (", …" if len(found.changed) > 5 else "")
+        )
+    if idle:
+        notes.append(f"{idle} pairs were started on neither side")
+    if not (judged["solved_base"] & judged["solved_new"]).any():
+        notes.append("no pair was solved on both sides: there is nothing to be said of times")
+    for column, what in (("seconds", "time"), ("memory", "memory")):
+        other = gates.differ(judged, column)
+        if other.any():
+            notes.append(
+                f"{int(other.sum())} pairs were run under another {what} limit: running into it is no change of status"
+            )
+    notes += _on_times(judged, told, interleaved, here)
+    return notes
+
+
+def _on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -> list[str]:
+    timed = judged["ratio"].notna()
+    if not timed.any():
+        return []
+    notes: list[str] = []
+    if not here:
+        notes.append("times are of two machines: they are told, and decide nothing (--same-machine if it is one)")
+        return notes
+    beside = int(((judged["jobs_base"] > 1) | (judged["jobs_new"] > 1)).sum())
+    if beside:
+        notes.append(f"{beside} pairs were timed with other solves beside them (-j): their times decide nothing")
+    below = int(judged["below"].sum())
+    if below:
+        notes.append(f"{below} pairs take less than {times.FLOOR:g} s on both sides: below the floor, times of calls")
+    if not interleaved and math.isnan(told.drift):
+        notes.append("no reference solves: nobody knows how much the machine drifted from one run to the other")
+    elif not interleaved and told.drift > 1 + told.margin:
+        notes.append(
+            f"the reference solve differs by a factor {told.drift:.3g} between the two runs: changes of times within "
+            "that are the machine's"
+        )
+    if told.unsteady:
+        listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in told.unsteady)[:4])
+        notes.append(f"counters that differ between equal builds were left out: {listed}")
+    return notes

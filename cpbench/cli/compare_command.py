@@ -1,0 +1,175 @@
+"""`cpbench compare`."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cpbench.bench.results.store import Store
+from cpbench.cli.options import Names
+from cpbench.errors import CpbenchError, FormatError, UnknownName
+from cpbench.verification import VERIFIED, Status
+
+if TYPE_CHECKING:
+    from cpbench.analysis.comparison import Comparison, Side
+
+FAILURES = (
+    "regression",
+    "inconclusive",
+    *(str(s) for s in Status if s not in (*VERIFIED, Status.INFEASIBLE, Status.NOT_RUN)),
+)
+"""What --fail-on knows: verdicts on the whole, and statuses that a pair has now and had not before."""
+SUFFIXES = (".md", ".json", ".xml")
+
+
+@click.command()
+@click.argument("base", type=click.Path(path_type=Path))
+@click.argument("new", required=False, type=click.Path(path_type=Path))
+@click.option("--a", "first", metavar="LABEL", help="With one file: the solver or label that is the base.")
+@click.option("--b", "second", metavar="LABEL", help="With one file: the solver or label that is compared with it.")
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    multiple=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write .md (summary of a CI job), .xml (JUnit) or .json. Repeatable.",
+)
+@click.option(
+    "--fail-on", type=Names(), metavar="WHAT", help="End with 1 on regression, inconclusive, or new wrong,..."
+)
+@click.option(
+    "--margin", type=click.FloatRange(min=0), default=0.05, show_default=True, help="Change of times to find."
+)
+@click.option(
+    "--counter-margin", type=click.FloatRange(min=0), default=0.05, show_default=True, help="The same of counters."
+)
+@click.option(
+    "--alpha",
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    default=0.05,
+    show_default=True,
+    help="Level of the tests, for all labels together.",
+)
+@click.option(
+    "--noise", metavar="LABEL,LABEL", help="Two labels of equal code in the (new) file: what differs is noise."
+)
+@click.option("--same-machine", is_flag=True, help="The two files are of one machine, whatever its name is in them.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
+def command(
+    base: Path,
+    new: Path | None,
+    first: str | None,
+    second: str | None,
+    outputs: tuple[Path, ...],
+    fail_on: tuple[str, ...] | None,
+    margin: float,
+    counter_margin: float,
+    alpha: float,
+    noise: str | None,
+    same_machine: bool,
+    seed: int,
+) -> None:
+    """Compare two results files, or two builds that were interleaved in one run (BASE --a mine@base --b mine@head).
+    BASE may be a baseline (.csv).
+
+    Every pair of a problem and a solver is improved, the same, inconclusive or regressed: by status first, then by
+    verified error, counters, and by time where both were timed on one machine, beyond its noise.
+
+    Ends with 0 whatever is found, 1 for --fail-on, 2 for bad input.
+    """
+    from cpbench.analysis.comparison import Settings, compare, compare_labels, equal_pairs
+    from cpbench.report.comparison import terminal, write
+
+    _checked(base, new, first, second, outputs, fail_on)
+    settings = Settings(margin, counter_margin, alpha, same_machine, seed)
+    equal = _two(noise) if noise is not None else None
+    if new is None:
+        assert first is not None
+        assert second is not None
+        found = compare_labels(_side(base), first, second, settings, equal)
+    else:
+        after = _side(new)
+        found = compare(_base(base, after), after, settings, equal_pairs(after, equal) if equal else None)
+    for line in terminal.lines(found):
+        click.echo(line)
+    for path in outputs:
+        write(found, path)
+        click.echo(f"written: {path}", err=True)
+    failed = _failed(found, fail_on or ())
+    if failed:
+        click.echo(f"cpbench: {', '.join(f'{count} {what}' for what, count in failed.items())} (--fail-on)", err=True)
+        sys.exit(1)
+
+
+def _checked(
+    base: Path,
+    new: Path | None,
+    first: str | None,
+    second: str | None,
+    outputs: tuple[Path, ...],
+    fail_on: tuple[str, ...] | None,
+) -> None:
+    """Raises UsageError, CpbenchError on options that do not go together, before any file is read."""
+    if new is None and (first is None or second is None):
+        missing = "--b" if first is not None else "--a" if second is not None else "NEW, or --a and --b"
+        raise click.UsageError(f"{missing} is missing: cpbench compare BASE NEW, or cpbench compare RUN --a X --b Y")
+    if new is not None and (first is not None or second is not None):
+        raise click.UsageError(f"--a and --b compare two labels of one file: leave {new} out")
+    for path in outputs:
+        if path.suffix not in SUFFIXES:
+            raise click.UsageError(f"-o {path}: unknown suffix '{path.suffix}'; use {', '.join(SUFFIXES)}")
+        if not path.parent.is_dir():
+            raise click.UsageError(f"-o {path}: there is no folder {path.parent}; make it first")
+    for what in fail_on or ():
+        if what not in FAILURES:
+            raise UnknownName("outcome for --fail-on", what, FAILURES)
+
+
+def _side(path: Path) -> Side:
+    from cpbench.analysis.comparison import Side
+
+    with Store(path) as store:
+        table = store.table()
+        if not len(table):
+            raise CpbenchError(f"{path}: has no rows; make some with: cpbench run PROBLEMS -o {path}")
+        return Side(str(path), table, store.meta(), store.machines())
+
+
+def _base(path: Path, new: Side) -> Side:
+    """A results file, or the text of a baseline, whose lines are completed from the results they are compared with."""
+    from cpbench.analysis import baseline
+    from cpbench.analysis.comparison import Side
+
+    if path.suffix != ".csv":
+        return _side(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as cause:
+        raise FormatError(path, "", f"cannot be read as text ({cause})") from None
+    return Side(str(path), baseline.as_table(baseline.parse(text, str(path)), new.table))
+
+
+def _two(text: str) -> tuple[str, str]:
+    """Two labels; a comma within brackets is part of one."""
+    labels = [part.strip() for part in re.split(r",(?![^\[]*\])", text)]
+    if len(labels) != 2 or not all(labels):
+        raise click.UsageError(f"--noise {text}: takes two labels of equal code, as mine@base,mine@again")
+    return labels[0], labels[1]
+
+
+def _failed(found: Comparison, fail_on: tuple[str, ...]) -> Mapping[str, int]:
+    """What --fail-on asks for and is there, with its count."""
+    counts: dict[str, int] = {}
+    for what in fail_on:
+        if what in ("regression", "inconclusive"):
+            verdict = "regressed" if what == "regression" else what
+            counts[what] = int(found.verdict == verdict)
+        else:
+            counts[f"new {what}"] = len(found.became(what))
+    return {what: count for what, count in counts.items() if count}

@@ -1,0 +1,119 @@
+"""A comparison as the summary of a CI job: the verdict in the first line, then what regressed and how to see it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison.noise import BIAS
+from cpbench.report.comparison import words
+from cpbench.report.text import code, counted, cut, listed, plain, table
+
+MARKS = {
+    Verdict.REGRESSED: "❌",
+    Verdict.INCONCLUSIVE: "❔",
+    Verdict.SAME: "✅",
+    Verdict.IMPROVED: "✅",
+}
+LISTED = 50
+"""The most pairs of a table; a summary of a CI job holds 1 MiB. The rest is counted, and is in the JSON."""
+
+
+def document(found: Comparison) -> str:
+    """The whole summary."""
+    return "\n\n".join(_parts(found)) + "\n"
+
+
+def _parts(found: Comparison) -> Iterator[str]:
+    yield f"**{MARKS[found.verdict]} {str(found.verdict).capitalize()}**: {plain(words.headline(found))}."
+    yield f"{code(found.base.name)} → {code(found.new.name)}" + "".join(
+        f"; {plain(told)}" for told in words.versions(found)
+    )
+    yield from _section(found, Verdict.REGRESSED, found.of(Verdict.REGRESSED))
+    yield from _suites(found)
+    yield from _section(found, Verdict.IMPROVED, found.of(Verdict.IMPROVED))
+    yield from _inconclusive(found)
+    yield from _notes(found)
+
+
+def _section(found: Comparison, verdict: Verdict, own: pd.DataFrame) -> Iterator[str]:
+    """Pairs of a verdict, after the labels whose times have it."""
+    labels = [suite for suite in found.suites if suite.time == verdict and verdict != Verdict.INCONCLUSIVE]
+    if not len(own) and not labels:
+        return
+    told = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
+    yield f"## {str(verdict).capitalize()} ({', '.join(told)})"
+    regressed = verdict == Verdict.REGRESSED
+    rows: list[list[str]] = []
+    for suite in labels:
+        cells = [f"all {suite.timed} timed", code(suite.label), "time", f"{words.times_of(suite)} times the time"]
+        rows.append([*cells, code(words.again(found, words.slowest(found, suite.label)))] if regressed else cells)
+    for _, pair in own.head(LISTED).iterrows():
+        cells = [plain(pair["problem"]), code(_label(pair)), plain(pair["kind"]) or "—", plain(cut(pair["why"]))]
+        rows.append([*cells, code(words.again(found, pair))] if regressed else cells)
+    yield table(["problem", "solver", "kind", "what happened", *(["again with"] if regressed else [])], rows)
+    if len(own) > LISTED:
+        yield f"{len(own) - LISTED} more pairs are not shown."
+
+
+def _suites(found: Comparison) -> Iterator[str]:
+    yield "## By solver"
+    yield table(
+        ["solver", "pairs", "solved", "regressed", "improved", "same", "inconclusive", "time, new / base", "timed",
+         "p", "verdict on time"],
+        (
+            [
+                code(suite.label),
+                str(suite.pairs),
+                f"{suite.solved_base} → {suite.solved_new}",
+                *(str(suite.counts[v]) for v in words.ORDER),
+                words.times_of(suite),
+                f"{suite.timed} ({counted(suite.families, 'family', 'families')})" if suite.timed else "—",
+                f"{suite.p:.2g}" if suite.timed else "—",
+                plain(words.on_time(suite)),
+            ]
+            for suite in found.suites
+        ),
+        right=range(1, 10),
+    )  # fmt: skip
+    if any(suite.timed for suite in found.suites):
+        yield (
+            "*Time*: geometric mean over the pairs that both sides solved, with a 95 % interval that resamples "
+            f"families; {plain(words.margin(found))}. *Regressed* or *improved*: p < {found.settings.alpha:g} "
+            "(Wilcoxon's test, and a normal one with the bias of a process; adjusted after Holm), the interval "
+            "excludes 1, and the mean is beyond 1 + δ. *Same*: the interval lies within δ of 1. One worker process "
+            f"differs from another by about {BIAS:.0%} on all its problems, which no repetition within a run shows: "
+            "a smaller δ would be the process's."
+        )
+
+
+def _inconclusive(found: Comparison) -> Iterator[str]:
+    own = found.of(Verdict.INCONCLUSIVE)
+    by_time = own["gate"] == "time"
+    yield from _section(found, Verdict.INCONCLUSIVE, own[~by_time])
+    if by_time.any():
+        labels = own.loc[by_time, "label_new"].value_counts().sort_index()
+        yield (
+            f"Times of {counted(int(by_time.sum()), 'single pair')} decide nothing by themselves, and are judged "
+            f"together above: {listed([f'{label} {count}' for label, count in labels.items()])}."
+        )
+
+
+def _notes(found: Comparison) -> Iterator[str]:
+    missing: list[str] = []
+    for own, side in ((found.only_base, "base"), (found.only_new, "new")):
+        if len(own):
+            names = sorted({f"{p}, {label}" for p, label in zip(own["problem"], own["label"], strict=True)})
+            missing.append(f"- only in {side} ({len(own)}): {listed(names)}")
+    notes = [f"- {plain(cut(note, 400))}" for note in found.notes]
+    if notes or missing:
+        yield "## Notes"
+        yield "\n".join([*notes, *missing])
+
+
+def _label(pair: pd.Series) -> str:
+    if pair["label_base"] == pair["label_new"]:
+        return str(pair["label_new"])
+    return f"{pair['label_base']} → {pair['label_new']}"

@@ -1,0 +1,48 @@
+"""A comparison in a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.report.comparison import words
+from cpbench.report.text import counted, cut, one_line
+
+LISTED = 10
+"""The most pairs of a kind that are shown; files have all."""
+
+
+def lines(found: Comparison) -> Iterator[str]:
+    """Verdict, what regressed with the commands that show it, labels, notes."""
+    yield f"{found.verdict}: {words.headline(found)}"
+    for told in words.versions(found):
+        yield f"  {one_line(told)}"
+    for verdict in (Verdict.REGRESSED, Verdict.IMPROVED):
+        yield from _pairs(found, found.of(verdict), str(verdict))
+    open_pairs = found.of(Verdict.INCONCLUSIVE)
+    yield from _pairs(found, open_pairs[open_pairs["gate"] != "time"], "inconclusive")
+    if any(suite.time is not None for suite in found.suites):
+        yield f"time of each label, geometric mean of new over base; {words.margin(found)}"
+        for suite in found.suites:
+            if suite.time is not None:
+                families = counted(suite.families, "family", "families")
+                pairs = f"{counted(suite.timed, 'pair')}, {families}"
+                yield f"  {one_line(suite.label)}: {words.times_of(suite)} ({pairs}): {words.on_time(suite)}"
+                if suite.time == Verdict.REGRESSED:
+                    yield f"    {words.again(found, words.slowest(found, suite.label))}"
+    for note in found.notes:
+        yield f"note: {cut(note, 300)}"
+
+
+def _pairs(found: Comparison, own: pd.DataFrame, what: str) -> Iterator[str]:
+    if not len(own):
+        return
+    yield f"{what} ({len(own)}):"
+    for _, pair in own.head(LISTED).iterrows():
+        yield f"  {one_line(pair['problem'])}, {one_line(pair['label_new'])}: {cut(pair['why'], 120)}"
+        if what == Verdict.REGRESSED:
+            yield f"    {words.again(found, pair)}"
+    if len(own) > LISTED:
+        yield f"  and {len(own) - LISTED} more"

@@ -1,0 +1,95 @@
+"""Sentences that the terminal, Markdown and JUnit share; what they quote is still to be escaped."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison.suites import Suite
+from cpbench.report.text import counted, solve_command
+
+ORDER = (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.SAME, Verdict.INCONCLUSIVE)
+
+
+def headline(found: Comparison) -> str:
+    """The verdict and what it rests on, in one sentence."""
+    sure = found.pairs[found.pairs["gate"] != "time"]
+    counts = {v: int((sure["verdict"] == v).sum()) for v in (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.INCONCLUSIVE)}
+    told = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
+    by_time = [suite for suite in found.suites if suite.time is not None]
+    if by_time:
+        times = {v: sum(suite.time == v for suite in by_time) for v in ORDER}
+        of = f"times of {counted(len(by_time), 'label')}: "
+        told.append(of + ", ".join(f"{count} {v}" for v, count in times.items() if count))
+    alone = found.pairs[(found.pairs["gate"] == "time") & found.pairs["verdict"].isin([*ORDER[:2]])]
+    if len(alone):
+        told.append(f"{counted(len(alone), 'pair')} far {'slower or faster'} by itself")
+    rest = "; ".join(told) or "status, error and counters of all pairs are the same"
+    return f"{counted(len(found.pairs), 'pair')} compared: {rest}"
+
+
+def times_of(suite: Suite) -> str:
+    """Geometric mean with its interval."""
+    if not suite.timed:
+        return "—"
+    if math.isnan(suite.low):
+        return f"{suite.ratio:.3f}"
+    return f"{suite.ratio:.3f} [{suite.low:.3f}, {suite.high:.3f}]"
+
+
+def on_time(suite: Suite) -> str:
+    """The verdict on a label's times, and what would decide where it is open."""
+    if suite.time is None:
+        return "not compared"
+    return f"{suite.time}: {suite.why}" if suite.why else str(suite.time)
+
+
+def margin(found: Comparison) -> str:
+    """What δ is here, and why."""
+    noise = found.noise
+    parts = [f"margin {noise.margin:.1%}"]
+    if math.isfinite(noise.drift) and noise.drift > 1:
+        parts.append(f"reference solves of the two runs {noise.drift - 1:.1%} apart")
+    if math.isfinite(noise.equal):
+        parts.append(f"equal builds {noise.equal - 1:.1%} apart, one pair at most by a factor {noise.stray:.3g}")
+    spread = [f"{value:.0%}" for value in noise.spread if math.isfinite(value)]
+    if spread:
+        parts.append(f"reference solves vary by {' and '.join(spread)}")
+    return f"δ = {noise.delta:.1%} ({'; '.join(parts)})"
+
+
+def versions(found: Comparison) -> list[str]:
+    """Solvers whose version differs between the sides, and the versions of cpbench where they differ."""
+    told: list[str] = []
+    sides = (found.base, found.new)
+    ours = [str(side.meta.get("cpbench", "")) for side in sides]
+    if all(ours) and ours[0] != ours[1]:
+        told.append(f"cpbench {ours[0]} → {ours[1]}")
+    known = found.pairs[(found.pairs["version_base"] != "") & (found.pairs["version_new"] != "")]
+    moved = known[known["version_base"] != known["version_new"]]
+    for solver, base, new in sorted(
+        set(zip(moved["solver"], moved["version_base"], moved["version_new"], strict=True))
+    ):
+        told.append(f"{solver} {base} → {new}")
+    return told
+
+
+def again(found: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
+    """The command that runs the new side of a pair again."""
+    own = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
+    row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds", "origin")}}
+    here = str(Path.cwd()) + os.sep
+    sheet = (found.new.meta.get("solvers") or {}).get(row["label"])
+    return solve_command(row, sheet).replace(here, "")
+
+
+def slowest(found: Comparison, label: str) -> pd.Series[Any]:
+    """The pair of a label whose time grew most."""
+    own = found.pairs[(found.pairs["label_new"] == label) & found.pairs["comparable"]]
+    return own.loc[own["ratio"].idxmax()]
