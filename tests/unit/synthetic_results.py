@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+
+from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.store import Store
 
 
 def row(problem: str, label: str, status: str, solve: float = math.nan, **given: Any) -> dict[str, Any]:
@@ -134,3 +139,18 @@ def suite(problems: int = 45, labels: int = 20, seed: int = 1) -> pd.DataFrame:
                 )
             )
     return table(*rows)
+
+
+def results_file(
+    path: Path, rows: pd.DataFrame, about: Mapping[str, Any] | None = None, references: tuple[float, ...] = ()
+) -> Path:
+    """A results file with these rows; `about` it (see `meta`), and what its reference solves took [s]."""
+    whole = rows.reindex(columns=[*PLANNED, *MEASURED]).astype(object)
+    with Store(path, create=True) as store:
+        store.add(whole.where(whole.notna(), None).to_dict("records"))
+        told = dict(about if about is not None else meta())
+        told.pop("refused", None)
+        store.set_meta(**told)
+        for k, seconds in enumerate(references):
+            store.add_reference(k, seconds)
+    return path

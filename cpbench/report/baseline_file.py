@@ -1,0 +1,46 @@
+"""Baselines as files: read with the line of every mistake, written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from cpbench.analysis import baseline
+from cpbench.errors import FormatError
+
+SUFFIX = ".csv"
+
+
+def read(path: str | Path) -> pd.DataFrame:
+    """The lines of a baseline; raises FormatError."""
+    try:
+        content = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise FormatError(path, "", f"no such baseline; make one with: cpbench baseline RESULTS -o {path}") from None
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be read ({cause.strerror or cause})") from None
+    except UnicodeDecodeError as cause:
+        line = Path(path).read_bytes()[: cause.start].count(b"\n") + 1
+        raise FormatError(path, f"line {line}", "is not UTF-8 text") from None
+    return baseline.parse(content, str(path))
+
+
+def table(path: str | Path, like: pd.DataFrame | None = None) -> pd.DataFrame:
+    """A baseline in the columns of a table of results, without times; `like` : what it will be compared with (see
+    `baseline.as_table`)."""
+    return baseline.as_table(read(path), like)
+
+
+def write(path: str | Path, lines: pd.DataFrame) -> None:
+    """Write a baseline, whole or not at all; raises FormatError."""
+    path = Path(path)
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        beside.write_text(baseline.text(lines), encoding="utf-8", newline="\n")
+        beside.replace(path)
+    except OSError as cause:
+        beside.unlink(missing_ok=True)
+        raise FormatError(
+            path, "", f"cannot be written ({cause.strerror or cause}); name another file with -o"
+        ) from None
