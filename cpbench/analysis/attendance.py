@@ -8,8 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis.summary import REFUSED
 from cpbench.verification import Status
+
+REFUSED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE), str(Status.NOT_RUN))
+"""Statuses of pairs in which the solver never started."""
 
 
 @dataclass(frozen=True)

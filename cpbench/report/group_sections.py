@@ -8,11 +8,12 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from cpbench.analysis import profiles, summary
+from cpbench.analysis import bootstrap, failures, means, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
 from cpbench.report import convergence, figures
 from cpbench.report.matrix import legend, matrix
+from cpbench.report.mean_sections import below_floor, gap_section, mean_section
 from cpbench.report.run import Run, each, group_name, tunings
 from cpbench.report.text import code, counted, listed, number, plain, seconds, table
 
@@ -23,10 +24,8 @@ MATRIX_PROBLEMS = 60
 def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
     problems = rows["fingerprint"].nunique()
     times = rows_of.times(rows[rows_of.ranked(rows)])
-    shift = summary.default_shift(times)
     most = rows_of.limit(rows)
-    penalty = most if math.isfinite(most) else math.nan  # without a limit, a mean is of full solvers only
-    counts = summary.solve_counts(rows, penalty, shift)
+    counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, most))
     labels = [str(label) for label in counts["label"]]
     yield f"## {group_name(run, group)}"
     sizes = ", ".join(
@@ -36,8 +35,12 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) ->
         f"{counted(problems, 'problem')}{f' ({sizes})' if sizes else ''}, "
         f"{counted(len(labels), 'solver configuration')}, {counted(len(rows), 'pair')}."
     )
-    yield from _times(counts, times, problems, shift, penalty, set(tunings(run)))
+    yield from _times(counts, times, problems, set(tunings(run)))
     if len(times.columns):
+        ranked = [label for label in labels if label in times.columns]
+        leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
+        yield from mean_section(times, bootstrap.families_of(rows), most, ranked, leading)
+        yield from gap_section(times, ranked, leading)
         yield from _figures(run, group, rows, times, several)
     yield from _verdicts(rows, labels)
     yield from _matrix(rows, labels, problems)
@@ -45,12 +48,11 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) ->
     yield from _unsolved(rows)
 
 
-def _times(
-    counts: pd.DataFrame, times: pd.DataFrame, problems: int, shift: float, penalty: float, tuned: set[str]
-) -> Iterator[str]:
+def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[str]) -> Iterator[str]:
+    floor, short = seconds(profiles.FLOOR), below_floor(times)
     yield "### Solved and times"
     head = ["solver", "route", f"solved of {problems}", "planned", "claimed, is not", "fastest"]
-    head += ["median of solved", "slowdown of solved", f"mean over {len(times)}"]
+    head += ["median of solved", "slowdown of solved", f"below {floor}"]
     yield table(
         head,
         (
@@ -63,27 +65,18 @@ def _times(
                 str(r.fastest) if r.ranked else "—",
                 seconds(r.median),
                 number(r.slowdown),
-                seconds(r.mean),
+                short.get(r.label, "—"),
             ]
             for r in each(counts)
         ),
         right=range(2, 9),
     )
-    charge = f"charged {seconds(penalty)} (the limit)" if math.isfinite(penalty) else "leaves none (no limit was set)"
-    yield (
-        f"Mean: shifted geometric, shift {seconds(shift)} (median of all times), each problem not solved {charge}. "
-        "Slowdown: median ratio to the fastest solver of each problem."
-    )
+    yield f"Slowdown: median ratio to the fastest solver of each problem; times below {floor} count as that."
     if not counts["ranked"].all():
         yield (
             "Labels with `@imported` name answers that were made elsewhere: they are judged here, their times are of "
             "another machine and are ranked with nobody's."
         )
-    alive = [str(r.label) for r in each(counts) if r.solved and r.ranked]
-    if len(alive) > 1 and shift > 0 and math.isfinite(penalty):
-        orders = summary.order_by_mean(times[alive], shift, penalty)
-        lines = [f"- shift {seconds(s)}: {listed(order, 5)}" for s, order in orders.items()]
-        yield "\n".join(["Order by mean, should the shift be another:", "", *lines])
 
 
 def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, several: bool) -> Iterator[str]:
@@ -119,15 +112,15 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
 
 
 def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
-    found, said = summary.verdicts(rows), summary.claims(rows)
+    found, said = summary.verdicts(rows), reliability.claims(rows)
     statuses = [str(status) for status in found.columns]
     inexact = set(rows.loc[rows["kind"].isin(figures.INEXACT), "label"])
 
     def holding(label: str) -> str:
         if label in inexact:
             return "see routes"
-        share = float(said.at[label, "correct"])
-        return "—" if math.isnan(share) else f"{share:.0%}"
+        share, low, high = (float(said.at[label, column]) for column in ("correct", "low", "high"))
+        return "—" if math.isnan(share) else f"{share:.0%} ({low:.0%} to {high:.0%})"
 
     yield "### Verdicts"
     yield table(
@@ -191,7 +184,7 @@ def _families(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def _unsolved(rows: pd.DataFrame) -> Iterator[str]:
-    found = summary.unsolved(rows)
+    found = failures.unsolved(rows)
     if not len(found):
         return
     yield "### Solved by none"

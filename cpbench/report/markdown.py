@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import summary
+from cpbench.analysis import reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended, restricted, without
 from cpbench.report.attendance_sections import publishing
@@ -89,7 +89,7 @@ def _headline(run: Run) -> str:
     if not len(run.rows):
         return "No pair was planned: no solver is reached from the problems that were read."
     rows = run.rows
-    lies = len(summary.false_claims(rows))
+    lies = len(reliability.false_claims(rows))
     problems, labels = rows["fingerprint"].nunique(), rows["label"].nunique()
     first = (
         f"**{counted(int(rows_of.solved(rows).sum()), 'pair')} of {len(rows)} solved** "

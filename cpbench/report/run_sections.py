@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cpbench.analysis import starts, summary
+from cpbench.analysis import failures, reliability, starts
 from cpbench.report.attendance_sections import absent, tuned
 from cpbench.report.imported_section import imported
 from cpbench.report.run import Run, each
@@ -48,7 +48,7 @@ def _rest(count: int) -> Iterator[str]:
 
 
 def _false_claims(run: Run) -> Iterator[str]:
-    found = summary.false_claims(run.rows)
+    found = reliability.false_claims(run.rows)
     yield f"## Claimed, is not ({len(found)})"
     if not len(found):
         yield "Every claim of a solver held on the problem it was given."
@@ -72,7 +72,7 @@ def _false_claims(run: Run) -> Iterator[str]:
 
 
 def _directions(run: Run) -> Iterator[str]:
-    found = summary.flagged(run.rows, "direction")
+    found = failures.flagged(run.rows, "direction")
     if not len(found):
         return
     yield f"## Accepted, but in a wrong direction ({len(found)})"
@@ -101,7 +101,7 @@ def _part(parts: str, name: str) -> float:
 
 
 def _inexact(run: Run) -> Iterator[str]:
-    found = summary.inexact_routes(run.rows)
+    found = reliability.inexact_routes(run.rows)
     if not len(found):
         return
     yield "## Routes that promise less than an answer"
@@ -129,7 +129,7 @@ def _inexact(run: Run) -> Iterator[str]:
 
 def _failures(run: Run) -> Iterator[str]:
     yield "## Failures by reason"
-    reasons = summary.failures(run.rows)
+    reasons = failures.failures(run.rows)
     if not reasons:
         yield "Every pair that was started was solved."
         return
@@ -139,7 +139,7 @@ def _failures(run: Run) -> Iterator[str]:
 
 def _not_started(run: Run) -> Iterator[str]:
     started = run.rows["status"] != str(Status.UNAVAILABLE)
-    reasons = summary.failures(run.rows[started], refused=True)
+    reasons = failures.failures(run.rows[started], refused=True)
     if not reasons:
         return
     yield "## Never started"
@@ -152,7 +152,7 @@ def _again(run: Run, row: Any) -> str:
     return solve_command(row, (run.meta.get("solvers") or {}).get(row["label"])).replace(here, "")
 
 
-def _reasons(run: Run, reasons: Sequence[summary.Reason]) -> str:
+def _reasons(run: Run, reasons: Sequence[failures.Reason]) -> str:
     return table(
         ["outcome", "pairs", "solvers", "message of the first", "first pair again"],
         (

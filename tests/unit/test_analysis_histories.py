@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from synthetic_results import row, table
 
-from cpbench.analysis import histories, summary
+from cpbench.analysis import histories, reliability
 from cpbench.report import convergence, figures
 from cpbench.report.markdown import write_report
 from cpbench.report.run import Run
@@ -96,5 +96,5 @@ def test_a_report_shows_the_histories_it_is_given(tmp_path: Path) -> None:
 
 def test_a_row_read_off_a_history_claims_nothing() -> None:
     rows = table(row("p", "s", "solved", 1.0), row("q", "s", "solved", 1.0, claim="", flags="history"))
-    found = summary.claims(rows)
+    found = reliability.claims(rows)
     assert (found.at["s", "true"], found.at["s", "modest"]) == (1, 0)

@@ -1,15 +1,14 @@
-"""Counts, claims, means and reasons on tables small enough to count by hand."""
+"""Counts on tables small enough to count by hand."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import row, suite, table
 
-from cpbench.analysis import summary
+from cpbench.analysis import failures, reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.errors import StoreError
 
@@ -61,59 +60,11 @@ def test_a_fast_liar_is_last() -> None:
     assert found["fastest"].tolist() == [4, 0]
 
 
-def test_claims_and_false_claims() -> None:
-    rows = small()
-    found = summary.claims(rows)
-    assert found.loc["lemke", ["true", "false", "modest", "honest"]].tolist() == [1, 1, 0, 0]
-    assert found.loc["pgs", ["true", "false", "modest", "honest"]].tolist() == [1, 1, 1, 0]
-    assert found.loc["pgs@inner8", ["true", "false", "modest", "honest"]].tolist() == [0, 1, 0, 1]
-    assert found.loc["pgs", "correct"] == 0.5
-    untrue = summary.false_claims(rows)
-    assert list(zip(untrue["problem"], untrue["label"], strict=True)) == [("a-2", "lemke"), ("b-1", "pgs")]
-    measured = rows.assign(target_error=rows["error"].where(rows["label"] == "pgs@inner8"))
-    untrue = summary.false_claims(measured)
-    assert untrue["label"].tolist() == ["pgs@inner8", "lemke", "pgs"], "wrong on the facets too: that is the solver"
-    timeout = table(row("p", "s", "timeout", claim="solved"))
-    assert summary.false_claims(rows_of.normalised(timeout)).empty, "killed or late: the limit decided, not a lie"
-
-
 def test_verdicts_sum_to_the_rows() -> None:
     rows = rows_of.normalised(suite(20, 12))
     found = summary.verdicts(rows)
     assert int(found.to_numpy().sum()) == len(rows)
     assert list(found.columns) == [s for s in rows_of.STATUSES if s in set(rows["status"])]
-
-
-def test_shift_near_the_data_keeps_one_failure_from_deciding() -> None:
-    """200 times around 2.5 ms and a solver 3 times slower: ratio 3 at any shift; one failure at 100 s makes it 34
-
-    with a shift of 10 s, and leaves it near 3 with the median as shift.
-    """
-    fast = np.exp(np.random.default_rng(0).normal(math.log(2.5e-3), 0.5, 200))
-    slow = 3 * fast
-    slow[0] = INF
-    both = pd.DataFrame({"fast": fast, "slow": slow})
-
-    def ratio(shift: float) -> float:
-        mean = summary.means(both, shift, penalty=100.0)
-        return mean["slow"] / mean["fast"]
-
-    assert ratio(10.0) > 10
-    assert 2.4 < ratio(summary.default_shift(both)) < 3.2
-    orders = summary.order_by_mean(both, summary.default_shift(both), 100.0)
-    assert list(orders.values()) == [["fast", "slow"]] * 3
-
-
-def test_means_of_nothing_and_of_failures() -> None:
-    assert math.isnan(summary.shifted_geometric_mean([], 0.0, 1.0))
-    assert summary.shifted_geometric_mean([INF, math.nan], 0.5, 7.0) == pytest.approx(7.0)
-    assert summary.shifted_geometric_mean([0.0, 1.0], 0.0, 7.0) == 0.0
-    assert summary.default_shift(pd.DataFrame({"a": [INF]})) == 0.0
-
-
-def test_virtual_best_ignores_nan_of_others() -> None:
-    both = pd.DataFrame({"a": [math.nan, 2.0], "b": [3.0, math.nan]})
-    assert summary.virtual_best(both).tolist() == [3.0, 2.0]
 
 
 def test_nodes_families_and_unsolved() -> None:
@@ -124,51 +75,8 @@ def test_nodes_families_and_unsolved() -> None:
     family = summary.families(rows).set_index("family")
     assert family["solved"].to_dict() == {"a": 3, "b": 0}
     assert family["best"].to_dict() == {"a": ["pgs"], "b": []}
-    unsolved = summary.unsolved(rows)
+    unsolved = failures.unsolved(rows)
     assert unsolved[["name", "error", "label"]].to_numpy().tolist() == [["b-1", 3e-5, "pgs"]]
-
-
-def test_a_proof_of_infeasibility_is_told() -> None:
-    rows = rows_of.normalised(table(row("p", "a", "infeasible", 1.0), row("p", "b", "max_iter", 1.0)))
-    assert summary.unsolved(rows)["infeasible"].tolist() == [True]
-
-
-def test_failures_are_listed_once_a_reason() -> None:
-    rows = rows_of.normalised(
-        table(
-            row("p-1", "a", "error", message="singular at pivot 17"),
-            row("p-2", "a", "error", message="singular at pivot 3"),
-            row("p-1", "b", "error", message="singular at pivot 1e-5"),
-            row("p-1", "c", "error", message="no such file 'x'"),
-            row("p-1", "d@inner8", "wrong", 1.0),
-            row("p-1", "e", "wrong", 1.0),
-            row("p-1", "f", "unavailable", message="missing"),
-            row("p-1", "g", "solved", 1.0),
-        )
-    )
-    found = summary.failures(rows)
-    assert [(r.status, r.kind, r.count, dict(r.labels)) for r in found] == [
-        ("wrong", "", 1, {"e": 1}),
-        ("wrong", "approximate", 1, {"d@inner8": 1}),
-        ("error", "", 3, {"a": 2, "b": 1}),
-        ("error", "", 1, {"c": 1}),
-    ]
-    assert (found[2].message, found[2].example["problem"]) == ("singular at pivot 17", "p-1")
-    assert [r.status for r in summary.failures(rows, refused=True)] == ["unavailable"]
-    everything = summary.failures(rows) + summary.failures(rows, refused=True)
-    assert sum(r.count for r in everything) == len(rows) - 1
-
-
-def test_inexact_routes() -> None:
-    found = summary.inexact_routes(small())
-    assert found[["label", "kind", "pairs", "solved", "missed"]].to_numpy().tolist() == [
-        ["pgs@inner8", "approximate", 2, 0, 1]
-    ]
-    assert found["median"].tolist() == [0.2]
-    rows = small()
-    for there, missed in ((1e-9, 1), (1e-3, 0)):  # the route's error, or the solver's
-        measured = rows.assign(target_error=np.where(rows["key"] == "a-1/pgs@inner8", there, np.nan))
-        assert summary.inexact_routes(measured)["missed"].tolist() == [missed]
 
 
 def test_groups_keep_settings_apart() -> None:
@@ -204,14 +112,14 @@ def test_nothing_changes_its_input_and_order_does_not_matter() -> None:
     before = rows.copy()
     clean = rows_of.normalised(rows)
     kept = clean.copy()
-    results = [summary.solve_counts(clean, 10.0), summary.claims(clean), summary.verdicts(clean)]
-    results += [summary.nodes(clean), summary.families(clean), summary.unsolved(clean)]
+    results = [summary.solve_counts(clean, 10.0), reliability.claims(clean), summary.verdicts(clean)]
+    results += [summary.nodes(clean), summary.families(clean), failures.unsolved(clean)]
     pd.testing.assert_frame_equal(rows, before)
     pd.testing.assert_frame_equal(clean, kept)
     mixed = rows_of.normalised(rows.sample(frac=1.0, random_state=3))
     pd.testing.assert_frame_equal(mixed, clean)
-    again = [summary.solve_counts(mixed, 10.0), summary.claims(mixed), summary.verdicts(mixed)]
-    again += [summary.nodes(mixed), summary.families(mixed), summary.unsolved(mixed)]
+    again = [summary.solve_counts(mixed, 10.0), reliability.claims(mixed), summary.verdicts(mixed)]
+    again += [summary.nodes(mixed), summary.families(mixed), failures.unsolved(mixed)]
     for one, two in zip(results, again, strict=True):
         pd.testing.assert_frame_equal(one, two)
 
@@ -220,8 +128,8 @@ def test_an_empty_table_has_empty_answers() -> None:
     for rows in (rows_of.normalised(table()), rows_of.normalised(pd.DataFrame())):
         assert rows_of.groups(rows) == []
         assert summary.nodes(rows).empty
-        assert summary.false_claims(rows).empty
-        assert summary.flagged(rows, "direction").empty
-        assert summary.failures(rows) == []
-        assert summary.inexact_routes(rows).empty
-        assert summary.unsolved(rows).empty
+        assert reliability.false_claims(rows).empty
+        assert failures.flagged(rows, "direction").empty
+        assert failures.failures(rows) == []
+        assert reliability.inexact_routes(rows).empty
+        assert failures.unsolved(rows).empty

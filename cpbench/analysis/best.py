@@ -1,0 +1,144 @@
+"""The virtual best: a solver that takes, for each problem, whichever label was fastest; and who is needed for it.
+
+    t*_p = min_s t[p, s],        gap of s on p: t[p, s] / t*_p ≥ 1,        without s: t*_p(−s) = min_{k ≠ s} t[p, k]
+
+Nobody can do better than t* by choosing among these labels, and a label that is slow on the whole may still be the
+one that the choice needs: its *marginal contribution* is what the virtual best loses without it (Xu, Hutter, Hoos and
+Leyton-Brown, SAT 2012). A matrix holds times [s], problems × labels, ∞ or NaN where the pair is not verified.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis.means import Array, commonly_solved, values
+from cpbench.analysis.profiles import FLOOR, ratios
+
+WITHIN = 2.0
+"""Not more than this many times the virtual best is near to it."""
+
+
+def virtual_best(times: pd.DataFrame) -> pd.Series[float]:
+    """The least time [s] on each problem, ∞ where nobody solved it.
+
+    >>> virtual_best(pd.DataFrame({"a": [1.0, math.inf], "b": [2.0, math.inf]})).tolist()
+    [1.0, inf]
+    """
+    return times.fillna(math.inf).min(axis=1)
+
+
+def fastest(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
+    """Whether a label shares the lead on a problem, problems × labels."""
+    return ratios(times, floor) <= 1.0
+
+
+def choices(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
+    """What the virtual best takes, one row a problem: `label` ('' where nobody solved it), `time` [s], `sharing` (how
+    many share the lead; the quickest of them is named, then the first by name), `solvers` (how many solve it at all).
+
+    >>> choices(pd.DataFrame({"a": [1.0, math.inf], "b": [2.0, math.inf]})).to_numpy().tolist()
+    [['a', 1.0, 1, 2], ['', inf, 0, 0]]
+    """
+    ordered = times[sorted(times.columns)]
+    seconds = values(ordered)
+    if not seconds.shape[1]:
+        return pd.DataFrame({"label": "", "time": math.inf, "sharing": 0, "solvers": 0}, index=times.index)
+    solvers = np.isfinite(seconds).sum(axis=1)
+    names = np.array([str(label) for label in ordered.columns], dtype=object)[seconds.argmin(axis=1)]
+    return pd.DataFrame(
+        {
+            "label": np.where(solvers > 0, names, ""),
+            "time": seconds.min(axis=1),
+            "sharing": fastest(ordered, floor).sum(axis=1),
+            "solvers": solvers,
+        },
+        index=times.index,
+    )
+
+
+def gaps(times: pd.DataFrame, floor: float = FLOOR, compared: Sequence[str] | None = None) -> pd.DataFrame:
+    """Each label against the virtual best of all, one row a label (sorted).
+
+    Columns, N being the rows of the matrix:
+    planned (N), solved, fastest (where it shares the lead), within (fraction of the N within WITHIN times the best);
+    median and mean (geometric) of its ratio to the best over the problems that it solved, NaN without any;
+    common, mean_common: the same mean over the problems that all `compared` labels (default: all) solve, and how many
+    these are; NaN for labels that are not compared;
+    alone (problems that only it solves) and marginal (factor by which the virtual best is slower without it, geometric
+    mean over the problems that others solve too; 1 says that it is never missed).
+
+    >>> times = pd.DataFrame({"a": [1.0, 1.0, math.inf], "b": [4.0, 1.0, 2.0]})
+    >>> gaps(times)[["solved", "fastest", "within", "mean", "alone", "marginal"]].round(2).to_numpy().tolist()
+    [[2.0, 2.0, 0.67, 1.0, 0.0, 2.0], [3.0, 2.0, 0.67, 1.59, 1.0, 1.0]]
+    """
+    ordered = times[sorted(times.columns)]
+    labels = pd.Index([str(label) for label in ordered.columns], name="label")
+    ratio = ratios(ordered, floor).to_numpy()
+    common = np.zeros(len(times), dtype=bool)
+    chosen = set(labels if compared is None else compared)
+    if chosen:
+        common = ordered.index.isin(commonly_solved(ordered, sorted(chosen)))
+    done = np.isfinite(ratio)
+    mean_common = _log_mean(ratio, done & common[:, None])
+    alone, marginal = _marginal(np.maximum(values(ordered), floor))
+    return pd.DataFrame(
+        {
+            "planned": len(times),
+            "solved": done.sum(axis=0),
+            "fastest": (ratio <= 1.0).sum(axis=0),
+            "within": (ratio <= WITHIN).mean(axis=0) if len(times) else math.nan,
+            "median": pd.DataFrame(np.where(done, ratio, math.nan)).median().to_numpy(),
+            "mean": _log_mean(ratio, done),
+            "common": int(common.sum()),
+            "mean_common": np.where(labels.isin(list(chosen)), mean_common, math.nan),
+            "alone": alone,
+            "marginal": marginal,
+        },
+        index=labels,
+    )
+
+
+def floored(matrix: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
+    """How many times of each label lie below the floor: among these no ratio tells anything.
+
+    Columns: solved, below (solved sooner than the floor), share (below over solved, NaN of none), tied (where another
+    label is below it too, so that their ratio is 1 by the floor alone).
+
+    >>> floored(pd.DataFrame({"a": [1e-5, 1e-6, 1.0], "b": [1e-5, 1.0, math.inf]})).to_dict("index")["a"]
+    {'solved': 3, 'below': 2, 'share': 0.6666666666666666, 'tied': 1}
+    """
+    seconds = values(matrix[sorted(matrix.columns)])
+    below = seconds < floor
+    tied = below & (below.sum(axis=1, keepdims=True) > 1)
+    found = pd.DataFrame(
+        {"solved": np.isfinite(seconds).sum(axis=0), "below": below.sum(axis=0), "tied": tied.sum(axis=0)},
+        index=pd.Index(sorted(str(label) for label in matrix.columns), name="label"),
+    )
+    found.insert(2, "share", found["below"] / found["solved"].where(found["solved"] > 0))
+    return found
+
+
+def _marginal(seconds: Array) -> tuple[Array, Array]:
+    """By label: problems that nobody else solves, and how much slower the others' best is where it is one."""
+    problems, labels = seconds.shape
+    if labels < 2 or not problems:
+        return np.isfinite(seconds).sum(axis=0), np.full(labels, math.nan)
+    two = np.partition(seconds, 1, axis=1)[:, :2]
+    first, second = two[:, [0]], two[:, [1]]
+    leading = seconds == first
+    alone = (leading & np.isfinite(first) & np.isinf(second)).sum(axis=0)
+    both = np.isfinite(second)
+    slower = np.divide(second, first, out=np.ones_like(first), where=both)
+    loss = np.where(leading, slower, 1.0)
+    return alone, _log_mean(loss, np.broadcast_to(both, loss.shape))
+
+
+def _log_mean(ratio: Array, where: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Array:
+    """Geometric mean of the chosen entries of each column, NaN of none."""
+    count = where.sum(axis=0)
+    total = np.log(np.where(where, ratio, 1.0)).sum(axis=0)
+    return np.exp(np.divide(total, count, out=np.full(len(count), math.nan), where=count > 0))

@@ -1,0 +1,81 @@
+"""What was not solved, and why: problems without an answer, failures by reason, rows that carry a flag."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import REFUSED
+from cpbench.verification import Status
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Failures of one status whose messages differ in numbers and names only.
+
+    Attributes
+    ----------
+    kind : '' on exact routes, else what the route promises. message : that of the example.
+    labels : how many each label contributes. example : one of the rows (the first by problem and label).
+    """
+
+    status: str
+    kind: str
+    message: str
+    labels: Mapping[str, int]
+    example: pd.Series
+
+    @property
+    def count(self) -> int:
+        return sum(self.labels.values())
+
+
+def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
+    """Unsolved rows by status and reason, in order of status, then the most frequent first.
+
+    With `refused`, the pairs in which no solver started (unsupported, unavailable, not run) instead.
+    """
+    never = table["status"].isin(REFUSED)
+    chosen = table[(never if refused else ~never) & ~rows_of.solved(table)]
+    if not len(chosen):
+        return []
+    patterns = {message: _pattern(message) for message in chosen["message"].unique()}
+    causes = {"_kind": chosen["kind"].where(~rows_of.exact(chosen), ""), "_cause": chosen["message"].map(patterns)}
+    sorted_rows = chosen.assign(**causes).sort_values(["problem", "label"], kind="stable")
+    found: list[Reason] = []
+    for (status, kind, _), rows in sorted_rows.groupby(["status", "_kind", "_cause"], sort=False):  # type: ignore[misc]
+        labels = {str(label): int(count) for label, count in rows["label"].value_counts().sort_index().items()}
+        example = rows.iloc[0].drop([*causes])
+        found.append(Reason(str(status), str(kind), str(example["message"]), labels, example))
+    order = rows_of.STATUSES.index
+    return sorted(found, key=lambda r: (order(r.status), r.kind, -r.count, r.message, tuple(r.labels)))
+
+
+def unsolved(group: pd.DataFrame) -> pd.DataFrame:
+    """Problems that no label solves: one row each, with the least error anyone reached and by whom."""
+    names = rows_of.problem_names(group)
+    done = set(group.loc[rows_of.solved(group), "fingerprint"])
+    open_rows = group.assign(name=names)[~group["fingerprint"].isin(done)]
+    closest = open_rows.sort_values(["name", "fingerprint", "error", "label"]).drop_duplicates("fingerprint")
+    certified = open_rows.loc[open_rows["status"] == str(Status.INFEASIBLE), "fingerprint"]
+    closest = closest.assign(infeasible=closest["fingerprint"].isin(set(certified)))
+    return closest[["name", "address", "error", "label", "infeasible"]].reset_index(drop=True)
+
+
+def flagged(table: pd.DataFrame, flag: str) -> pd.DataFrame:
+    """Rows that carry a flag (`direction`, `scale`, ...).
+
+    >>> flagged(pd.DataFrame({"flags": ["scale,direction", "", "redirection"]}), "direction").index.tolist()
+    [0]
+    """
+    carrying = {flags for flags in table["flags"].unique() if flag in flags.split(",")}
+    return table[table["flags"].isin(carrying)]
+
+
+def _pattern(message: str) -> str:
+    """A message without its numbers and quoted names, so that the same cause is listed once."""
+    return re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "#", re.sub(r"'[^']*'", "'…'", message))

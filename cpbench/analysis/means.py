@@ -1,0 +1,274 @@
+"""Means of times in which a failure costs something: what was charged, over what, and what the choice decides.
+
+    SGM(t; s) = exp( (1/N) Σ_p log(t_p + s) ) − s = s · expm1( (1/N) Σ_p log1p(t_p / s) )
+
+is the shifted geometric mean of Mittelmann's benchmarks. It needs two choices that the data do not make: the shift s
+(far above the times it is the arithmetic mean, which one failure decides; far below, the tiniest times decide) and
+the penalty that a problem not solved is charged (the time limit; 2 or 10 times it: PAR2, PAR10, as in the SAT
+competitions; or seconds). Both are arguments here and part of every result, `sensitivity` varies them, and a failure
+is never charged less than the slowest answer of the table: who claims and is wrong cannot be ahead of who is slow.
+
+A matrix holds times [s], problems × labels, ∞ or NaN where the pair is not verified as solved; it has a row for each
+of the N planned problems.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+Array: TypeAlias = npt.NDArray[np.float64]
+Kind: TypeAlias = Literal["geometric", "arithmetic", "median"]
+
+SMALL = 10
+"""A mean over fewer commonly solved problems than this is about those problems only."""
+CUSTOM = 10.0
+"""The shift [s] of Mittelmann's tables and of qpbenchmark, for comparison."""
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """What a problem that was not solved costs: `factor` times the time limit or, where given, `seconds`.
+
+    >>> str(LIMIT), str(PAR10), str(Penalty(seconds=100.0))
+    ('limit', 'PAR10', '100 s')
+    """
+
+    factor: float = 1.0
+    seconds: float | None = None
+
+    def of(self, limit: float) -> float:
+        """Seconds under a time limit [s]; NaN where there is none to multiply.
+
+        >>> PAR2.of(10.0), PAR2.of(math.inf), Penalty(seconds=100.0).of(math.inf)
+        (20.0, nan, 100.0)
+        """
+        cost = self.factor * limit if self.seconds is None else self.seconds
+        return cost if math.isfinite(cost) else math.nan
+
+    def __str__(self) -> str:
+        if self.seconds is not None:
+            return f"{self.seconds:g} s"
+        return "limit" if self.factor == 1.0 else f"PAR{self.factor:g}"
+
+
+LIMIT, PAR2, PAR10 = Penalty(), Penalty(2.0), Penalty(10.0)
+
+
+@dataclass(frozen=True)
+class Means:
+    """The means of a table and all that they depend on.
+
+    Attributes
+    ----------
+    table : by label (sorted): `planned`, `solved`, `charged` (problems), `mean` [s], `reason` (why it is NaN, or '').
+    problems : how many it was taken over. shift, charge : in seconds, NaN where there is none.
+    remark : what a reader has to know of the set of problems or of the charge, or ''.
+    """
+
+    table: pd.DataFrame
+    problems: int
+    shift: float
+    charge: float
+    remark: str
+
+
+def values(matrix: pd.DataFrame) -> Array:
+    """A copy of the matrix as an array with ∞ for NaN. Raises ValueError on a negative value."""
+    found = matrix.to_numpy(dtype=float, copy=True)
+    found[np.isnan(found)] = math.inf
+    if (found < 0).any():
+        raise ValueError(f"negative value {found.min():.3g} in a table of times")
+    return found
+
+
+def default_shift(times: pd.DataFrame) -> float:
+    """Median [s] of all finite times, 0 when there is none: the shift that suits these data.
+
+    >>> default_shift(pd.DataFrame({"a": [1.0, 3.0], "b": [2.0, math.inf]}))
+    2.0
+    """
+    finite = times.to_numpy(dtype=float)
+    finite = finite[np.isfinite(finite)]
+    return float(np.median(finite)) if finite.size else 0.0
+
+
+def charge(times: pd.DataFrame, penalty: Penalty, limit: float) -> float:
+    """Seconds that a failure costs in a table: the penalty, but no less than the slowest answer; NaN without either.
+
+    >>> charge(pd.DataFrame({"a": [1.0, math.inf], "b": [10.5, 2.0]}), LIMIT, limit=10.0)
+    10.5
+    """
+    asked = penalty.of(limit)
+    finite = times.to_numpy(dtype=float)
+    return asked if math.isnan(asked) else float(finite.max(initial=asked, where=np.isfinite(finite)))
+
+
+def shifted_geometric_mean(seconds: Sequence[float], shift: float, penalty: float) -> float:
+    """exp(mean log(t + shift)) − shift of times [s], each failure (∞, NaN) charged `penalty` [s]; NaN of nothing.
+
+    >>> shifted_geometric_mean([1.0, 4.0], shift=0.0, penalty=10.0)
+    2.0
+    >>> round(shifted_geometric_mean([1.0, math.inf], shift=1.0, penalty=7.0), 12)
+    3.0
+    """
+    charged = np.array(seconds, dtype=float)
+    if charged.size == 0:
+        return math.nan
+    charged[~np.isfinite(charged)] = penalty
+    return float(unlogged(logged(charged, shift).mean(), shift))
+
+
+def logged(seconds: npt.ArrayLike, shift: float) -> Array:
+    """log1p(t / s), or log t where s = 0: what a shifted geometric mean is the average of."""
+    given = np.asarray(seconds, dtype=float)
+    with np.errstate(divide="ignore"):
+        return np.log(given) if shift == 0 else np.log1p(given / shift)
+
+
+def unlogged(average: npt.ArrayLike, shift: float) -> Array:
+    """The way back of `logged` [s]; exact also where the times are far below the shift."""
+    given = np.asarray(average, dtype=float)
+    return np.exp(given) if shift == 0 else shift * np.expm1(given)
+
+
+def commonly_solved(matrix: pd.DataFrame, labels: Sequence[str] | None = None) -> pd.Index[Any]:
+    """The problems that each of the labels (default: all) solves.
+
+    >>> list(commonly_solved(pd.DataFrame({"a": [1.0, 2.0], "b": [3.0, math.inf]}, index=["p", "q"])))
+    ['p']
+    """
+    chosen = matrix if labels is None else matrix[list(labels)]
+    return matrix.index[np.isfinite(chosen.to_numpy(dtype=float)).all(axis=1)]
+
+
+def means(
+    matrix: pd.DataFrame,
+    *,
+    shift: float | None = None,
+    penalty: Penalty = LIMIT,
+    limit: float = math.inf,
+    kind: Kind = "geometric",
+    common: Sequence[str] | None = None,
+) -> Means:
+    """The mean time of each label over all problems of the matrix or over those commonly solved.
+
+    Parameters
+    ----------
+    shift : seconds; default the median of all finite times of the matrix.
+    limit : the time limit [s] that the penalty is a multiple of; ∞ where there was none. A label that did not solve
+        everything has no mean then (NaN, with the reason).
+    kind : 'geometric' (shifted), 'arithmetic', or 'median' (failures at ∞, without charge).
+    common : labels; the means are theirs, over the problems that each of them solves.
+
+    >>> times = pd.DataFrame({"a": [1.0, 4.0], "b": [2.0, math.inf]})
+    >>> means(times, shift=0.0, limit=8.0).table["mean"].round(12).to_dict()
+    {'a': 2.0, 'b': 4.0}
+    >>> means(times, shift=0.0).table.loc["b", "reason"]
+    '1 of 2 not solved, and no limit to charge: give a penalty in seconds'
+    >>> (found := means(times, shift=0.0, common=["a", "b"])).table["mean"].to_dict(), found.problems, found.remark
+    ({'a': 1.0, 'b': 2.0}, 1, 'only 1 problem is solved by all 2 labels')
+    """
+    shift = default_shift(matrix) if shift is None else shift
+    asked, cost = penalty.of(limit), charge(matrix, penalty, limit)
+    whole = matrix if common is None else matrix.loc[commonly_solved(matrix, common), list(common)]
+    whole = whole[sorted(whole.columns)]
+    seconds = values(whole)
+    done = np.isfinite(seconds)
+    failed = (~done).sum(axis=0)
+    found = _averages(seconds, failed, shift, cost, kind)
+    reasons = [_reason(int(n), done, shift, cost, kind) for n in failed]
+    found[[bool(reason) for reason in reasons]] = math.nan
+    table = pd.DataFrame(
+        {"planned": len(whole), "solved": len(whole) - failed, "charged": failed, "mean": found, "reason": reasons},
+        index=pd.Index([str(label) for label in whole.columns], name="label"),
+    )
+    remark = f"a failure is charged {cost:.3g} s, the slowest answer, not {asked:.3g} s" if cost > asked else ""
+    if common is not None and len(whole) < SMALL:
+        count = {0: "no problem is", 1: "only 1 problem is"}.get(len(whole), f"only {len(whole)} problems are")
+        remark = f"{count} solved by all {len(common)} labels"
+    return Means(table, len(whole), shift, cost, remark)
+
+
+def sensitivity(times: pd.DataFrame, limit: float, shifts: Sequence[float] | None = None) -> pd.DataFrame:
+    """Geometric means and ranks under other shifts and penalties, one row a setting and label.
+
+    Shifts are 0.1, 1 and 10 times the median of the data and 10 s, unless given; penalties are the limit, PAR2, PAR10.
+    Columns: shift [s], penalty, charge [s], label, mean [s], rank (1 is the least mean, ties share the lower number;
+    labels without a mean share the last).
+
+    >>> times = pd.DataFrame({"quick": [0.01, 0.01, math.inf], "slow": [1.0, 1.0, 1.0]})
+    >>> found = sensitivity(times, limit=10.0)
+    >>> found[found["label"] == "quick"].groupby("shift")["rank"].max().to_dict()
+    {0.1: 1, 1.0: 2, 10.0: 2}
+    """
+    median = default_shift(times)
+    chosen = (median / 10, median, median * 10, CUSTOM) if shifts is None else shifts
+    parts: list[pd.DataFrame] = []
+    for shift in dict.fromkeys(chosen):
+        for penalty in (LIMIT, PAR2, PAR10):
+            found = means(times, shift=shift, penalty=penalty, limit=limit)
+            mean = found.table["mean"]
+            rank = mean.rank(method="min", na_option="bottom").astype(int)
+            setting = {"shift": shift, "penalty": str(penalty), "charge": found.charge}
+            parts.append(pd.DataFrame({**setting, "label": mean.index, "mean": mean.array, "rank": rank.array}))
+    columns = ["shift", "penalty", "charge", "label", "mean", "rank"]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=columns)
+
+
+def order_changes(table: pd.DataFrame, shift: float, penalty: str = "limit") -> pd.DataFrame:
+    """Pairs of labels that change places somewhere in a table of `sensitivity`: the choice decides there, not they.
+
+    Columns: first, second (their order under `shift` and `penalty`), settings (how many say otherwise), of (how many
+    there are).
+    """
+    wide = table.pivot(index=["shift", "penalty"], columns="label", values="rank")
+    columns = ["first", "second", "settings", "of"]
+    if not len(wide):
+        return pd.DataFrame(columns=columns)
+    base = wide.loc[(shift, penalty)].sort_values(kind="stable")
+    ranks = wide[base.index].to_numpy()
+    found: list[tuple[str, str, int, int]] = []
+    for i, first in enumerate(base.index):
+        turned = (ranks[:, i + 1 :] < ranks[:, [i]]) & (base.iloc[i] < base.iloc[i + 1 :].to_numpy())
+        found += [
+            (str(first), str(base.index[i + 1 + j]), int(n), len(wide)) for j, n in enumerate(turned.sum(axis=0)) if n
+        ]
+    return pd.DataFrame(found, columns=columns)
+
+
+def _averages(seconds: Array, failed: npt.NDArray[np.int_], shift: float, cost: float, kind: Kind) -> Array:
+    """Of each column, failures charged; NaN where there is no row or nothing to charge."""
+    rows, columns = seconds.shape
+    if not rows:
+        return np.full(columns, math.nan)
+    if kind == "median":
+        return np.median(seconds, axis=0)
+    finite = np.isfinite(seconds)
+    if kind == "arithmetic":
+        charged = np.where(failed, failed * cost, 0.0)
+        return (np.where(finite, seconds, 0.0).sum(axis=0) + charged) / rows
+    if not 0 <= shift < math.inf:
+        return np.full(columns, math.nan)
+    charged = np.where(failed, failed * logged(cost, shift), 0.0)
+    logs = np.where(finite, logged(np.where(finite, seconds, 1.0), shift), 0.0)
+    return unlogged((logs.sum(axis=0) + charged) / rows, shift)
+
+
+def _reason(failed: int, done: npt.NDArray[np.bool_], shift: float, cost: float, kind: Kind) -> str:
+    """Why a label with so many failures has no mean, '' when it has one."""
+    if not len(done):
+        return "no problem to take a mean over"
+    if not done.any():
+        return "nothing was solved: there is no time to take a mean of"
+    if kind == "geometric" and not 0 <= shift < math.inf:
+        return f"a shift of {shift:g} s: must be finite and not negative"
+    if kind != "median" and failed and math.isnan(cost):
+        return f"{failed} of {len(done)} not solved, and no limit to charge: give a penalty in seconds"
+    return ""

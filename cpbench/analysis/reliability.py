@@ -1,0 +1,163 @@
+"""Claims against verdicts: how far a solver's word can be taken.
+
+What a solver says of its answer (the claim) and what was measured of it (the verdict) make a 2×2 table a label:
+
+                          is solved    is not
+    claims to have solved   true        false
+    does not                modest      honest
+
+Rates come with Wilson's score interval (JASA 22, 1927), which stays within [0, 1] and says something also for 0 or all
+of n. It takes pairs for independent; among problems of one family they are not, and `bootstrap.intervals` of
+`bootstrap.solve_rate` is the one that knows.
+"""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.means import Array
+from cpbench.verification import Status
+
+CLAIMED = "solved"
+"""The claim that is compared with the verdict."""
+JUDGED = tuple(
+    str(s)
+    for s in (
+        Status.SOLVED,
+        Status.STATIONARY,
+        Status.INACCURATE,
+        Status.WRONG,
+        Status.INFEASIBLE,
+        Status.FAILED,
+        Status.MAX_ITER,
+    )
+)
+"""Statuses of a solver that came back within its limits, so that its claim and the verdict can be compared."""
+
+
+def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
+    """Ends of Wilson's interval of a rate, elementwise; NaN for no trial.
+
+        (p + z²/2n ± z √(p(1 − p)/n + z²/4n²)) / (1 + z²/n),    p = successes / n
+
+    >>> low, high = wilson([10, 0], [10, 0])
+    >>> low.round(3).tolist(), high.round(3).tolist()
+    ([0.722, nan], [1.0, nan])
+    """
+    k, n = np.asarray(successes, dtype=float), np.asarray(trials, dtype=float)
+    z = NormalDist().inv_cdf((1 + level) / 2)
+    n = np.where(n > 0, n, math.nan)
+    p = k / n
+    middle, half = p + z**2 / (2 * n), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    low, high = ((middle + sign * half) / (1 + z**2 / n) for sign in (-1, 1))
+    return np.where(k == 0, 0 * n, low), np.where(k == n, 1 + 0 * n, high)
+
+
+def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
+    """Claim against verdict, one row a label, of the pairs where the solver came back within its limits.
+
+    Rows that were read off a history have no claim, and are left out.
+
+    Columns: true (claimed solved, is), false (claimed, is not), modest (not claimed, is), honest (neither),
+    correct (fraction of claims that hold, NaN without claims), low, high (Wilson interval of it).
+
+    >>> rows = pd.DataFrame({"label": ["a"] * 4, "status": ["solved", "wrong", "solved", "failed"],
+    ...                      "claim": ["solved", "solved", "max_iter", "failed"]})
+    >>> claims(rows).round(2).loc["a"].tolist()
+    [1.0, 1.0, 1.0, 1.0, 0.5, 0.09, 0.91]
+    """
+    judged = group[group["status"].isin(JUDGED) & (group["claim"] != "")]
+    said, done = judged["claim"] == CLAIMED, rows_of.solved(judged)
+    labels = sorted(set(group["label"]))
+
+    def count(which: pd.Series[bool]) -> pd.Series[int]:
+        return judged.loc[which, "label"].value_counts().reindex(labels, fill_value=0).astype(int)
+
+    found = pd.DataFrame(
+        {
+            "true": count(said & done),
+            "false": count(said & ~done),
+            "modest": count(~said & done),
+            "honest": count(~said & ~done),
+        },
+        index=pd.Index(labels, name="label"),
+    )
+    made = found["true"] + found["false"]
+    low, high = wilson(found["true"], made, level)
+    return found.assign(correct=(found["true"] / made.where(made > 0)).astype(float), low=low, high=high)
+
+
+def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
+    """What a label does and how well it knows, one row a label (sorted).
+
+    Columns: planned (pairs), started (all but unsupported, unavailable, not run), judged (came back with a claim),
+    solved; true, false, modest, honest, correct, correct_low, correct_high as in `claims`; recognised (of the answers
+    that are right, the fraction claimed; NaN without any); rate (solved over planned), rate_low, rate_high (NaN for a
+    solver that was never started: nothing was seen of it, though it counts as having solved nothing).
+    """
+    said = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
+
+    def count(rows: pd.DataFrame) -> pd.Series[int]:
+        return rows["label"].value_counts().reindex(said.index, fill_value=0).astype(int)
+
+    planned, solved = count(group), count(group[rows_of.solved(group)])
+    started = count(group[~group["status"].isin(REFUSED)])
+    right = said["true"] + said["modest"]
+    low, high = wilson(solved, planned.where(started > 0, 0), level)
+    found = said.assign(
+        planned=planned,
+        started=started,
+        judged=said[["true", "false", "modest", "honest"]].sum(axis=1),
+        solved=solved,
+        recognised=said["true"] / right.where(right > 0),
+        rate=(solved / planned).where(started > 0),
+        rate_low=low,
+        rate_high=high,
+    )
+    first = ["planned", "started", "judged", "solved"]
+    return found[[*first, *said.columns, "recognised", "rate", "rate_low", "rate_high"]]
+
+
+def false_claims(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows whose solver claims to have solved the problem it was given, and the judged error says otherwise.
+
+    On a route that promises less than an answer the error on the solver's own problem says it; where that was not
+    measured (a solver that drops a term by itself) nobody is accused.
+    """
+    wrong = np.where(rows_of.exact(table), ~rows_of.solved(table), table["target_error"] > table["tolerance"])
+    return table[(table["claim"] == CLAIMED) & table["status"].isin(JUDGED) & wrong]
+
+
+def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
+    """The routes that promise less than an answer, one row a (label, kind).
+
+    Columns: pairs, solved (on the problem that was asked), missed (within the tolerance on the solver's own problem,
+    or claimed to be where that was not measured, and not on the asked one),
+    median and largest finite error on the asked problem (NaN without any).
+    """
+    inexact = table[~rows_of.exact(table)]
+    unmeasured, there = inexact["target_error"].isna(), inexact["target_error"] <= inexact["tolerance"]
+    done = there | (unmeasured & (inexact["claim"] == CLAIMED) & inexact["status"].isin(JUDGED))
+    missed = inexact[done & ~rows_of.solved(inexact)].index
+    records: list[dict[str, object]] = []
+    for (label, kind), rows in inexact.groupby(["label", "kind"], sort=True):  # type: ignore[misc]
+        finite = rows.loc[np.isfinite(rows["error"]), "error"]
+        records.append(
+            {
+                "label": str(label),
+                "kind": str(kind),
+                "pairs": len(rows),
+                "solved": int(rows_of.solved(rows).sum()),
+                "missed": int(rows.index.isin(missed).sum()),
+                "median": float(finite.median()) if len(finite) else math.nan,
+                "largest": float(finite.max()) if len(finite) else math.nan,
+            }
+        )
+    return pd.DataFrame(records, columns=["label", "kind", "pairs", "solved", "missed", "median", "largest"])

@@ -1,0 +1,122 @@
+"""The sections of a report about a group's times: means with what they hang on, and the gap to the virtual best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis import best, bootstrap, means
+from cpbench.analysis.profiles import FLOOR
+from cpbench.report.run import each
+from cpbench.report.text import code, counted, number, seconds, table
+
+
+def mean_section(
+    times: pd.DataFrame, families: pd.Series[str], limit: float, labels: Sequence[str], leading: Sequence[str]
+) -> Iterator[str]:
+    """Means over all and over commonly solved problems, their intervals, and their order under other choices.
+
+    `labels` : the ranked ones, in the order of the tables. `leading` : those whose intersection is taken.
+    """
+    if not np.isfinite(times.to_numpy(dtype=float)).any():
+        return
+    every = means.means(times, limit=limit)
+    common = means.means(times, shift=every.shift, limit=limit, common=leading)
+    around = bootstrap.intervals(bootstrap.mean_time(times, every.shift, every.charge), families)
+    tried = _tried(times, limit)
+    ranks = tried.groupby(["label", "shift"])["rank"].agg(_rank).unstack() if len(tried) else pd.DataFrame()
+    shown = every.table.join(around.table[["low", "high"]]).join(common.table["mean"].rename("common"))
+    shown = shown.reindex(pd.Index(labels, name="label")).reset_index()
+    yield "### Means"
+    head = ["solver", "solved", "charged", f"mean over {every.problems}", "95 % interval"]
+    head += [f"mean over {common.problems}"]
+    yield table(
+        [*head, *(f"rank at {seconds(shift)}" for shift in ranks.columns)],
+        (
+            [
+                code(r.label),
+                str(r.solved),
+                str(r.charged),
+                seconds(r.mean),
+                "—" if math.isnan(r.low) else f"{seconds(r.low)} to {seconds(r.high)}",
+                seconds(r.common),
+                *(str(ranks[shift].get(r.label, "—")) for shift in ranks.columns),
+            ]
+            for r in each(shown)
+        ),
+        right=range(1, len(head) + len(ranks.columns)),
+    )
+    price = f"is charged {seconds(every.charge)}" if math.isfinite(every.charge) else "leaves none (no limit was set)"
+    lines = [
+        f"- mean: shifted geometric, shift {seconds(every.shift)} (median of all times); a problem not solved {price}",
+        f"- interval: bootstrap of {counted(around.families, 'family', 'families')}",
+        f"- mean over {common.problems}: the problems that the {counted(len(leading), 'solver')} with the highest "
+        "profiles all solve",
+    ]
+    lines[0] += f" ({every.remark})" if every.remark else ""
+    lines[1] += ": **few, so a rough guess**" if around.families < bootstrap.FEW else ""
+    lines[2] += f": **{common.remark}**" if common.remark else ""
+    yield "\n".join([*lines, *_order(tried, every.shift)])
+
+
+def gap_section(times: pd.DataFrame, labels: Sequence[str], leading: Sequence[str]) -> Iterator[str]:
+    """Each label against the virtual best of all."""
+    found = best.gaps(times, compared=leading)
+    if len(found) < 2 or not found["solved"].any():
+        return
+    common = int(found["common"].iloc[0])
+    reached = int(np.isfinite(best.virtual_best(times)).sum())
+    yield "### Gap to the virtual best"
+    head = ["solver", "solved", f"within {best.WITHIN:g} times", "gap", f"gap over {common}", "only it solves"]
+    yield table(
+        [*head, "best without it"],
+        (
+            [
+                code(r.label),
+                str(r.solved),
+                f"{r.within:.0%}",
+                number(r.mean),
+                number(r.mean_common),
+                str(r.alone),
+                number(r.marginal),
+            ]
+            for r in each(found.reindex(pd.Index(labels, name="label")).reset_index())
+        ),
+        right=range(1, len(head) + 1),
+    )
+    yield (
+        f"The fastest solver of each problem, taken together, solves {reached} of {len(times)}. Gap: geometric mean of "
+        "the ratio to it over the problems that a solver solved. Best without it: how many times slower that would be."
+    )
+
+
+def below_floor(times: pd.DataFrame) -> dict[str, str]:
+    """How many of each label's times are too short to be told apart."""
+    found = best.floored(times, FLOOR)
+    return {str(label): str(count) for label, count in found["below"].items()}
+
+
+def _tried(times: pd.DataFrame, limit: float) -> pd.DataFrame:
+    """Means under other shifts and penalties of the labels that solve something; empty where there is no order."""
+    found = means.sensitivity(times[[label for label in times.columns if np.isfinite(times[label]).any()]], limit)
+    return found if found["label"].nunique() > 1 and found["charge"].notna().all() else found.iloc[:0]
+
+
+def _rank(ranks: pd.Series[int]) -> str:
+    """Those of the three penalties, once where they are the same."""
+    return "/".join(str(rank) for rank in (ranks if ranks.nunique() > 1 else ranks[:1]))
+
+
+def _order(tried: pd.DataFrame, shift: float) -> list[str]:
+    """The lines about the ranks, none where there is no rank."""
+    if not len(tried):
+        return []
+    changed = len(means.order_changes(tried, shift))
+    count = tried["label"].nunique()
+    return [
+        "- rank: by the mean with that shift; where the penalty decides, with the limit / 2 / 10 times the limit",
+        f"- shift and penalty decide the order of {changed} of {counted(count * (count - 1) // 2, 'pair')} of solvers",
+    ]

@@ -1,0 +1,150 @@
+"""Means against their definition, the trap of the large shift, and what is said where there is no mean."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from cpbench.analysis import means
+from cpbench.analysis.means import LIMIT, PAR2, PAR10, Penalty
+
+INF = math.inf
+
+
+def trap() -> pd.DataFrame:
+    """200 log-normal times around 2.5 ms, and a solver 3 times slower that fails on one problem."""
+    fast = np.exp(np.random.default_rng(0).normal(math.log(2.5e-3), 0.5, 200))
+    return pd.DataFrame({"fast": fast, "whole": 3 * fast, "slow": np.where(np.arange(200) == 0, INF, 3 * fast)})
+
+
+def ratio(times: pd.DataFrame, one: str, other: str, shift: float | None) -> float:
+    mean = means.means(times[[one, other]], shift=shift, penalty=Penalty(seconds=100.0)).table["mean"]
+    return float(mean[other] / mean[one])
+
+
+def test_one_failure_decides_a_mean_with_a_large_shift() -> None:
+    """Ratio 3.00; about 34 with one failure charged 100 s and a shift of 10 s; about 3 with the median as shift.
+
+    With s far above the times the mean is t̄ + (s/N) log1p(P/s) where one of N costs P: the exact value to O(t̄/s).
+    """
+    times = trap()
+    assert ratio(times, "fast", "whole", 10.0) == pytest.approx(3.00, abs=0.005)
+    average = float(times["fast"].mean())
+    rest = float(times["fast"].iloc[1:].sum()) * 3 / 200
+    analytic = (rest + 10 / 200 * math.log1p(100 / 10)) / average
+    found = ratio(times, "fast", "slow", 10.0)
+    assert found == pytest.approx(analytic, rel=0.01)
+    assert found > 30
+    assert 2.4 < ratio(times, "fast", "slow", None) < 3.3
+
+
+def test_the_mean_is_scipys_geometric_mean_and_precise_far_below_the_shift() -> None:
+    times = np.random.default_rng(1).lognormal(-5, 2, 500)
+    assert means.shifted_geometric_mean(list(times), 0.0, 1.0) == pytest.approx(stats.gmean(times), rel=1e-12)
+    by_definition = stats.gmean(times + 0.3) - 0.3
+    assert means.shifted_geometric_mean(list(times), 0.3, 1.0) == pytest.approx(by_definition, rel=1e-9)
+    assert means.shifted_geometric_mean([1e-9, 3e-9], 1e3, 1.0) == pytest.approx(2e-9, rel=1e-6), "no cancellation"
+    assert means.shifted_geometric_mean([], 0.0, 1.0) != 0
+    assert math.isnan(means.shifted_geometric_mean([], 0.0, 1.0))
+    assert means.shifted_geometric_mean([INF, math.nan], 0.5, 7.0) == pytest.approx(7.0)
+    assert means.shifted_geometric_mean([0.0, 1.0], 0.0, 7.0) == 0.0
+    assert means.default_shift(pd.DataFrame({"a": [INF]})) == 0.0
+
+
+def test_penalties_and_counts() -> None:
+    times = pd.DataFrame({"b": [1.0, INF, 2.0], "a": [1.0, 1.0, math.nan]})
+    for penalty, cost in ((LIMIT, 10.0), (PAR2, 20.0), (PAR10, 100.0), (Penalty(seconds=7.0), 7.0)):
+        found = means.means(times, shift=0.0, penalty=penalty, limit=10.0)
+        assert found.charge == cost
+        assert found.table["mean"].to_dict() == pytest.approx({"a": cost ** (1 / 3), "b": (2 * cost) ** (1 / 3)})
+    assert found.table[["planned", "solved", "charged"]].to_numpy().tolist() == [[3, 2, 1], [3, 2, 1]]
+    arithmetic = means.means(times, kind="arithmetic", limit=10.0).table["mean"]
+    assert arithmetic.to_dict() == pytest.approx({"a": 4.0, "b": 13 / 3})
+    median = means.means(pd.DataFrame({"a": [1.0, INF, INF], "b": [1.0, 2.0, INF]}), kind="median").table["mean"]
+    assert median.to_dict() == {"a": INF, "b": 2.0}, "a median needs no penalty"
+
+
+def test_a_failure_is_never_cheaper_than_an_answer() -> None:
+    """Conversion and set-up may carry a right answer beyond the limit of the solve, and a penalty may be set low."""
+    times = pd.DataFrame({"honest": [10.5, 11.0], "liar": [INF, INF]})
+    for penalty in (LIMIT, Penalty(seconds=0.1)):
+        found = means.means(times, penalty=penalty, limit=10.0)
+        assert found.charge == 11.0
+        assert "is charged 11 s, the slowest answer" in found.remark
+        assert found.table.at["honest", "mean"] < found.table.at["liar", "mean"]
+
+
+def test_no_mean_has_a_reason() -> None:
+    times = pd.DataFrame({"a": [1.0, 2.0], "b": [1.0, INF]})
+
+    def reasons(**given: object) -> list[str]:
+        found = means.means(times, **given).table  # type: ignore[arg-type]
+        assert (found["mean"].isna() == (found["reason"] != "")).all()
+        return found["reason"].tolist()
+
+    assert reasons(limit=10.0) == ["", ""]
+    assert reasons()[0] == ""
+    assert "1 of 2 not solved, and no limit" in reasons()[1]
+    for shift in (-1.0, math.nan, INF):
+        assert all("must be finite and not negative" in reason for reason in reasons(shift=shift, limit=10.0))
+    nothing = means.means(pd.DataFrame({"a": [INF], "b": [math.nan]}), limit=10.0)
+    assert nothing.table["mean"].isna().all()
+    assert nothing.table["reason"].str.contains("nothing was solved").all()
+    empty = means.means(pd.DataFrame({"a": []}), limit=10.0)
+    assert empty.table["reason"].tolist() == ["no problem to take a mean over"]
+    assert means.means(pd.DataFrame(), limit=10.0).table.empty
+    with pytest.raises(ValueError, match="negative value -1"):
+        means.means(pd.DataFrame({"a": [-1.0]}))
+
+
+def test_commonly_solved_is_said_to_be_small_or_empty() -> None:
+    times = pd.DataFrame({"a": [1.0] * 30, "b": [2.0] * 20 + [INF] * 10, "c": [INF] * 15 + [3.0] * 15})
+    both = means.means(times, shift=0.0, common=["a", "b"])
+    assert (both.problems, both.remark, both.table["mean"].to_dict()) == (20, "", {"a": 1.0, "b": pytest.approx(2.0)})
+    assert means.means(times, common=["a", "b", "c"]).remark == "only 5 problems are solved by all 3 labels"
+    times.loc[15:19, "c"] = INF
+    nobody = means.means(times, common=["b", "c"])
+    assert (nobody.problems, nobody.remark) == (0, "no problem is solved by all 2 labels")
+    assert nobody.table["mean"].isna().all()
+
+
+def test_sensitivity_says_which_order_changes() -> None:
+    """Quick but unreliable against slow and whole: a shift of 10 s turns the order."""
+    times = pd.DataFrame({"quick": [1e-3] * 19 + [INF], "whole": [4e-3] * 20, "worse": [8e-3] * 20})
+    found = means.sensitivity(times, limit=1.0)
+    median = means.default_shift(times)
+    assert sorted(set(found["shift"])) == pytest.approx([median / 10, median, median * 10, 10.0])
+    assert list(dict.fromkeys(found["penalty"])) == ["limit", "PAR2", "PAR10"]
+    assert len(found) == 4 * 3 * 3
+    at = found.set_index(["shift", "penalty", "label"])["rank"]
+    assert at[(median, "limit", "quick")] == 1
+    assert at[(10.0, "limit", "quick")] == 3
+    changed = means.order_changes(found, median)
+    assert changed[["first", "second"]].to_numpy().tolist() == [["quick", "whole"], ["quick", "worse"]]
+    assert (changed["settings"] < changed["of"]).all()
+    same = means.sensitivity(times[["whole", "worse"]], limit=1.0)
+    assert means.order_changes(same, means.default_shift(times[["whole", "worse"]])).empty
+    unknown = means.sensitivity(times, limit=INF)
+    assert unknown[unknown["label"] == "quick"]["rank"].eq(3).all(), "no limit: who failed has no mean and is last"
+
+
+TIMES = st.lists(st.lists(st.sampled_from([1e-4, 0.01, 0.5, 3.0, INF]), min_size=3, max_size=3), min_size=1, max_size=8)
+
+
+@settings(max_examples=50, deadline=None)
+@given(TIMES, st.sampled_from([0.0, 1e-3, 10.0]), st.sampled_from([0.5, 1000.0]))
+def test_means_scale_with_the_unit_and_ignore_order(rows: list[list[float]], shift: float, unit: float) -> None:
+    times = pd.DataFrame(rows, columns=list("abc"))
+    one = means.means(times, shift=shift, limit=10.0).table["mean"]
+    scaled = means.means(times * unit, shift=shift * unit, limit=10.0 * unit).table["mean"]
+    np.testing.assert_allclose(scaled, one * unit, rtol=1e-9)
+    turned = means.means(times.iloc[::-1, ::-1], shift=shift, limit=10.0).table["mean"]
+    np.testing.assert_allclose(turned, one, rtol=1e-12)
+    lo, hi = times.replace(INF, 10.0).min(), times.replace(INF, 10.0).max()
+    assert ((one.isna()) | ((one >= lo * (1 - 1e-9)) & (one <= hi * (1 + 1e-9)))).all()
