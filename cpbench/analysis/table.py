@@ -10,13 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
 import pandas as pd
 
 from cpbench.errors import StoreError
 from cpbench.formulations.base import Kind
 from cpbench.verification import VERIFIED, Status
+
+Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+Integers: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
@@ -54,15 +58,70 @@ def normalised(table: pd.DataFrame) -> pd.DataFrame:
     >>> normalised(pd.DataFrame({"problem": ["b", "a"], "status": ["solved", None]}))["status"].tolist()
     ['not_run', 'solved']
     """
-    clean = table.reindex(columns=[*table.columns, *(c for c in (*TEXT, *NUMBERS) if c not in table.columns)])
-    for column in TEXT:
-        clean[column] = clean[column].astype(object).where(clean[column].notna(), "").astype(str)
-    for column in NUMBERS:
-        clean[column] = pd.to_numeric(clean[column]).astype(float)
-    clean["status"] = clean["status"].replace("", str(Status.NOT_RUN))
-    clean["error"] = clean["error"].fillna(math.inf)
-    clean["fingerprint"] = clean["fingerprint"].where(clean["fingerprint"] != "", clean["problem"])
-    return clean.sort_values(["problem", "fingerprint", "label", "key"], kind="stable", ignore_index=True)
+    columns: dict[str, pd.Series] = {str(name): table[name].copy() for name in table if name not in (*TEXT, *NUMBERS)}
+    absent = pd.Series(np.nan, index=table.index)
+    for name in TEXT:
+        columns[name] = _text(table.get(name, absent))
+    for name in NUMBERS:
+        columns[name] = _numbers(table.get(name, absent))
+    columns["status"] = columns["status"].replace("", str(Status.NOT_RUN))
+    columns["error"] = columns["error"].fillna(math.inf)
+    nameless = columns["fingerprint"] == ""
+    if nameless.any():
+        columns["fingerprint"] = columns["fingerprint"].where(~nameless, columns["problem"])
+    clean = pd.DataFrame(columns, index=table.index, copy=False)
+    order = _order(clean)
+    if order is not None:
+        clean = clean.take(order)
+    clean.index = pd.RangeIndex(len(clean))
+    return clean
+
+
+def _text(values: pd.Series) -> pd.Series[str]:
+    """Text with '' for what is missing."""
+    if values.dtype == "str":  # of pandas 3; older ones hold text as objects
+        return values.fillna("") if values.hasnans else values
+    return values.astype(object).where(values.notna(), "").astype(str)
+
+
+def _numbers(values: pd.Series) -> pd.Series[float]:
+    return (values if pd.api.types.is_numeric_dtype(values) else pd.to_numeric(values)).astype(float)
+
+
+def _order(clean: pd.DataFrame) -> Integers | None:
+    """Positions of the rows by problem, fingerprint, label and key; None where they lie so already.
+
+    A results file gives its rows in order, and to find that out costs less than to sort them.
+    """
+    columns = [clean[name] for name in ("problem", "fingerprint", "label", "key")]
+    if _in_order(*columns[:3]):
+        return None
+    return np.lexsort([codes(column)[0] for column in reversed(columns)])
+
+
+def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Series[str]) -> bool:
+    """Whether rows ascend strictly by the three; text is compared only where it changes."""
+    place, names = pd.factorize(problem)
+    if not pd.Index(names).is_monotonic_increasing or (np.diff(place) < 0).any():
+        return False
+    told = fingerprint.to_numpy(dtype=object)
+    same = np.diff(place) == 0
+    other = np.flatnonzero(same & (told[1:] != told[:-1]))
+    if any(told[k] > told[k + 1] for k in other):
+        return False
+    same[other] = False
+    return not (same & (np.diff(codes(label)[0]) <= 0)).any()
+
+
+def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
+    """Each value's place among the distinct ones in ascending order, and these: text is compared once a name.
+
+    >>> place, names = codes(pd.Series(["b", "a", "b"]))
+    >>> place.tolist(), names.tolist()
+    ([1, 0, 1], ['a', 'b'])
+    """
+    place, names = pd.factorize(values, sort=True)
+    return np.asarray(place, dtype=np.int64), pd.Index(names)
 
 
 def solved(table: pd.DataFrame) -> pd.Series[bool]:
@@ -80,9 +139,14 @@ def with_time(table: pd.DataFrame) -> pd.DataFrame:
     >>> with_time(rows)["time"].tolist()
     [1.5, inf]
     """
-    spent = table[list(CHARGED)].apply(pd.to_numeric)
-    total = spent.fillna(0.0).sum(axis=1).where(spent["solve"].notna(), math.inf)
-    return table.assign(time=total.where(solved(table), math.inf).astype(float))
+    return table.assign(time=np.where(solved(table), charged(table), math.inf))
+
+
+def charged(table: pd.DataFrame) -> Floats:
+    """What each row is charged [s], solved or not: convert + setup + solve + lift; ∞ where no solve was timed."""
+    spent = {name: pd.to_numeric(table[name]).to_numpy(dtype=float) for name in CHARGED}
+    total = np.sum([np.where(np.isnan(part), 0.0, part) for part in spent.values()], axis=0)
+    return np.where(np.isnan(spent["solve"]), math.inf, total)
 
 
 def ranked(table: pd.DataFrame) -> pd.Series[bool]:
@@ -117,7 +181,12 @@ def problem_names(table: pd.DataFrame) -> pd.Series[str]:
     >>> problem_names(rows).tolist()
     ['a (x)', 'a (y)', 'b']
     """
-    shared = table.groupby("problem")["fingerprint"].transform("nunique") > 1
+    problem, names = pd.factorize(table["problem"])
+    fingerprint, prints = pd.factorize(table["fingerprint"])
+    pairs = np.unique(problem * (len(prints) + 1) + fingerprint, return_index=True)[1]
+    shared = (np.bincount(problem[pairs], minlength=len(names)) > 1)[problem]
+    if not shared.any():
+        return table["problem"]
     return table["problem"].where(~shared, table["problem"] + " (" + table["address"] + ")")
 
 
@@ -126,20 +195,52 @@ def pivot(table: pd.DataFrame, column: str, missing: Any) -> pd.DataFrame:
 
     Raises StoreError when a pair has two rows.
     """
-    twice = table.duplicated(["fingerprint", "label"])
-    if twice.any():
-        row = table[twice].iloc[0]
+    values = table[column]
+    if isinstance(missing, str):
+        return spread(table, values.where(values.notna(), missing).to_numpy(dtype=object), missing)
+    return spread(table, values.fillna(missing).to_numpy(), missing)
+
+
+def spread(table: pd.DataFrame, values: np.ndarray[tuple[int], np.dtype[Any]], missing: Any) -> pd.DataFrame:
+    """One value a row of a group as problems (fingerprints, in order of name) × labels; `missing` where no row is.
+
+    Raises StoreError when a pair has two rows.
+
+    >>> rows = pd.DataFrame({"problem": ["b", "a"], "fingerprint": ["1", "2"], "address": "", "label": ["s", "t"]})
+    >>> spread(rows, np.array([5.0, 7.0]), math.inf).to_dict("list")
+    {'s': [inf, 5.0], 't': [7.0, inf]}
+    """
+    fingerprint, prints = pd.factorize(table["fingerprint"])
+    label, labels = codes(table["label"])
+    place = fingerprint * len(labels) + label
+    filled = np.bincount(place, minlength=len(prints) * len(labels))
+    if filled.max(initial=0) > 1:
+        row = table[(filled > 1)[place]].iloc[0]
         raise StoreError(f"{row['problem']}, {row['label']}: two rows in one group; analyse each setting apart")
-    names = pd.Series(problem_names(table).to_numpy(), index=table["fingerprint"])
-    order = sorted(set(table["fingerprint"]), key=lambda f: (str(names[[f]].iloc[0]), f))
-    wide = table.pivot(index="fingerprint", columns="label", values=column)
-    wide = wide.reindex(index=order, columns=sorted(wide.columns))
-    return wide.astype(object).where(wide.notna(), missing) if isinstance(missing, str) else wide.fillna(missing)
+    wide = np.full(len(prints) * len(labels), missing, dtype=values.dtype)
+    wide[place] = values
+    names = list(zip(_names(table, fingerprint, len(prints)).tolist(), prints.tolist(), strict=True))
+    order = sorted(range(len(names)), key=names.__getitem__)
+    rows = wide.reshape(len(prints), len(labels))[order]
+    index = pd.Index(prints)[order].rename("fingerprint")
+    return pd.DataFrame(rows, index=index, columns=labels.rename("label"), copy=False)
+
+
+def _names(table: pd.DataFrame, fingerprint: Integers, count: int) -> pd.Series[str]:
+    """The name of each distinct fingerprint's problem, that of its first row where they differ.
+
+    Names are made for these rows only, not for all: a problem has as many as there are solvers.
+    """
+    first = np.empty(count, dtype=np.int64)
+    first[fingerprint[::-1]] = np.arange(len(fingerprint))[::-1]  # of equal places the last one written stays
+    problem = table["problem"].to_numpy(dtype=object)
+    others = np.flatnonzero(problem != problem[first][fingerprint])
+    return problem_names(table.iloc[np.concatenate((first, others))]).iloc[:count]
 
 
 def times(table: pd.DataFrame) -> pd.DataFrame:
     """Times [s] of a group, problems × labels; ∞ where a pair is not solved or was not planned."""
-    return pivot(with_time(table), "time", math.inf).astype(float)
+    return spread(table, np.where(solved(table), charged(table), math.inf), math.inf)
 
 
 def label_kinds(table: pd.DataFrame) -> dict[str, str]:
