@@ -1,10 +1,12 @@
-"""Performance profiles of Dolan and Moré, Mathematical Programming 91 (2002), exactly.
+"""Performance profiles of Dolan and Moré, Mathematical Programming 91 (2002), exactly, of any cost.
 
     r[p, s] = t[p, s] / min_s t[p, s],      ρ_s(τ) = #{p : r[p, s] ≤ τ} / N
 
-ρ_s is a step function, continuous from the right, with its steps at the ratios themselves (no grid). A failure has
-t = ∞ and so r = ∞, never a finite multiple of something; a problem that nobody solves stays among the N, so that
-ρ_s(∞) is the fraction of problems that s solves. Equal times share the lead.
+t is what a solver spent: seconds, iterations, bytes (`metrics`). ρ_s is a step function, continuous from the right,
+with its steps at the ratios themselves (no grid). A failure has t = ∞ and so r = ∞, never a finite multiple of
+something; a problem that nobody solves stays among the N, so that ρ_s(∞) is the fraction of problems that s solves.
+Equal costs share the lead. A cost below the floor counts as the floor, which is what lets a count be 0: that entry
+alone is raised, every other ratio stays what it was.
 """
 
 from __future__ import annotations
@@ -12,25 +14,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis.table import Floats
+
 FLOOR = 1e-4
 """Seconds below which a time counts as this much: the call itself then weighs as much as the algorithm."""
-
-Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One step function: ρ(τ) = count[k] / problems for ratios[k] ≤ τ < ratios[k+1], and 0 below ratios[0].
+    """One step function: height(τ) = count[k] / problems for ratios[k] ≤ τ < ratios[k+1], and 0 below ratios[0].
 
     Attributes
     ----------
-    ratios : distinct finite ratios, ascending, the first ≥ 1. count : problems solved within each of them.
+    ratios : where it steps, distinct, finite, ascending: ratios ≥ 1 in a performance profile, budgets ≥ 0 in a data
+        profile. count : problems solved within each of them.
     problems : N, the planned number.
     """
 
@@ -49,21 +50,26 @@ class Curve:
         k = int(np.searchsorted(self.ratios, tau, side="right"))
         return self.count[k - 1] / self.problems if k else 0.0
 
+    def heights(self, taus: Floats) -> Floats:
+        """ρ at each of many τ."""
+        reached = np.array([0, *self.count], dtype=np.int64)[np.searchsorted(self.ratios, taus, side="right")]
+        return reached / max(self.problems, 1)
+
     @property
     def solved(self) -> int:
         """Problems solved at all."""
         return self.count[-1] if self.count else 0
 
-    def steps(self, upto: float) -> tuple[Floats, Floats]:
-        """Corners (τ, ρ) of the curve on [1, upto], each value holding up to the next corner.
+    def steps(self, upto: float, start: float = 1.0) -> tuple[Floats, Floats]:
+        """Corners (τ, ρ) of the curve on [start, upto], each value holding up to the next corner.
 
         >>> x, y = Curve("s", np.array([2.0]), (1,), 2).steps(4.0)
         >>> x.tolist(), y.tolist()
         ([1.0, 2.0, 4.0], [0.0, 0.5, 0.5])
         """
-        inside = self.ratios[(self.ratios > 1.0) & (self.ratios < upto)]
-        tau = np.array([1.0, *inside, upto])
-        return tau, np.array([self.at(t) for t in tau])
+        inside = self.ratios[(self.ratios > start) & (self.ratios < upto)]
+        tau = np.array([start, *inside, upto])
+        return tau, self.heights(tau)
 
     def area(self, upto: float) -> float:
         """Mean height over log₂ τ between 1 and `upto`: one number for fast and reliable together.
@@ -79,7 +85,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Profile:
-    """The curves of a group, in order of label. `floor` is the shortest time told apart [s]."""
+    """The curves of a group, in order of label. `floor` is the least cost told apart, in its unit; 0 without one."""
 
     curves: tuple[Curve, ...]
     problems: int
@@ -92,50 +98,69 @@ class Profile:
 
     def envelope(self, upto: float) -> tuple[Floats, Floats]:
         """Corners (τ, ρ) on [1, upto] of the highest curve at each τ, whichever that is."""
-        corners = {float(r) for c in self.curves for r in c.ratios if 1.0 < r < upto}
-        tau = np.array([1.0, *sorted(corners), upto])
-        height = np.array([max((c.at(t) for c in self.curves), default=0.0) for t in tau])
+        corners = np.unique(np.concatenate([np.empty(0), *(c.ratios for c in self.curves)]))
+        tau = np.array([1.0, *corners[(corners > 1.0) & (corners < upto)], upto])
+        height = np.zeros(len(tau))
+        for curve in self.curves:
+            height = np.maximum(height, curve.heights(tau))
         keep = np.array([True, *(np.diff(height[:-1]) > 0), True])
         return tau[keep], height[keep]
 
     def by_height(self) -> list[Curve]:
         """Curves as they lie at the right margin, highest first; ties by area, then label."""
-        return sorted(self.curves, key=lambda c: (-c.solved, -c.area(self.widest), c.label))
+        widest = self.widest
+        return sorted(self.curves, key=lambda c: (-c.solved, -c.area(widest), c.label))
 
     def leading(self, count: int) -> list[str]:
         """Labels of the `count` curves of largest area (those that solve something), ties by label."""
+        widest = self.widest
         alive = [c for c in self.curves if c.solved]
-        return [c.label for c in sorted(alive, key=lambda c: (-c.area(self.widest), c.label))[:count]]
+        return [c.label for c in sorted(alive, key=lambda c: (-c.area(widest), c.label))[:count]]
 
 
-def ratios(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
-    """r[p, s] of times [s], problems × labels; ∞ where not solved.
+def ratios(values: pd.DataFrame, floor: float | None = FLOOR) -> pd.DataFrame:
+    """r[p, s] of costs, problems × labels; ∞ where not solved.
 
-    Raises ValueError on a negative time and on a floor that is not positive.
+    Parameters
+    ----------
+    floor : a smaller cost counts as this much (default: seconds); None where the cost cannot come near 0.
+
+    Raises ValueError on a negative cost, on a floor that is not positive, and on a cost of 0 without a floor.
 
     >>> ratios(pd.DataFrame({"a": [1.0, math.inf], "b": [3.0, math.inf]}))["b"].tolist()
     [3.0, inf]
     """
-    if not floor > 0:
-        raise ValueError(f"floor of {floor} s: must be positive, else the ratio to a time of 0 has no meaning")
-    seconds = times.to_numpy(dtype=float, copy=True)
-    seconds[np.isnan(seconds)] = math.inf
-    if (seconds < 0).any():
-        raise ValueError(f"negative time {seconds.min():.3g} s")
-    seconds = np.maximum(seconds, floor)
-    best = seconds.min(axis=1, keepdims=True, initial=math.inf)
+    cost = costs(values, floor)
+    best = cost.min(axis=1, keepdims=True, initial=math.inf)
     with np.errstate(invalid="ignore"):
-        quotient = np.where(np.isinf(seconds), math.inf, seconds / best)
-    return pd.DataFrame(quotient, index=times.index, columns=times.columns)
+        quotient = np.where(np.isinf(cost), math.inf, cost / best)
+    return pd.DataFrame(quotient, index=values.index, columns=values.columns, copy=False)
 
 
-def performance_profile(times: pd.DataFrame, problems: int | None = None, floor: float = FLOOR) -> Profile:
-    """The profile of times [s], problems × labels, ∞ or NaN for a failure.
+def costs(values: pd.DataFrame, floor: float | None = FLOOR) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """The costs that are compared: failures ∞, all others at least the floor. Raises as `ratios` does.
+
+    >>> costs(pd.DataFrame({"a": [0.0, float("nan")], "b": [3.0, 4.0]}), floor=1.0).tolist()
+    [[1.0, 3.0], [inf, 4.0]]
+    """
+    if floor is not None and not floor > 0:
+        raise ValueError(f"floor of {floor}: must be positive, else the ratio to a cost of 0 has no meaning")
+    cost = values.to_numpy(dtype=float, copy=True)
+    cost[np.isnan(cost)] = math.inf
+    if (cost < 0).any():
+        raise ValueError(f"negative cost {cost.min():.3g}: no ratio to it has a meaning")
+    if floor is None and (cost == 0).any():
+        raise ValueError("a cost of 0 needs a floor: say how small a cost counts as how much")
+    return cost if floor is None else np.maximum(cost, floor, out=cost)
+
+
+def performance_profile(values: pd.DataFrame, problems: int | None = None, floor: float | None = FLOOR) -> Profile:
+    """The profile of costs, problems × labels, ∞ or NaN for a failure.
 
     Parameters
     ----------
     problems : N, when more problems were planned than the table has rows. Raises ValueError when fewer.
-    floor : shorter times count as this [s]; does not touch the other problems.
+    floor : smaller costs count as this (default: seconds); does not touch the other problems.
 
     >>> times = pd.DataFrame({"fast": [1.0, 1.0, math.inf], "slow": [4.0, 1.0, 8.0]}, index=["p", "q", "r"])
     >>> fast, slow = performance_profile(times).curves
@@ -144,37 +169,23 @@ def performance_profile(times: pd.DataFrame, problems: int | None = None, floor:
     >>> [round(slow.at(tau), 2) for tau in (1, 2, 4, math.inf)]
     [0.67, 0.67, 1.0, 1.0]
     """
-    planned = len(times) if problems is None else problems
-    if planned < len(times):
-        raise ValueError(f"{planned} problems planned, but the table has {len(times)}")
-    quotient = ratios(times, floor)
-    labels: Sequence[str] = sorted(quotient.columns)
-    curves = [_curve(label, quotient[label].to_numpy(dtype=float), planned) for label in labels]
-    return Profile(tuple(curves), planned, floor)
+    planned = at_least(values, problems)
+    return Profile(curves(ratios(values, floor), planned), planned, floor or 0.0)
 
 
-def reversals(
-    times: pd.DataFrame, labels: Sequence[str], tau: float = 2.0, floor: float = FLOOR
-) -> list[tuple[str, str]]:
-    """Pairs (a, b) of `labels` with a above b at τ in the profile of all solvers, and below b when the two are alone.
-
-    A profile ranks against the best of all, so that a third solver may decide between two others (Gould and Scott,
-    ACM TOMS 43, 2016).
-
-    >>> times = pd.DataFrame({"a": [1, 1, 1, 1, 1, 1, 1, 5, 5, 5], "b": [2.5, 2.5, 2.5, 9, 9, 9, 9, 1, 1, 1],
-    ...                       "c": [6, 6, 6, 2, 2, 2, 2, 2.5, 2.5, 2.5]})
-    >>> reversals(times, ["a", "b", "c"])
-    [('c', 'b')]
-    """
-    together = {c.label: c.at(tau) for c in performance_profile(times, floor=floor).curves}
-    found: list[tuple[str, str]] = []
-    for one, other in combinations(sorted(labels, key=lambda label: (-together[label], label)), 2):
-        alone = {c.label: c.at(tau) for c in performance_profile(times[[one, other]], floor=floor).curves}
-        if together[one] > together[other] and alone[one] < alone[other]:
-            found.append((one, other))
-    return found
+def curves(where: pd.DataFrame, problems: int) -> tuple[Curve, ...]:
+    """One step function a label, in order of label: it steps where a problem is solved, and at ∞ never."""
+    labels: Sequence[str] = sorted(where.columns)
+    return tuple(_curve(label, where[label].to_numpy(dtype=float), problems) for label in labels)
 
 
-def _curve(label: str, quotients: Floats, problems: int) -> Curve:
-    found, count = np.unique(quotients[np.isfinite(quotients)], return_counts=True)
-    return Curve(label, found, tuple(int(k) for k in np.cumsum(count)), problems)
+def at_least(values: pd.DataFrame, problems: int | None) -> int:
+    """N: the problems planned, where given. Raises ValueError when the table has more."""
+    if problems is not None and problems < len(values):
+        raise ValueError(f"{problems} problems planned, but the table has {len(values)}")
+    return len(values) if problems is None else problems
+
+
+def _curve(label: str, steps: Floats, problems: int) -> Curve:
+    found, count = np.unique(steps[np.isfinite(steps)], return_counts=True)
+    return Curve(label, found, tuple(np.cumsum(count).tolist()), problems)

@@ -251,7 +251,8 @@ def label_kinds(table: pd.DataFrame) -> dict[str, str]:
     """
     ranks = {str(kind): kind.rank for kind in Kind}
     found: dict[str, str] = {}
-    for label, kind in sorted(zip(table["label"], table["kind"], strict=True)):
+    taken = table[["label", "kind"]].drop_duplicates()
+    for label, kind in sorted(zip(taken["label"], taken["kind"], strict=True)):
         if ranks.get(kind, -1) >= ranks.get(found.get(label, ""), -1):
             found[label] = kind if kind in ranks else ""
     return found

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from cpbench.analysis import bootstrap, failures, means, profiles, reliability, summary
+from cpbench.analysis import bootstrap, failures, means, pairwise, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
 from cpbench.report import convergence, figures
@@ -97,7 +97,7 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
         f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} count as that. "
         f"Dashed: routes that promise less than an answer ({', '.join(f'{m} {k}' for k, m in figures.MARKS.items())}).*"
     )
-    swapped = profiles.reversals(times, profile.leading(figures.EMPHASISED))
+    swapped = pairwise.reversals(times, profile.leading(figures.EMPHASISED))
     if swapped:
         yield (
             "*Caution.* Other solvers decide the order of these at τ = 2; compared by themselves they change places:"

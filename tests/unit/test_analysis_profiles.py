@@ -84,8 +84,8 @@ def test_a_floor_that_is_not_positive_is_refused(floor: float) -> None:
         ratios(frame([[1.0]]), floor)
 
 
-def test_negative_times_are_refused() -> None:
-    with pytest.raises(ValueError, match="negative time"):
+def test_negative_costs_are_refused() -> None:
+    with pytest.raises(ValueError, match="negative cost"):
         ratios(frame([[1.0, -1.0]]))
 
 
