@@ -1,0 +1,92 @@
+"""Data profiles of Moré and Wild, SIAM J. Optimization 20 (2009), exactly, of any cost.
+
+    d_s(κ) = #{p : t[p, s] / u[p] ≤ κ} / N
+
+The fraction of problems that s solves within a budget of κ: seconds, iterations, or units u[p] that belong to the
+problem. With t the evaluations of a function of n variables and u = n + 1, κ counts simplex gradients (their
+eq. 2.8); with t the iterations over contacts and u = nc, sweeps. No solver is measured against another, so a curve
+stays what it is whoever else is shown; failures are ∞ and N is fixed by the plan, so d_s(∞) is the fraction solved.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis.profiles import Curve, at_least, curves
+from cpbench.errors import UnknownName
+
+
+@dataclass(frozen=True)
+class DataProfile:
+    """The curves of a group, in order of label; they step at budgets, drawn by `steps(widest, start=0.0)`."""
+
+    curves: tuple[Curve, ...]
+    problems: int
+
+    @property
+    def widest(self) -> float:
+        """The largest budget that still solves a problem, 0 when there is none: every curve is flat beyond it."""
+        return max((float(c.ratios[-1]) for c in self.curves if c.solved), default=0.0)
+
+    def within(self, budget: float) -> pd.Series[float]:
+        """The fraction of problems each label solves within a budget.
+
+        >>> data_profile(pd.DataFrame({"a": [1.0, 3.0], "b": [2.0, math.inf]})).within(2.0).to_dict()
+        {'a': 0.5, 'b': 0.5}
+        """
+        return pd.Series({c.label: c.at(budget) for c in self.curves}, dtype=float)
+
+
+def data_profile(
+    values: pd.DataFrame, problems: int | None = None, units: pd.Series[float] | None = None
+) -> DataProfile:
+    """The data profile of costs, problems × labels, ∞ or NaN for a failure.
+
+    Parameters
+    ----------
+    problems : N, when more problems were planned than the table has rows. Raises ValueError when fewer.
+    units : u by fingerprint, positive (default 1: the budget is in the unit of the costs).
+
+    Raises ValueError on a negative cost, and on a unit that is missing or not positive.
+
+    >>> evaluations = pd.DataFrame({"s": [30.0, 6.0, math.inf]}, index=["p", "q", "r"])
+    >>> (curve,) = data_profile(evaluations, units=pd.Series({"p": 10.0, "q": 3.0, "r": 5.0})).curves
+    >>> curve.ratios.tolist(), curve.count, curve.at(2.5)
+    ([2.0, 3.0], (1, 2), 0.3333333333333333)
+    """
+    planned = at_least(values, problems)
+    budget = values.to_numpy(dtype=float, copy=True)
+    budget[np.isnan(budget)] = math.inf
+    if (budget < 0).any():
+        raise ValueError(f"negative cost {budget.min():.3g}: no budget is less than nothing")
+    if units is not None:
+        unit = units.reindex(values.index).to_numpy(dtype=float)
+        good = np.isfinite(unit) & (unit > 0)
+        if not good.all():
+            at = int(np.argmin(good))
+            raise ValueError(f"problem {values.index[at]}: its unit is {unit[at]}, which is no positive number")
+        budget /= unit[:, np.newaxis]
+    return DataProfile(curves(pd.DataFrame(budget, index=values.index, columns=values.columns), planned), planned)
+
+
+def size_units(group: pd.DataFrame, symbol: str, plus: float = 0.0) -> pd.Series[float]:
+    """A dimension of each problem of a group, plus a constant, by fingerprint: n + 1 is `size_units(group, "n", 1)`.
+
+    Raises UnknownName when a problem has no such dimension.
+
+    >>> size_units(pd.DataFrame({"fingerprint": ["f", "g"], "sizes": ['{"n": 3}', '{"n": 7}']}), "n", 1).to_dict()
+    {'f': 4.0, 'g': 8.0}
+    """
+    first = group.drop_duplicates("fingerprint")
+    found: dict[str, float] = {}
+    for fingerprint, text in zip(first["fingerprint"], first["sizes"], strict=True):
+        sizes = json.loads(text) if text else {}
+        if symbol not in sizes:
+            raise UnknownName("dimension", symbol, sizes)
+        found[str(fingerprint)] = float(sizes[symbol]) + plus
+    return pd.Series(found, dtype=float)
