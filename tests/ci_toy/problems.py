@@ -1,4 +1,4 @@
-"""`python problems.py FOLDER`: LCPs that projected Gauss-Seidel solves, three files of four problems each."""
+"""`python problems.py FOLDER`: LCPs that projected Gauss-Seidel solves, three kinds, three of each."""
 
 import sys
 from pathlib import Path
@@ -27,7 +27,7 @@ def main(folder: Path) -> None:
     rng = np.random.default_rng(7)
     folder.mkdir(parents=True, exist_ok=True)
     for make, n in ((spd, 80), (chain, 50), (skewed, 120)):
-        for k in range(4):
+        for k in range(3):
             problem = LCP(M=make(rng, n), q=rng.standard_normal(n), name=f"{make.__name__}-{k}")
             storage.save(problem, folder / f"{make.__name__}-{k}.h5")
 

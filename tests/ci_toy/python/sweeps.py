@@ -5,11 +5,11 @@ import numpy as np
 
 def solve(M, q, tolerance):
     """z and the number of sweeps: until a step changes z by less than a hundredth of the tolerance."""
-    z = np.zeros(q.size)
-    for sweep in range(1, 10_000):
-        before = z.copy()
+    z, sweeps = np.zeros(q.size), 0
+    while sweeps < 10_000:
+        before, sweeps = z.copy(), sweeps + 1
         for i in range(q.size):
             z[i] = max(0.0, z[i] - (M[i] @ z + q[i]) / M[i, i])
         if np.abs(z - before).max() <= 1e-2 * tolerance * np.abs(z).max():
             break
-    return z, sweep
+    return z, sweeps

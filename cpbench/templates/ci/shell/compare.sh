@@ -40,7 +40,7 @@ logged() { # a command; what it says goes to the log of the job, and its last wo
   "$@" 2>&1 | tee "$work/log" >&2
 }
 
-last_words() { tail -n 1 "$work/log" | cut -c 1-400; }
+last_words() { tail -n 1 "$work/log" | sed 's/^cpbench: //' | cut -c 1-400; }
 
 # ------------------------------------------------------------------------------------------------ what is asked
 while [ $# -gt 0 ]; do
@@ -75,6 +75,9 @@ fi
 [ -n "$solver" ] || die 'compare.sh: say --solver FILE, the plugin of your solver (.toml or .py)'
 [ -n "$base" ] || die 'compare.sh: say --base REF, the branch or commit to compare with'
 python3 -c 'import cpbench' 2> /dev/null || die 'python3 finds no cpbench: pip install cpbench'
+known='import sys; from cpbench.cli.compare_command import FAILURES; print(*({*sys.argv[1].split(",")} - {*FAILURES, ""}))'
+unknown=$(python3 -c "$known" "$fail_on")
+[ -z "$unknown" ] || die "no outcome '$unknown' for --fail-on: regression, inconclusive, or statuses as wrong,crash"
 top=$(git rev-parse --show-toplevel 2>&1) || die "no git checkout here ($top)"
 cd "$top"
 [ -f "$solver" ] || die "no file '$solver' in this checkout: say --solver with its path from the top"
@@ -131,7 +134,7 @@ esac
 for name in "${both[@]}"; do asked+=(-s "$name@base" -s "$name@again" -s "$name@head"); done
 if [ ${#both[@]} = 0 ]; then # nothing to compare with; wrong answers and crashes are found all the same
   for name in "${fresh[@]}"; do asked+=(-s "$name@head"); done
-  statuses=$(tr , '\n' <<< "$fail_on" | grep -xE 'wrong|crash' | paste -sd ,) || true
+  statuses=$(tr , '\n' <<< "$fail_on" | grep -vxE "regression|inconclusive" | paste -sd ,) || true
   asked+=(${statuses:+--fail-on "$statuses"})
 fi
 case $solver in
@@ -146,6 +149,7 @@ case $code in
   124 | 130 | 137) left="The budget of $budget was used up: pairs that had no turn are left out. " ;;
   *) die "the run ended with $code: $(last_words)" ;;
 esac
+[ -f "$work/results.sqlite" ] || die "the budget of $budget was used up before the first solve: say a larger --budget"
 
 # ------------------------------------------------------------------------------------------------ the verdict
 mkdir -p "$work/out"
@@ -158,13 +162,14 @@ git diff --quiet HEAD || changed=' with changes that are not committed'
 verdict=new
 if [ ${#both[@]} = 0 ]; then
   if [ "$code" = 1 ]; then verdict=failed; else code=0; fi
-  printf '\n%s\n' "$(last_words)" >> "$work/out/summary.md"
+  { echo; grep -E '^[0-9]+ pairs: ' "$work/log" || true; } >> "$work/out/summary.md"
 else
   code=0 verdict=''
   for name in "${both[@]}"; do
     one=0
     logged python3 -m cpbench compare "$work/results.sqlite" --a "$name@base" --b "$name@head" \
-      --equal "$name@base,$name@again" --fail-on "$fail_on" -o "$work/$name.md" -o "$work/out/$name.json" -o "$work/out/$name.xml" || one=$?
+      --noise "$name@base,$name@again" ${fail_on:+--fail-on "$fail_on"} \
+      -o "$work/$name.md" -o "$work/out/$name.json" -o "$work/out/$name.xml" || one=$?
     [ "$one" -le 1 ] || die "$name: the comparison ended with $one: $(last_words)"
     [ "$one" = 0 ] || code=1
     { echo; cat "$work/$name.md"; } >> "$work/out/summary.md"
@@ -178,4 +183,5 @@ mv "$work/out"/* "$work"/results.sqlite* "$output"/
 cat "$output/summary.md" >> "$shown"
 printf '%s\n' "verdict=$verdict" "results=$output" >> "$told"
 cat "$output/summary.md"
+echo "cpbench: $verdict; $output has the results" >&2
 exit $code

@@ -1,0 +1,396 @@
+"""The action, the script and the workflows for other repositories, on a toy repository with its own solver."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from github_action import Done, evaluate, expressions, load, run_action
+
+from cpbench.bench.planning import plan_file
+from cpbench.bench.results.store import Store
+
+ROOT = Path(__file__).resolve().parents[2]
+ACTION = ROOT / ".github/actions/compare/action.yml"
+WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
+SCRIPT = ROOT / "cpbench/templates/ci/shell/compare.sh"
+TOY = ROOT / "tests/ci_toy"
+COMPILER = shutil.which("c++") or shutil.which("g++")
+ENV = {
+    "PATH": os.pathsep.join([os.path.dirname(sys.executable), os.environ["PATH"]]),
+    "GIT_CONFIG_GLOBAL": os.devnull,
+    **{f"GIT_{who}_{what}": f"{what}@example.org" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")},
+}
+FAST = {"repeats": "1", "problems": "problems/skewed-0.h5 problems/spd-0.h5"}
+
+
+def run(folder: Path, *words: str, rc: int = 0, **env: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        words, cwd=folder, env={**os.environ, **ENV, **env}, capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == rc, done.stdout + done.stderr
+    return done
+
+
+def commit(folder: Path, message: str) -> None:
+    run(folder, "git", "add", "-A")
+    run(folder, "git", "commit", "-q", "--allow-empty", "-m", message)
+
+
+@pytest.fixture(scope="session")
+def origin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Somebody's repository: a solver in Python, and one commit on main."""
+    folder = tmp_path_factory.mktemp("toy") / "origin"
+    shutil.copytree(TOY / "python", folder, ignore=shutil.ignore_patterns("__pycache__"))
+    run(folder, sys.executable, str(TOY / "problems.py"), "problems")
+    run(folder, "git", "init", "-q", "-b", "main", ".")
+    commit(folder, "base")
+    return folder
+
+
+@pytest.fixture
+def toy(origin: Path, tmp_path: Path) -> Path:
+    """A clone of it, on a branch."""
+    run(tmp_path, "git", "clone", "-q", str(origin), "toy")
+    run(tmp_path / "toy", "git", "switch", "-q", "-c", "change")
+    return tmp_path / "toy"
+
+
+def act(toy: Path, **inputs: str) -> Done:
+    given = {"solver": "mine.py", "problems": "problems", "cpbench": "installed", "python-version": "installed"}
+    given |= {name.replace("_", "-"): text for name, text in inputs.items()}
+    github = {"base_ref": "main", "repository": "us/toy", "event": {}, "token": ""}
+    return run_action(ACTION, toy, toy.parent / "runner", given, github, ENV)
+
+
+def script(toy: Path, *words: str, rc: int = 0, **env: str) -> subprocess.CompletedProcess[str]:
+    return run(toy, "bash", str(SCRIPT), *words, rc=rc, **env)
+
+
+# ------------------------------------------------------------------------------------------ the form of the files
+
+
+def _steps_are_whole(steps: list[dict[str, Any]]) -> None:
+    for step in steps:
+        assert ("run" in step) != ("uses" in step), step
+        assert set(step) <= {"name", "id", "if", "uses", "with", "run", "shell", "env", "working-directory"}, step
+        assert not expressions(step.get("run", "")), f"a value that strangers write becomes shell: {step['run']}"
+        if "uses" in step and step["uses"].startswith("./"):
+            assert (ROOT / step["uses"] / "action.yml").is_file()
+        elif "uses" in step:
+            assert re.fullmatch(r"actions/[\w-]+@v\d+", step["uses"]), step["uses"]
+
+
+def test_the_action_is_a_composite_one_and_refers_to_what_it_has() -> None:
+    action = load(ACTION)
+    assert set(action) == {"name", "description", "inputs", "outputs", "runs"}
+    assert action["runs"]["using"] == "composite"
+    steps = action["runs"]["steps"]
+    _steps_are_whole(steps)
+    assert all(step["shell"] == "bash" for step in steps if "run" in step)
+    assert all(told["description"] and ("default" in told or told["required"]) for told in action["inputs"].values())
+    assert all(isinstance(told.get("default", ""), str) for told in action["inputs"].values())
+    said = " ".join([*expressions(action), *(step.get("if", "") for step in steps)])
+    assert set(re.findall(r"\binputs\.([\w-]+)", said)) == set(action["inputs"])
+    ids = [step["id"] for step in steps if "id" in step]
+    assert set(re.findall(r"\bsteps\.(\w+)\.outputs", said)) == set(ids)
+    written = set(re.findall(r'"(\w+)=\$', SCRIPT.read_text()))
+    assert set(re.findall(r"\.outputs\.(\w+)", said)) == set(action["outputs"]) == written
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
+def test_a_workflow_has_its_keys_and_no_right_that_it_does_not_need(path: Path) -> None:
+    workflow = load(path)
+    assert {"name", "on", "permissions", "jobs"} <= set(workflow)
+    assert workflow["permissions"] == {"contents": "read"}
+    assert "pull_request_target" not in workflow["on"]
+    for name, job in workflow["jobs"].items():
+        assert {"runs-on", "timeout-minutes", "steps"} <= set(job), name
+        assert set([job["needs"]] if isinstance(job.get("needs"), str) else job.get("needs", ())) <= set(
+            workflow["jobs"]
+        )
+        _steps_are_whole(job["steps"])
+    assert "secrets." not in path.read_text()
+
+
+def test_our_workflow_tests_compares_and_keeps_the_report_without_calling_itself() -> None:
+    text = (ROOT / ".github/workflows/ci.yml").read_text()
+    workflow = load(ROOT / ".github/workflows/ci.yml")
+    jobs = workflow["jobs"]
+    assert [step["run"] for step in jobs["tests"]["steps"] if "run" in step] == [".ci/run"]
+    assert "reports/**" in workflow["on"]["push"]["paths-ignore"]
+    assert "[skip ci]" in text
+    write = [name for name, job in jobs.items() if job.get("permissions", {}).get("contents") == "write"]
+    assert write == ["publish"]
+    assert evaluate(jobs["publish"]["if"], {"github": {"event_name": "push", "ref": "refs/heads/main"}})
+    assert not evaluate(jobs["report"]["if"], {"github": {"event_name": "pull_request", "ref": "refs/heads/main"}})
+    for name in (".ci/run", ".ci/compare"):
+        assert os.access(ROOT / name, os.X_OK)
+    assert plan_file.read(ROOT / ".ci/compare.toml").top["problems"]
+
+
+def test_expressions_are_read_as_github_reads_them() -> None:
+    contexts = {"github": {"base_ref": "main", "event": {"before": "abc"}}, "inputs": {"base": "", "fail-on": "it's"}}
+    base = load(ACTION)["runs"]["steps"][2]["env"]["BASE"].strip("${} ")
+    assert evaluate(base, contexts) == "origin/main"
+    assert evaluate(base, {**contexts, "inputs": {"base": "v1"}}) == "v1"
+    assert evaluate(base, {**contexts, "github": {"base_ref": "", "event": {"before": "abc"}}}) == "abc"
+    assert evaluate("inputs.fail-on == 'it''s' && inputs.nothing == ''", contexts) is True
+    assert evaluate("always() && github.event.number != '3'", contexts, ok=False) is True
+    assert evaluate("github.base_ref == 'main'", contexts, ok=False) is False
+
+
+# ---------------------------------------------------------------------------------------------- what is written
+
+
+def test_new_ci_writes_a_workflow_that_is_whole(tmp_path: Path) -> None:
+    said = run(tmp_path, "cpbench", "new", "ci", "my solver/mine.toml", "--build", "make -C 'my solver' all")
+    assert said.stdout.splitlines()[0] == "wrote .github/workflows/cpbench.yml"
+    workflow = load(tmp_path / ".github/workflows/cpbench.yml")
+    steps = workflow["jobs"]["compare"]["steps"]
+    _steps_are_whole(steps)
+    assert workflow["permissions"] == {"contents": "read"}
+    assert steps[0]["with"]["fetch-depth"] == 0
+    words = run(tmp_path, "bash", "-c", f"bash() {{ printf '%s\\n' \"$@\"; }}; {steps[3]['run']}", RUNNER_TEMP="/r")
+    assert "my solver/mine.toml\n--build\nmake -C 'my solver' all\n" in words.stdout
+    assert set(re.findall(r"^(--[\w-]+)$", words.stdout, re.M)) <= set(re.findall(r"--[\w-]+", SCRIPT.read_text()))
+    assert len((tmp_path / ".github/workflows/cpbench.yml").read_text().splitlines()) <= 22
+    assert "exists already" in run(tmp_path, "cpbench", "new", "ci", "mine.toml", rc=2).stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), "say the plugin of your solver"),
+        (("/mine.toml",), "cannot be a plugin: say its path in the repository"),
+        (("../mine.toml",), "cannot be a plugin"),
+        (("mine.cpp",), "of a .toml or .py file"),
+        (("mine.toml", "--build", "a\nb"), "more than one line"),
+        (("mine.toml", "--host", "jenkins"), "github"),
+    ],
+)
+def test_new_ci_refuses_in_one_line(tmp_path: Path, words: tuple[str, ...], told: str) -> None:
+    said = run(tmp_path, "cpbench", "new", "ci", *words, rc=2).stderr
+    assert told in said
+    assert said.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_install_step_installs_the_version_that_the_action_is_part_of(tmp_path: Path) -> None:
+    step = load(ACTION)["runs"]["steps"][1]
+    command = step["run"].replace("pip install", "pip install --no-deps --target there")  # this Python stays as it is
+    assert command != step["run"]
+    run(tmp_path, "bash", "-c", command, GITHUB_ACTION_PATH=str(ACTION.parent), WANTED="")
+    assert (tmp_path / "there/cpbench/templates/ci/shell/compare.sh").read_text() == SCRIPT.read_text()
+    assert (tmp_path / "there/cpbench/templates/ci/github/cpbench.yml.in").is_file()
+
+
+# --------------------------------------------------------------------------------- builds, and what is said of them
+
+
+def test_the_same_build_passes(toy: Path) -> None:
+    commit(toy, "same")
+    done = act(toy)
+    assert done.code == 0, done.log
+    assert done.outputs["verdict"] in ("same", "inconclusive")
+    assert done.used["actions/upload-artifact@v4"]["path"] == done.outputs["results"]
+    kept = Path(done.outputs["results"])
+    assert {path.name for path in kept.iterdir()} == {"summary.md", "results.sqlite", "mine.json", "mine.xml"}
+    assert (kept / "summary.md").read_text() == done.summary
+    assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
+    assert run(toy, "git", "status", "--short").stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "inputs", "told"),
+    [
+        ("slower", {}, r"regressed.*times the time"),
+        ("wrong", FAST, r"solved → wrong"),
+        ("crashing", FAST, r"solved → crash"),
+    ],
+)
+def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[str, str], told: str) -> None:
+    shutil.copy(TOY / "changes" / f"{change}.py", toy / "sweeps.py")
+    commit(toy, change)
+    done = act(toy, **inputs)
+    assert done.code == 1, done.log
+    assert done.outputs["verdict"] == "regressed"
+    assert re.search(told, done.summary, re.DOTALL), done.summary
+    assert "mine" in done.summary
+    assert done.used["actions/upload-artifact@v4"]["path"] == done.outputs["results"]
+    with Store(Path(done.outputs["results"]) / "results.sqlite") as store:
+        base = [row for row in store.rows() if row["solver"] != "mine@head"]
+    assert {row["status"] for row in base} == {"solved"}  # of its own checkout, whatever head does
+
+
+def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
+    if COMPILER is None:
+        pytest.skip("does not apply: no C++ compiler")
+    run(toy, "cpbench", "new", "solver", "prog", "--lang", "cpp", "-o", "src")
+    (toy / ".gitignore").write_text("/src/prog\n/cpbench-compare\n")
+    commit(toy, "a program")
+    run(toy, "git", "branch", "before")
+    source = toy / "src/prog.cpp"
+    source.write_text(source.read_text().replace("left > request.tolerance &&", "left > 1e-2 &&"))
+    source.write_text(source.read_text().replace('left <= request.tolerance ? "solved"', 'left <= 1e-2 ? "solved"'))
+    commit(toy, "stops early")
+    words = ("--solver", "src/prog.toml", "--build", "make -s -C src", "--base", "before", "--repeats", "1")
+    said = script(toy, *words, "--problems", FAST["problems"], "--fail-on", "crash")  # which it does not
+    assert "solved → wrong" in said.stdout
+    verdict = json.loads((toy / "cpbench-compare/prog.json").read_text())
+    assert verdict["verdict"] == "regressed"
+    assert run(toy, "git", "status", "--short").stdout == ""
+
+
+def test_a_command_on_gitlab(toy: Path, tmp_path: Path) -> None:
+    if shutil.which("awk") is None:
+        pytest.skip("does not apply: no awk")
+    run(toy, "cpbench", "new", "solver", "awk", "--lang", "command", "-o", ".")
+    commit(toy, "a command")
+    run(toy, "git", "branch", "before")
+    run(toy, "cpbench", "new", "ci", "awk.toml", "--host", "gitlab")
+    (toy / "awk.sh").write_text((toy / "awk.sh").read_text().replace("set -eu\n", "set -eu\nexit 3\n"))
+    commit(toy, "ends at once")
+    job = yaml.safe_load((toy / "cpbench.gitlab-ci.yml").read_text())["cpbench"]
+    install, compare = job["script"]
+    here = {"CI_BUILDS_DIR": str(tmp_path), "CI_MERGE_REQUEST_DIFF_BASE_SHA": "before"}
+    run(toy, "bash", "-c", install.partition("&& ")[2], **here)
+    compare = compare.rstrip() + f" --repeats 1 --problems '{FAST['problems']}'\n"
+    said = run(toy, "bash", "-c", compare, rc=1, **here)
+    assert "solved → crash" in said.stdout
+    assert (toy / job["artifacts"]["paths"][0] / "awk.xml").read_text().count("<testcase") == 2
+    assert job["artifacts"]["reports"]["junit"] == "compared/*.xml"
+
+
+def test_a_solver_that_the_base_has_not_is_judged_alone(toy: Path) -> None:
+    text = (toy / "mine.py").read_text()
+    (toy / "second.py").write_text(text.replace('"mine"', '"second"').replace("class Mine", "class Second"))
+    commit(toy, "one more")
+    done = act(toy, **FAST, solver="second.py")
+    assert (done.code, done.outputs["verdict"]) == (0, "new"), done.log
+    assert "Only head has second: nothing to compare with." in done.summary
+    assert "2 pairs: 2 solved" in done.summary
+
+
+# -------------------------------------------------------------------------------------------------- bad input
+
+
+def _refused(done: Done, told: str) -> None:
+    assert done.code == 2, done.log
+    assert told in done.summary
+    assert done.summary.startswith("### cpbench: no verdict\n")
+    assert done.outputs == {"verdict": "", "results": ""}
+    assert "actions/upload-artifact@v4" not in done.used
+
+
+def test_a_shallow_clone_is_told_how_to_be_a_whole_one(origin: Path, tmp_path: Path) -> None:
+    run(origin, "git", "commit", "-q", "--allow-empty", "-m", "second", "--no-verify")
+    run(tmp_path, "git", "clone", "-q", "--depth", "1", f"file://{origin}", "toy")
+    run(tmp_path / "toy", "git", "remote", "remove", "origin")
+    _refused(act(tmp_path / "toy"), "no commit 'origin/main' here, the clone is shallow: check out with its whole")
+
+
+def test_a_build_that_fails_leaves_nothing(toy: Path) -> None:
+    commit(toy, "same")
+    done = act(toy, build="echo no rule to make it >&2; exit 7")
+    _refused(done, "failed with exit code 7: `echo no rule to make it >&2; exit 7`: no rule to make it")
+    assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
+    assert not (toy.parent / "runner/cpbench-compare/results").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--base", "main"), "say --solver FILE"),
+        (("--solver", "mine.py"), "say --base REF"),
+        (("--solver", "mine.py", "--base", "nowhere"), "no commit 'nowhere' here: fetch it first"),
+        (("--solver", "none.toml", "--base", "main"), "no file 'none.toml' in this checkout"),
+        (("--solver",), "--solver needs a value"),
+        (("--speed", "3"), "no option '--speed'"),
+        (("--comment", "3"), "no cpbench-compare/summary.md to post"),
+        (("--solver", "broken.py", "--base", "main"), "broken.py: line 1: ModuleNotFoundError: No module named 'lost'"),
+        (("--solver", "mine.py", "--base", "main", "--problems", "none.h5"), "none.h5"),
+        (("--solver", "mine.py", "--base", "main", "--fail-on", "slow"), "no outcome 'slow'"),
+    ],
+)
+def test_bad_input_ends_with_2_and_a_reason(toy: Path, words: tuple[str, ...], told: str) -> None:
+    (toy / "broken.py").write_text("import lost\n")
+    said = script(toy, *words, rc=2)
+    assert told in said.stderr.splitlines()[-1]
+    assert said.stdout == ""
+    assert not (toy / "cpbench-compare").exists()
+    assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
+
+
+def test_a_budget_in_which_nothing_can_be_solved(toy: Path) -> None:
+    said = script(toy, "--solver", "mine.py", "--base", "main", "--problems", "problems", "--budget", "0.1s", rc=2)
+    assert "the budget of 0.1s was used up before the first solve" in said.stderr.splitlines()[-1]
+
+
+# ------------------------------------------------------------------------------------------------ the comment
+
+
+class _Api(BaseHTTPRequestHandler):
+    """The comments of an issue, as GitHub's API has them."""
+
+    comments: dict[int, str] = {}
+    tokens: set[str] = set()
+
+    def _answer(self, body: Any) -> None:
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(json.dumps(body).encode())
+
+    def _body(self) -> str:
+        self.tokens.add(self.headers["Authorization"])
+        return json.loads(self.rfile.read(int(self.headers["Content-Length"])))["body"]
+
+    def do_GET(self) -> None:
+        assert self.path.startswith("/repos/us/toy/issues/3/comments")
+        self._answer([{"id": key, "body": text} for key, text in self.comments.items()])
+
+    def do_POST(self) -> None:
+        assert self.path == "/repos/us/toy/issues/3/comments"
+        self.comments[len(self.comments) + 1] = self._body()
+        self._answer({})
+
+    def do_PATCH(self) -> None:
+        self.comments[int(self.path.removeprefix("/repos/us/toy/issues/comments/"))] = self._body()
+        self._answer({})
+
+    def log_message(self, format: str, *args: Any) -> None:
+        return
+
+
+@pytest.fixture
+def api() -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _Api)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_the_comment_of_an_earlier_push_is_replaced(tmp_path: Path, api: str) -> None:
+    if shutil.which("curl") is None:
+        pytest.skip("does not apply: no curl")
+    _Api.comments = {1: "somebody else's"}
+    here = {"GITHUB_API_URL": api, "GITHUB_REPOSITORY": "us/toy", "GITHUB_TOKEN": "t0"}
+    for text in ("first ✓", "second"):
+        (tmp_path / "summary.md").write_text(text)
+        script(tmp_path, "--comment", "3", "-o", ".", **here)
+    assert _Api.comments == {1: "somebody else's", 2: "<!-- cpbench compare -->\nsecond"}
+    assert _Api.tokens == {"Bearer t0"}
