@@ -42,6 +42,8 @@ EXACT = "exact"
 FOLLOWED = "previous"
 """The start by which a problem's place in its sequence belongs to the pair."""
 UNMEASURED = (str(Status.UNAVAILABLE), str(Status.NOT_RUN))
+GIVEN_UP = (str(Status.FAILED), str(Status.ERROR))
+"""What such a solver leaves behind is no answer: its error may be anything."""
 _ERROR = re.compile(r"|inf|(<=)?\d+(\.\d+)?e[-+]\d+")
 
 
@@ -59,7 +61,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
     rows = rows_of.normalised(table)
     request = rows["request"].where(rows["request"] != "", EXACT)
     followed = (rows["start"] == FOLLOWED) & (rows["sequence"] != "")
-    answered = rows["claim"] != ""
+    answered = (rows["claim"] != "") & ~rows["status"].isin(GIVEN_UP)
     place = rows["sequence"] + "#" + rows["step"].fillna(0).astype(int).astype(str)
     plain = pd.DataFrame(
         {
