@@ -73,7 +73,7 @@ def gaps(times: pd.DataFrame, floor: float = FLOOR, compared: Sequence[str] | No
 
     >>> times = pd.DataFrame({"a": [1.0, 1.0, math.inf], "b": [4.0, 1.0, 2.0]})
     >>> gaps(times)[["solved", "fastest", "within", "mean", "alone", "marginal"]].round(2).to_numpy().tolist()
-    [[2.0, 2.0, 0.67, 1.0, 0.0, 2.0], [3.0, 2.0, 0.67, 1.59, 1.0, 1.0]]
+    [[2.0, 2.0, 0.67, 1.0, 0.0, 1.59], [3.0, 2.0, 0.67, 1.59, 1.0, 1.0]]
     """
     ordered = times[sorted(times.columns)]
     labels = pd.Index([str(label) for label in ordered.columns], name="label")
@@ -130,11 +130,9 @@ def _marginal(seconds: Array) -> tuple[Array, Array]:
     two = np.partition(seconds, 1, axis=1)[:, :2]
     first, second = two[:, [0]], two[:, [1]]
     leading = seconds == first
-    alone = (leading & np.isfinite(first) & np.isinf(second)).sum(axis=0)
-    both = np.isfinite(second)
-    slower = np.divide(second, first, out=np.ones_like(first), where=both)
-    loss = np.where(leading, slower, 1.0)
-    return alone, _log_mean(loss, np.broadcast_to(both, loss.shape))
+    alone = leading & np.isfinite(first) & np.isinf(second)
+    slower = np.divide(second, first, out=np.ones_like(first), where=np.isfinite(second))
+    return alone.sum(axis=0), _log_mean(np.where(leading, slower, 1.0), np.isfinite(first) & ~alone)
 
 
 def _log_mean(ratio: Array, where: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Array:

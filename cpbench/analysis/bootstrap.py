@@ -12,7 +12,7 @@ Every statistic here is a function of a quotient of sums over problems,
 with A_f, B_f the sums over family f and m_f how often it was drawn: one product of the matrix of multiplicities
 (replicates × families) and the sums per family gives all replicates. All labels share the replicates.
 
-With few families the percentiles of the replicates lie too close together; the *expanded* ones (`_tail`) correct
+With few families the percentiles of the replicates lie too close together; the *expanded* ones (`tail`) correct
 that for a mean. On planted log-normal times, 10 problems a family, 1000 trials, intervals of 95 % held the truth in
 
     families                    3      4      5     10     20     40
@@ -27,7 +27,7 @@ were solved) no resampling shows either.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any, Literal, TypeAlias
@@ -35,22 +35,19 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy import sparse
 from scipy.special import stdtrit
 
 from cpbench.analysis.best import virtual_best
 from cpbench.analysis.means import Array, logged, unlogged, values
-from cpbench.analysis.profiles import FLOOR, ratios
+from cpbench.analysis.profiles import FLOOR
 
 Method: TypeAlias = Literal["expanded", "percentile", "bca"]
 
 FEW = 5
 """With fewer families an interval is a rough guess."""
-GRID = 64
-"""The most values of τ of a band, unless they are given."""
-_CELLS = 2**21
-"""Entries of the arrays that are worked on at a time: bounds the memory, and nothing else depends on it but which
-random numbers go to which replicate."""
+REPLICATES = 1000
+CELLS = 2**21
+"""Entries of the arrays that are worked on at a time: bounds the memory, and changes no number."""
 
 
 @dataclass(frozen=True)
@@ -81,23 +78,6 @@ class Intervals:
     level: float
     replicates: int
     undefined: int
-
-
-@dataclass(frozen=True)
-class Bands:
-    """Pointwise bands of performance profiles: `estimate`, `low`, `high` are τ × labels. See `Intervals`."""
-
-    estimate: pd.DataFrame
-    low: pd.DataFrame
-    high: pd.DataFrame
-    families: int
-    level: float
-    replicates: int
-
-    @property
-    def few(self) -> bool:
-        """Whether there are so few families that the bands are a rough guess, which callers must say."""
-        return self.families < FEW
 
 
 def families_of(group: pd.DataFrame) -> pd.Series[str]:
@@ -149,7 +129,7 @@ def intervals(
     families: pd.Series[str] | None = None,
     *,
     level: float = 0.95,
-    replicates: int = 1000,
+    replicates: int = REPLICATES,
     seed: int = 0,
     method: Method = "expanded",
 ) -> Intervals:
@@ -165,12 +145,12 @@ def intervals(
     >>> found.families, found.table.loc["a", ["estimate", "low", "high"]].astype(float).round(2).tolist()
     (5, [0.83, 0.4, 1.0])
     """
-    _check(level, replicates)
+    check(level, replicates)
     codes, count = clusters(statistic.problems, families)
     top, bottom = _by_family(statistic.top, codes, count), _by_family(statistic.bottom, codes, count)
     drawn = np.empty((replicates, len(statistic.labels)))
     with np.errstate(divide="ignore", invalid="ignore"):
-        for start, weights in _multiplicities(count, replicates, seed):
+        for start, weights in multiplicities(count, replicates, seed):
             drawn[start : start + len(weights)] = statistic.of((weights @ top) / (weights @ bottom))
         estimate = statistic.of(top.sum(axis=0) / bottom.sum(axis=0))
         left_out = statistic.of((top.sum(axis=0) - top) / (bottom.sum(axis=0) - bottom)) if method == "bca" else None
@@ -178,8 +158,8 @@ def intervals(
     ends = np.full((2, len(statistic.labels)), math.nan)
     for k in np.flatnonzero(np.isfinite(estimate) & (carrying > 1)):
         own = drawn[np.isfinite(drawn[:, k]), k]
-        tail = _tail(level, int(carrying[k]) if method == "expanded" else 0)
-        wanted = (tail, 1 - tail) if left_out is None else _bca(own, float(estimate[k]), left_out[:, k], tail)
+        beyond = tail(level, int(carrying[k]) if method == "expanded" else 0)
+        wanted = (beyond, 1 - beyond) if left_out is None else _bca(own, float(estimate[k]), left_out[:, k], beyond)
         ends[:, k] = np.quantile(own, wanted)
     table = pd.DataFrame(
         {
@@ -196,68 +176,15 @@ def intervals(
     return Intervals(table, count, level, replicates, int(empty.sum()))
 
 
-def bands(
-    matrix: pd.DataFrame,
-    families: pd.Series[str] | None = None,
-    taus: Sequence[float] | None = None,
-    *,
-    level: float = 0.95,
-    replicates: int = 1000,
-    seed: int = 0,
-    floor: float = FLOOR,
-) -> Bands:
-    """Pointwise bands (expanded percentiles) of performance profiles ρ_s(τ); the ratios themselves are not resampled.
-
-    Parameters
-    ----------
-    taus : where; default at most GRID of the ratios at which some curve steps, evenly among them.
-
-    >>> times = pd.DataFrame({"a": [1.0, 1.0, 1.0, 9.0], "b": [2.0, 2.0, 2.0, 3.0]})
-    >>> found = bands(times, taus=[1.0, 2.0, 3.0])
-    >>> found.estimate["a"].tolist(), found.low["a"].tolist(), found.high["a"].tolist(), found.few
-    ([0.75, 0.75, 1.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0], True)
-    """
-    _check(level, replicates)
-    codes, count = clusters(matrix.index, families)
-    quotient = ratios(matrix, floor)
-    labels = pd.Index(sorted(str(label) for label in quotient.columns), name="label")
-    ratio = quotient[list(labels)].to_numpy()
-    tau = _grid(ratio) if taus is None else np.unique(np.asarray(taus, dtype=float))
-    bins = np.searchsorted(tau, ratio, side="left")
-    size = np.bincount(codes, minlength=count).astype(float)
-    shape = (len(tau), len(labels))
-    low, high, estimate = np.full(shape, math.nan), np.full(shape, math.nan), np.full(shape, math.nan)
-    for k in range(len(labels) if len(ratio) else 0):
-        estimate[:, k] = np.cumsum(np.bincount(bins[:, k], minlength=len(tau) + 1)[:-1]) / len(ratio)
-    block = max(1, 2 * _CELLS // max(1, len(tau) * replicates))
-    for first in range(0, len(labels) if count > 1 else 0, block):
-        steps = [_steps(bins[:, k], codes, len(tau), count) for k in range(first, min(first + block, len(labels)))]
-        drawn = np.empty((len(steps), len(tau), replicates))
-        for start, weights in _multiplicities(count, replicates, seed):
-            across = np.ascontiguousarray(weights.T)
-            problems = weights @ size
-            for k, step in enumerate(steps):
-                drawn[k, :, start : start + len(weights)] = np.cumsum(step @ across, axis=0) / problems
-        tail = _tail(level, count)
-        ends = np.quantile(drawn, [tail, 1 - tail], axis=2, overwrite_input=True)
-        low[:, first : first + block], high[:, first : first + block] = ends[0].T, ends[1].T
-    index = pd.Index(tau, name="tau")
-    made = [pd.DataFrame(part, index=index, columns=labels) for part in (estimate, low, high)]
-    return Bands(made[0], made[1], made[2], count, level, replicates)
-
-
-def _statistic(matrix: pd.DataFrame, top: Array, bottom: Array, of: Callable[[Array], Array]) -> Statistic:
-    return Statistic(tuple(str(label) for label in matrix.columns), matrix.index, top, bottom, of)
-
-
-def _check(level: float, replicates: int) -> None:
+def check(level: float, replicates: int) -> None:
+    """Raises ValueError on a level outside (0, 1) and on no replicate."""
     if not 0 < level < 1:
         raise ValueError(f"level of {level:g}: must lie between 0 and 1, as 0.95")
     if replicates < 1:
         raise ValueError(f"{replicates} replicates: at least 1")
 
 
-def _tail(level: float, families: int) -> float:
+def tail(level: float, families: int) -> float:
     """Share of the replicates beyond each end: Φ(√(F/(F − 1)) t_{F−1}) in place of (1 − level)/2, where F is given.
 
     The spread of replicates is √((F − 1)/F) of what it should be, and of F values; both as Hesterberg, The American
@@ -269,14 +196,18 @@ def _tail(level: float, families: int) -> float:
     return NormalDist().cdf(math.sqrt(families / (families - 1)) * float(stdtrit(families - 1, plain)))
 
 
-def _multiplicities(count: int, replicates: int, seed: int) -> Iterator[tuple[int, Array]]:
+def multiplicities(count: int, replicates: int, seed: int) -> Iterator[tuple[int, Array]]:
     """How often each family was drawn, replicates × families, in blocks with the number of their first replicate."""
     rng = np.random.default_rng(seed)
-    block = max(1, _CELLS // max(1, count))
+    block = max(1, CELLS // max(1, count))
     for start in range(0, replicates if count else 0, block):
         rows = min(block, replicates - start)
         chosen = rng.integers(count, size=(rows, count)) + count * np.arange(rows)[:, None]
         yield start, np.bincount(chosen.ravel(), minlength=rows * count).reshape(rows, count).astype(float)
+
+
+def _statistic(matrix: pd.DataFrame, top: Array, bottom: Array, of: Callable[[Array], Array]) -> Statistic:
+    return Statistic(tuple(str(label) for label in matrix.columns), matrix.index, top, bottom, of)
 
 
 def _by_family(array: Array, codes: npt.NDArray[np.intp], count: int) -> Array:
@@ -287,31 +218,16 @@ def _by_family(array: Array, codes: npt.NDArray[np.intp], count: int) -> Array:
     return np.add.reduceat(array[order], np.searchsorted(codes[order], np.arange(count)), axis=0)
 
 
-def _steps(bins: npt.NDArray[np.intp], codes: npt.NDArray[np.intp], taus: int, count: int) -> sparse.csr_array:
-    """How many problems of each family a label solves first at each τ, τ × families."""
-    inside = bins < taus
-    ones = np.ones(int(inside.sum()))
-    return sparse.coo_array((ones, (bins[inside], codes[inside])), shape=(taus, count)).tocsr()
-
-
-def _grid(ratio: Array) -> Array:
-    """At most GRID of the distinct finite ratios, the least and the largest among them; 1 where there is none."""
-    found = np.unique(ratio[np.isfinite(ratio)])
-    if not len(found):
-        return np.ones(1)
-    return found[np.unique(np.linspace(0, len(found) - 1, min(GRID, len(found))).round().astype(int))]
-
-
-def _bca(drawn: Array, estimate: float, left_out: Array, tail: float) -> tuple[float, float]:
+def _bca(drawn: Array, estimate: float, left_out: Array, beyond: float) -> tuple[float, float]:
     """The levels at which BCa reads the replicates; those of the percentile interval where all are alike."""
     below = float(((drawn < estimate).mean() + (drawn <= estimate).mean()) / 2)
     apart = left_out[np.isfinite(left_out)]
     apart = apart.mean() - apart
     spread = float((apart**2).sum())
     if spread == 0 or not 0 < below < 1:
-        return tail, 1 - tail
+        return beyond, 1 - beyond
     normal = NormalDist()
     bias, bend = normal.inv_cdf(below), float((apart**3).sum()) / (6 * spread**1.5)
-    shifted = [bias + normal.inv_cdf(p) for p in (tail, 1 - tail)]
+    shifted = [bias + normal.inv_cdf(p) for p in (beyond, 1 - beyond)]
     low, high = (normal.cdf(bias + z / (1 - bend * z)) for z in shifted)
     return low, high

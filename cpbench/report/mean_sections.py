@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best, bootstrap, means
+from cpbench.analysis import best, bootstrap, means, sensitivity
 from cpbench.analysis.profiles import FLOOR
 from cpbench.report.run import each
 from cpbench.report.text import code, counted, number, seconds, table
@@ -101,7 +101,7 @@ def below_floor(times: pd.DataFrame) -> dict[str, str]:
 
 def _tried(times: pd.DataFrame, limit: float) -> pd.DataFrame:
     """Means under other shifts and penalties of the labels that solve something; empty where there is no order."""
-    found = means.sensitivity(times[[label for label in times.columns if np.isfinite(times[label]).any()]], limit)
+    found = sensitivity.sensitivity(times[[label for label in times.columns if np.isfinite(times[label]).any()]], limit)
     return found if found["label"].nunique() > 1 and found["charge"].notna().all() else found.iloc[:0]
 
 
@@ -114,7 +114,7 @@ def _order(tried: pd.DataFrame, shift: float) -> list[str]:
     """The lines about the ranks, none where there is no rank."""
     if not len(tried):
         return []
-    changed = len(means.order_changes(tried, shift))
+    changed = len(sensitivity.order_changes(tried, shift))
     count = tried["label"].nunique()
     return [
         "- rank: by the mean with that shift; where the penalty decides, with the limit / 2 / 10 times the limit",

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from cpbench.analysis.best import WITHIN
+from cpbench.analysis.bootstrap import FEW, REPLICATES
 from cpbench.analysis.profiles import FLOOR
+from cpbench.analysis.sensitivity import CUSTOM
+from cpbench.report.figures import EMPHASISED
 from cpbench.report.text import seconds
 from cpbench.verification import DIRECTION_DEGREES, INACCURATE_FACTOR
 
@@ -76,11 +80,28 @@ stay among the N. Only distance to the best curve is meant: the order of two oth
 left out (Gould and Scott, ACM TOMS 43, 2016).
 
 **Mean time.** The shifted geometric mean exp(mean log(t + s)) − s over all N problems; a problem that the solver did
-not solve is charged the penalty, the time limit, also where no route led to the solver. The shift s is the median of
-all times of the formulation and is printed; a shift far above the times would make this an arithmetic mean that a
-single failure decides.
+not solve is *charged* the penalty, the time limit (or the slowest answer, where conversion or set-up took one beyond
+it), also where no route led to the solver. The shift s is the median of all times of the formulation and is printed; a
+shift far above the times makes this an arithmetic mean that a single failure decides. The *rank* by the mean is
+repeated at a tenth of the shift, ten times the shift and {seconds(CUSTOM)} (customary elsewhere) and, where that
+matters, with 2 and 10 times the limit as penalty (PAR2, PAR10): where ranks move, the choice decides. The mean over
+*commonly solved* problems charges nothing, but leaves the hard ones out; it is taken over those that all of the
+{EMPHASISED} solvers with the largest area under the profile solve, and their number stands above it.
+
+**Interval.** 95 % bootstrap, {REPLICATES} replicates: *families* of problems are drawn with replacement, since the
+problems of one family (the time steps of one scene) resemble each other and would make it too narrow one by one; a
+problem without a family is one by itself. Read at the percentiles widened as Student's t asks with so many families
+(Hesterberg, The American Statistician 69, 2015); with fewer than {FEW} it is a guess. Solvers are compared by the same
+problems, so that intervals that overlap do not say that two are alike.
+
+**Virtual best.** The least time of any solver on each problem. *Gap*: the geometric mean of a solver's ratio to it,
+over the problems that it solved and over those commonly solved; *within {WITHIN:g} times* is a fraction of all N. *Best
+without it*: by what factor the virtual best is slower where that solver is left out (geometric mean over the problems
+that others solve too); 1 says that it is never missed.
 
 **Median and slowdown** are taken over the problems that the solver itself solved, whose number stands beside them:
 *slowdown* is the median of its time over the least time of any solver (the virtual best). They tell nothing about
-problems it did not solve.
+problems it did not solve. *Below {seconds(FLOOR)}*: how many of its times are too short for a ratio to tell anything.
+
+**Claims that hold** have Wilson's 95 % interval (JASA 22, 1927), which takes the pairs for independent.
 """
