@@ -20,10 +20,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
-from scipy import special
 
 from cpbench.analysis import histories as paths
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.reliability import wilson
 
 COLUMNS = (
     "label", "problems", "solved", "p50", "p95", "p99", "max", "misses", "share", "low", "high", "longest",
@@ -36,7 +36,7 @@ Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[Any]]
 
 
 def deadlines(
-    group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None = None, confidence: float = 0.95
+    group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None = None, level: float = 0.95
 ) -> pd.DataFrame:
     """One row a label of a group, in order of label.
 
@@ -57,11 +57,11 @@ def deadlines(
     >>> [found[name].item() for name in ("p50", "p95", "misses", "longest", "longest_from")]
     [3.0, inf, 2, 2, 1.0]
     """
-    return _statistics(*_matrices(group, deadline, histories), deadline, confidence)
+    return _statistics(*_matrices(group, deadline, histories), deadline, level)
 
 
 def deadlines_by_sequence(
-    group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None = None, confidence: float = 0.95
+    group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None = None, level: float = 0.95
 ) -> pd.DataFrame:
     """One row a sequence and label: as `deadlines`, over the steps of one sequence, with a first column `sequence`.
 
@@ -71,7 +71,7 @@ def deadlines_by_sequence(
     parts: list[pd.DataFrame] = []
     for sequence, at in steps.groupby("sequence", sort=True).indices.items():
         if sequence:
-            part = _statistics(times.iloc[at], errors.iloc[at], steps.iloc[at], deadline, confidence)
+            part = _statistics(times.iloc[at], errors.iloc[at], steps.iloc[at], deadline, level)
             part.insert(0, "sequence", str(sequence))
             parts.append(part)
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=["sequence", *COLUMNS])
@@ -99,21 +99,6 @@ def quantiles(values: pd.DataFrame, levels: tuple[float, ...] = LEVELS) -> pd.Da
     return pd.DataFrame(ordered[places], index=index, columns=values.columns)
 
 
-def wilson(count: Any, total: int, confidence: float = 0.95) -> tuple[Any, Any]:
-    """Interval of a share of which `count` (one or an array) of `total` were seen; NaN of nothing.
-
-    >>> [round(float(end), 4) for end in wilson(0, 10)]
-    [0.0, 0.2775]
-    """
-    if total == 0:
-        return np.full(np.shape(count), math.nan), np.full(np.shape(count), math.nan)
-    z2 = float(special.ndtri(0.5 + confidence / 2.0)) ** 2
-    share = np.asarray(count, dtype=float) / total
-    centre = (share + z2 / (2 * total)) / (1 + z2 / total)
-    half = np.sqrt(z2) / (1 + z2 / total) * np.sqrt(share * (1 - share) / total + z2 / (4 * total**2))
-    return np.where(share == 0, 0.0, centre - half), np.where(share == 1, 1.0, centre + half)
-
-
 def _matrices(
     group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
@@ -127,11 +112,11 @@ def _matrices(
 
 
 def _statistics(
-    times: pd.DataFrame, errors: pd.DataFrame, steps: pd.DataFrame, deadline: float, confidence: float
+    times: pd.DataFrame, errors: pd.DataFrame, steps: pd.DataFrame, deadline: float, level: float
 ) -> pd.DataFrame:
     missed = ~(times.to_numpy(dtype=float) <= deadline)
     misses = missed.sum(axis=0)
-    low, high = wilson(misses, len(times), confidence)
+    low, high = wilson(misses, len(times), level)
     longest, end = _longest_runs(missed, steps["sequence"].to_numpy())
     there = longest > 0
     first = np.where(there, end - longest + 1, 0)

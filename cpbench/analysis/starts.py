@@ -1,4 +1,16 @@
-"""Warm starts against cold ones: the same solver on the same problem at the same tolerance, from two starts."""
+"""Warm starts against cold ones: the same solver on the same problem at the same tolerance, from two starts.
+
+A pair is a warm row and the cold row beside it. Over the pairs of a label two geometric means of warm over cold tell
+what the warm start gains, and they answer different questions:
+
+- *common*: over the pairs that both solved, and where the warm solve did start warm. What a warm start does when it
+  works; blind for those it makes fail.
+- *all*: over every pair, a failure charged a penalty, a start that fell back to a cold one included. What one gets who
+  asks for warm starts.
+
+Both come with a bootstrap interval that resamples sequences (families where there is no sequence): the steps of one
+simulation resemble each other (`bootstrap`). Times below the floor are not told apart.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +20,30 @@ import math
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis import bootstrap
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.means import LIMIT, Array, Penalty
+from cpbench.analysis.profiles import FLOOR
 from cpbench.verification import VERIFIED
 
 COLD = "cold"
-_PAIR = ["node", "fingerprint", "label", "tolerance", "threads", "set", "measure"]
+_SETTING = ["node", "fingerprint", "label", "tolerance", "threads", "set", "measure"]
+_CASE = ["node", "label", "start"]
 COLUMNS = ("node", "label", "start", "pairs", "warm", "cold", "fell_back", "time", "iterations")
+GAINS = (
+    "node", "label", "start", "pairs", "both", "only_warm", "only_cold", "neither", "fell_back", "slower", "common",
+    "common_low", "common_high", "common_over", "all", "all_low", "all_high", "clusters",
+)  # fmt: skip
+
+
+def pairs(table: pd.DataFrame) -> pd.DataFrame:
+    """Every warm row that has a cold row beside it: the warm row's columns, `time` [s] and `iterations`, the cold
+    row's `status_cold`, `time_cold` and `iterations_cold`, and whether the warm one `fell_back` to a cold start."""
+    warm = table[~table["start"].isin(["", COLD])]
+    cold = table[(table["start"] == COLD) & table["label"].isin(set(warm["label"]))]
+    warm, cold = _measured(warm), _measured(cold)[[*_SETTING, "status", "time", "iterations"]]
+    both = warm.merge(cold, on=_SETTING, suffixes=("", "_cold"))
+    return both.assign(fell_back=both["started"].str.startswith(COLD).astype(bool))
 
 
 def paired(table: pd.DataFrame) -> pd.DataFrame:
@@ -23,14 +53,10 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
     warm over cold over the pairs that both solved: `time` [s/s] and `iterations` (both NaN where there is no such pair,
     iterations also where the solver counts none).
     """
-    timed = rows_of.with_time(table)
-    timed = timed.assign(iterations=[_iterations(text) for text in timed["counters"]])
-    cold, warm = timed[timed["start"] == COLD], timed[~timed["start"].isin(["", COLD])]
-    both = warm.merge(cold, on=_PAIR, suffixes=("", "_cold"))
     rows: list[dict[str, object]] = []
-    for (node, label, start), part in both.groupby(["node", "label", "start"], sort=True):  # type: ignore[misc]
-        solved = part[rows_of.solved(part) & part["status_cold"].isin(VERIFIED)]
-        solved = solved[~solved["started"].str.startswith(COLD)]
+    for (node, label, start), part in pairs(table).groupby(_CASE, sort=True):  # type: ignore[misc]
+        cold = part["status_cold"].isin(VERIFIED)
+        common = part[rows_of.solved(part) & cold & ~part["fell_back"]]
         rows.append(
             {
                 "node": node,
@@ -38,17 +64,113 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
                 "start": start,
                 "pairs": len(part),
                 "warm": int(rows_of.solved(part).sum()),
-                "cold": int(part["status_cold"].isin(VERIFIED).sum()),
-                "fell_back": int(part["started"].str.startswith(COLD).sum()),
-                "time": _mean_ratio(solved["time"], solved["time_cold"]),
-                "iterations": _mean_ratio(solved["iterations"], solved["iterations_cold"]),
+                "cold": int(cold.sum()),
+                "fell_back": int(part["fell_back"].sum()),
+                "time": _mean_ratio(common["time"], common["time_cold"]),
+                "iterations": _mean_ratio(common["iterations"], common["iterations_cold"]),
             }
         )
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
+def gains(
+    table: pd.DataFrame,
+    penalty: Penalty = LIMIT,
+    *,
+    floor: float = FLOOR,
+    level: float = 0.95,
+    replicates: int = 1000,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """One row a formulation, label and warm start that has cold rows beside it: what the warm start gains in time.
+
+    Columns: pairs; how many both solved, only the warm one, only the cold one, neither; fell_back; slower (both solved
+    and the warm one took longer); the geometric means of warm over cold (below 1: the warm start is ahead) with their
+    intervals: `common` over `common_over` pairs that both solved and that started warm, `all` over all pairs, each
+    failure charged the penalty or the other's time, whichever is more (NaN where no limit is known); clusters (number
+    of sequences or families resampled: with fewer than 5 an interval is a rough guess, with one there is none).
+
+    >>> rows = pd.DataFrame({"problem": ["a", "b"] * 2, "label": "s", "start": ["cold", "cold", "previous", "previous"],
+    ...                      "status": ["solved"] * 3 + ["timeout"], "solve": [4.0, 5.0, 1.0, 9.0], "seconds": 10.0})
+    >>> found = gains(rows_of.normalised(rows)).iloc[0]
+    >>> [round(found[name].item(), 3) for name in ("common", "all", "only_cold", "common_over")]
+    [0.25, 0.707, 1, 1]
+    """
+    found = pairs(table)
+    warm, cold = _floored(found["time"], floor), _floored(found["time_cold"], floor)
+    done_warm, done_cold = np.isfinite(warm), np.isfinite(cold)
+    both = done_warm & done_cold
+    common = both & ~found["fell_back"].to_numpy()
+    limit, limits = pd.factorize(found["seconds"])
+    cost = np.array([*map(penalty.of, limits), penalty.of(math.inf)])[limit]
+    charged_warm = np.where(done_warm, warm, np.maximum(cost, np.where(done_cold, cold, 0.0)))
+    charged_cold = np.where(done_cold, cold, np.maximum(cost, np.where(done_warm, warm, 0.0)))
+    with np.errstate(invalid="ignore"):
+        every = np.log(charged_warm) - np.log(charged_cold)
+        ratio = np.where(common, np.log(warm) - np.log(cold), 0.0)
+    sums = found.assign(
+        both=both,
+        only_warm=done_warm & ~done_cold,
+        only_cold=~done_warm & done_cold,
+        neither=~done_warm & ~done_cold,
+        slower=both & (warm > cold),
+        common_over=common,
+        pairs=1,
+    )
+    cluster = found["sequence"].where(found["sequence"] != "", found["family"])
+    rows: list[dict[str, object]] = []
+    for case, at in found.groupby(_CASE, sort=True).indices.items():
+        counts = ("pairs", "both", "only_warm", "only_cold", "neither", "fell_back", "slower", "common_over")
+        record: dict[str, object] = dict(zip(_CASE, case, strict=True))  # type: ignore[call-overload]
+        record |= {name: int(sums[name].to_numpy()[at].sum()) for name in counts}
+        families = pd.Series(cluster.to_numpy()[at], index=range(len(at)))
+        top = np.column_stack([ratio[at], every[at]])
+        bottom = np.column_stack([common[at].astype(float), np.ones(len(at))])
+        statistic = bootstrap.Statistic(("common", "all"), families.index, top, bottom, np.exp)
+        told = bootstrap.intervals(statistic, families, level=level, replicates=replicates, seed=seed)
+        for name in ("common", "all"):
+            record[name] = float(told.table.loc[name, "estimate"])
+            record |= {f"{name}_{end}": float(told.table.loc[name, end]) for end in ("low", "high")}
+        rows.append(record | {"clusters": told.families})
+    return pd.DataFrame(rows, columns=list(GAINS))
+
+
+def losses(table: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd.DataFrame:
+    """The pairs in which the warm start loses: not solved where the cold one solved, or slower by more than a factor.
+
+    One row a pair, per formulation, label and start the worst first (failures, then by ratio): node, label, start,
+    problem, fingerprint, sequence, step, status, time, time_cold [s], ratio (∞ for a failure).
+
+    Parameters
+    ----------
+    beyond : ratio of times above which a pair is listed; noise alone makes half of equal pairs slower than 1.
+    """
+    found = pairs(table)
+    warm, cold = _floored(found["time"], floor), _floored(found["time_cold"], floor)
+    with np.errstate(invalid="ignore"):
+        ratio = np.where(np.isfinite(cold), warm / cold, 0.0)
+    columns = [*_CASE, "problem", "fingerprint", "sequence", "step", "status", "time", "time_cold"]
+    lost = found[columns].assign(ratio=ratio)[ratio > beyond]
+    return lost.sort_values(
+        [*_CASE, "ratio", "sequence", "step", "problem"],
+        ascending=[True, True, True, False, True, True, True],
+        ignore_index=True,
+    )
+
+
+def _measured(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with `time` and `iterations`; each distinct text of counters is read once."""
+    codes, texts = pd.factorize(rows["counters"])
+    counts = np.array([*map(_iterations, texts), math.nan])
+    return rows_of.with_time(rows).assign(iterations=counts[codes])
+
+
 def _iterations(counters: str) -> float:
     return float((json.loads(counters) if counters else {}).get("iterations", math.nan))
+
+
+def _floored(seconds: pd.Series[float], floor: float) -> Array:
+    return np.maximum(seconds.fillna(math.inf).to_numpy(dtype=float), floor)
 
 
 def _mean_ratio(warm: pd.Series[float], cold: pd.Series[float]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -90,14 +91,12 @@ def test_a_pair_that_was_not_planned_is_late() -> None:
     assert found["misses"].tolist() == [1, 1]
 
 
-@pytest.mark.parametrize("confidence", [0.8, 0.95, 0.99])
-def test_shares_have_the_interval_of_wilson(confidence: float) -> None:
-    for total in (1, 7, 50, 10_000):
-        counts = np.unique(np.linspace(0, total, 9).astype(int))
-        low, high = late.wilson(counts, total, confidence)
-        for k, count in enumerate(counts):
-            expected = stats.binomtest(int(count), total).proportion_ci(confidence, method="wilson")
-            assert (low[k], high[k]) == pytest.approx((expected.low, expected.high), abs=1e-12)
+def test_shares_have_the_interval_of_wilson() -> None:
+    times = [9.0] * 13 + [1.0] * 37
+    for level in (0.8, 0.95):
+        (found,) = late.deadlines(_rows(_sequence("a", "s", times)), 2.0, level=level).to_dict("records")
+        expected = stats.binomtest(13, 50).proportion_ci(level, method="wilson")
+        assert (found["low"], found["high"]) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
 def test_runs_end_with_their_sequence() -> None:
@@ -158,8 +157,8 @@ def test_the_error_at_the_deadline_is_the_best_so_far() -> None:
     found = late.deadlines(rows, 2.0, history).set_index("label")
     assert found.loc["anytime", ["error_p50", "error_max"]].tolist() == [1e-3, 1e-2]
     assert found.loc["late", ["error_p50", "error_max"]].tolist() == [1e-9, INF]
-    assert paths.error_at(rows, history, 3.5).loc["f-b"].to_dict() == {"anytime": 1e-4, "late": 1e-9}
-    assert paths.error_at(rows, None, 10.0).loc["f-b"].to_dict() == {"anytime": INF, "late": 1e-9}
+    assert paths.error_at(rows, history, 3.5).to_dict("index")["f-b"] == {"anytime": 1e-4, "late": 1e-9}
+    assert paths.error_at(rows, None, 10.0).to_dict("index")["f-b"] == {"anytime": INF, "late": 1e-9}
 
 
 def test_error_at_a_time_against_a_loop() -> None:
@@ -176,20 +175,20 @@ def test_error_at_a_time_against_a_loop() -> None:
         ignore_index=True,
     )
     for seconds in (0.0, 0.7, 2.0, 5.0, 9.0):
-        found = paths.error_at(rows, history, seconds)
+        found: dict[Any, Any] = paths.error_at(rows, history, seconds).to_dict()
         for r in rows.to_dict("records"):
             own = history[history["key"] == r["key"]]
             expected = r["error"] if r["solve"] <= seconds else INF
             if len(own):
                 early = own["share"] * r["solve"] <= seconds
                 expected = min(own.loc[early, "error"], default=INF)
-            assert found.loc[r["fingerprint"], r["label"]] == expected
-    good = paths.times_to(rows, history, 1e-3)
+            assert found[r["label"]][r["fingerprint"]] == expected
+    times: dict[Any, Any] = paths.times_to(rows, history, 1e-3).to_dict()
     for seconds in (0.7, 2.0, 5.0):
-        reached = paths.error_at(rows, history, seconds) <= 1e-3
+        reached: dict[Any, Any] = (paths.error_at(rows, history, seconds) <= 1e-3).to_dict()
         for r in rows[rows["key"].isin(history["key"])].to_dict("records"):
-            at = r["fingerprint"], r["label"]
-            assert reached.loc[at] == (good.loc[at] <= seconds)
+            p, s = r["fingerprint"], r["label"]
+            assert reached[s][p] == (times[s][p] <= seconds)
 
 
 def test_what_is_refused() -> None:
