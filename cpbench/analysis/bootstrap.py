@@ -82,8 +82,8 @@ class Intervals:
 
 def families_of(group: pd.DataFrame) -> pd.Series[str]:
     """Family of each problem of a group, by fingerprint; of a problem in two families the first by name."""
-    first = group.sort_values(["fingerprint", "family"], kind="stable").drop_duplicates("fingerprint")
-    return first.set_index("fingerprint")["family"]
+    known = group[["fingerprint", "family"]].drop_duplicates().sort_values(["fingerprint", "family"])
+    return known.drop_duplicates("fingerprint").set_index("fingerprint")["family"]
 
 
 def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) -> tuple[npt.NDArray[np.intp], int]:

@@ -57,8 +57,12 @@ def mean_section(
         "profiles all solve",
     ]
     lines[0] += f" ({every.remark})" if every.remark else ""
-    lines[1] += ": **few, so a rough guess**" if around.families < bootstrap.FEW else ""
-    lines[2] += f": **{common.remark}**" if common.remark else ""
+    if around.families < bootstrap.FEW:
+        lines[1] += (
+            ": **few, so a rough guess**" if around.families > 1 else ": **none, for it says nothing of others**"
+        )
+    if common.remark:
+        lines[2] += f": **{'few' if common.problems else 'none'}**"
     yield "\n".join([*lines, *_order(tried, every.shift)])
 
 

@@ -1,0 +1,89 @@
+"""What a report says beside its means: over what, how sure, and what the choice of shift and penalty decides."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from synthetic_results import meta, row, suite, table
+
+from cpbench.analysis import bootstrap, means, profiles
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import attended
+from cpbench.report import figures
+from cpbench.report.markdown import write_report
+from cpbench.report.text import seconds
+
+
+def section(rows: pd.DataFrame, folder: Path, heading: str) -> str:
+    """The text under a heading, '' where the report has none."""
+    text = write_report(rows, meta(), folder, "t").read_text(encoding="utf-8")
+    return text.partition(f"\n### {heading}\n")[2].partition("\n### ")[0]
+
+
+def cells(text: str) -> dict[str, list[str]]:
+    """Cells of each row of the table, by its first."""
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| `")]
+    return {first.strip("`"): rest for first, *rest in rows}
+
+
+def test_means_stand_beside_their_counts_and_intervals(tmp_path: Path) -> None:
+    text = section(suite(), tmp_path, "Means")
+    group = attended(rows_of.normalised(suite()))
+    times = rows_of.times(group)
+    leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
+    every, common = means.means(times, limit=10.0), means.means(times, limit=10.0, common=leading)
+    around = bootstrap.intervals(bootstrap.mean_time(times, every.shift, 10.0), bootstrap.families_of(group)).table
+    shown = cells(text)
+    assert set(shown) == set(times.columns)
+    for label, found in shown.items():
+        own = every.table.loc[label]
+        assert found[:3] == [str(own["solved"]), str(own["charged"]), seconds(float(own["mean"]))]
+        assert found[3] == f"{seconds(around.at[label, 'low'])} to {seconds(around.at[label, 'high'])}"
+        assert (found[4] == "—") == (label not in leading)
+    assert f"mean over 45 | 95 % interval | mean over {common.problems} |" in text
+    assert "- interval: bootstrap of 5 families\n" in text
+    assert f"shift {seconds(every.shift)} (median of all times); a problem not solved is charged 10 s" in text
+
+
+def test_a_choice_that_decides_is_told(tmp_path: Path) -> None:
+    """One failure in 20 puts the quicker of two last, if the shift is the customary 10 s."""
+    rows = [row(f"f{i % 6}-{i}", "whole", "solved", 4e-3) for i in range(20)]
+    rows += [row(f"f{i % 6}-{i}", "quick", "solved", 1e-3) for i in range(1, 20)]
+    text = section(table(*rows, row("f0-0", "quick", "timeout")), tmp_path, "Means")
+    assert "- shift and penalty decide the order of 1 of 1 pair of solvers" in text
+    assert "| rank at 4 ms |" in text
+    assert (cells(text)["quick"][6], cells(text)["quick"][-1]) == ("1", "2")
+
+
+def test_little_to_resample_or_to_charge_is_told(tmp_path: Path) -> None:
+    rows = table(*(row(f"f-{i}", s, "solved" if i % 3 else "timeout", 1.0 + i) for i in range(6) for s in ("a", "b")))
+    text = section(rows, tmp_path, "Means")
+    assert "- interval: bootstrap of 1 family: **none, for it says nothing of others**\n" in text
+    assert "all solve: **few**" in text
+    few = table(*(row(f"f{i % 3}-{i}", s, "solved", 1.0 + i) for i in range(6) for s in ("a", "b")))
+    assert "bootstrap of 3 families: **few, so a rough guess**" in section(few, tmp_path, "Means")
+    boundless = section(rows.assign(seconds=math.inf), tmp_path, "Means")
+    assert "a problem not solved leaves none (no limit was set)" in boundless
+    assert "rank" not in boundless
+    assert cells(boundless)["a"][2] == "—"
+    nothing = table(*(row(f"f-{i}", s, "timeout") for i in range(3) for s in ("a", "b")))
+    assert section(nothing, tmp_path, "Means") == section(nothing, tmp_path, "Gap to the virtual best") == ""
+
+
+def test_the_gap_and_the_floor(tmp_path: Path) -> None:
+    rows = table(
+        *(row(f"p-{i}", "a", "solved", t) for i, t in enumerate((1e-5, 1.0, 1.0))),
+        *(row(f"p-{i}", "b", "solved", t) for i, t in enumerate((2e-5, 4.0, 1.0))),
+        row("p-3", "a", "crash"),
+        row("p-3", "b", "solved", 2.0),
+    )
+    text = section(rows, tmp_path, "Gap to the virtual best")
+    assert cells(text) == {
+        "a": ["3", "75%", "1", "1", "0", f"{4 ** (1 / 4):.3g}"],
+        "b": ["4", "75%", f"{4 ** (1 / 4):.3g}", f"{np.cbrt(4):.3g}", "1", "1"],
+    }
+    assert "taken together, solves 4 of 4." in text
+    assert cells(section(rows, tmp_path, "Solved and times"))["a"][-1] == "1"
