@@ -22,6 +22,8 @@ from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.table import CHARGED, Floats
 from cpbench.errors import StoreError, UnknownName
 
+MEMORY_FLOOR = 2.0**20
+"""Bytes below which memory counts as this much: what fits into pages that a process has already is measured as 0."""
 COUNTER = "counter:"
 """Prefix of the name of a metric that is a counter of the solver: `counter:factorizations`."""
 
@@ -56,9 +58,9 @@ METRICS: Mapping[str, Metric] = {
     for metric in (
         Metric("time", "s", FLOOR, "conversion, set-up, solve and carrying the answer back", _TIMED),
         Metric("solve", "s", FLOOR, "the solve alone", ("solve",)),
-        Metric("cpu", "s", FLOOR, "processor time of the solve, over all threads", ("cpu",)),
+        Metric("cpu", "s", FLOOR, "processor time of the solve, over all threads and processes", ("cpu",)),
         Metric("reported", "s", FLOOR, "the time by the solver's own account", ("reported",)),
-        Metric("memory", "byte", None, "largest resident memory of the process", ("peak",)),
+        Metric("memory", "byte", MEMORY_FLOOR, "resident memory needed on top of what was there", ("peak",)),
         _counter("iterations", "iterations", "iterations as the solver counts them"),
     )
 }

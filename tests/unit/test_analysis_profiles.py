@@ -1,4 +1,4 @@
-"""Performance profiles: values by hand, known errors of other packages, and properties on random tables."""
+"""Performance and data profiles: values by hand, published examples, and properties on random tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cpbench.analysis.profiles import FLOOR, Profile, performance_profile, ratios
+from cpbench.analysis.data_profiles import DataProfile, data_profile, size_units
+from cpbench.analysis.profiles import FLOOR, Curve, Profile, performance_profile, ratios
+from cpbench.errors import UnknownName
 
 INF = math.inf
 
@@ -21,7 +23,7 @@ def frame(values: list[list[float]], labels: str = "abcdefgh") -> pd.DataFrame:
     return pd.DataFrame(wide, index=[f"p{i}" for i in range(len(wide))], columns=list(labels[: wide.shape[1]]))
 
 
-def heights(profile: Profile, label: str, *taus: float) -> list[float]:
+def heights(profile: Profile | DataProfile, label: str, *taus: float) -> list[float]:
     curve = next(c for c in profile.curves if c.label == label)
     return [curve.at(tau) for tau in taus]
 
@@ -38,35 +40,6 @@ def test_values_by_hand() -> None:
     assert [c.label for c in profile.by_height()] == ["b", "a", "c"]
 
 
-def test_failures_stay_failures_when_every_ratio_is_one() -> None:
-    """BenchmarkProfiles.jl charges a failure twice the largest log ratio: when all are 0, that is the best."""
-    profile = performance_profile(frame([[5, 5], [7, INF], [3, 3]]))
-    assert heights(profile, "a", 1, INF) == [1.0, 1.0]
-    assert heights(profile, "b", 1, 1e300, INF) == [2 / 3] * 3
-
-
-def test_one_zero_touches_no_other_problem() -> None:
-    """BenchmarkProfiles.jl adds 1 to every measure when one of them is 0: a ratio of 100 becomes 1.099."""
-    table = frame([[0.001, 0.1], [0.0, 0.5]])
-    assert ratios(table, floor=1e-6).loc["p0", "b"] == pytest.approx(100.0)
-    assert table.loc["p1", "a"] == 0.0, "the input is not changed"
-
-
-def test_a_failure_lands_on_its_own_problem_whatever_the_order_of_rows() -> None:
-    """perprof-py takes the failure mask of one solver's row order and applies it to another's."""
-    from synthetic_results import row
-    from synthetic_results import table as rows_table
-
-    from cpbench.analysis.table import normalised, times
-
-    first = [row(p, "s1", "solved", t) for p, t in (("a", 1.0), ("b", 2.0), ("c", 3.0))]
-    second = [row("c", "s2", "wrong", 1e-3), row("a", "s2", "solved", 2.0), row("b", "s2", "solved", 2.0)]
-    wide = times(normalised(rows_table(*second, *first)))
-    assert wide["s1"].tolist() == [1.0, 2.0, 3.0]
-    assert wide["s2"].tolist() == [2.0, 2.0, INF]
-    assert heights(performance_profile(wide), "s2", 1, 2, INF) == [1 / 3, 2 / 3, 2 / 3]
-
-
 def test_nan_is_a_failure_of_its_own_solver_only() -> None:
     profile = performance_profile(frame([[math.nan, 2.0], [1.0, math.nan]]))
     assert heights(profile, "a", 1, INF) == heights(profile, "b", 1, INF) == [0.5, 0.5]
@@ -76,6 +49,13 @@ def test_floor_makes_short_times_equal() -> None:
     table = frame([[1e-6, 9e-5], [1e-6, 1e-3]])
     assert ratios(table, floor=1e-4).to_numpy().tolist() == [[1.0, 1.0], [1.0, 10.0]]
     assert ratios(table, floor=1e-9).loc["p0", "b"] == pytest.approx(90)
+
+
+def test_without_a_floor_costs_must_not_be_zero() -> None:
+    assert ratios(frame([[1e-9, 4e-9]]), floor=None).to_numpy().tolist() == [[1.0, 4.0]]
+    assert performance_profile(frame([[1.0]]), floor=None).floor == 0.0
+    with pytest.raises(ValueError, match="needs a floor"):
+        ratios(frame([[0.0, 1.0]]), floor=None)
 
 
 @pytest.mark.parametrize("floor", [0.0, -1.0, math.nan])
@@ -109,14 +89,6 @@ def test_nothing_solved(table: pd.DataFrame) -> None:
     assert all(c.steps(2.0)[1].tolist() == [0.0, 0.0] for c in profile.curves)
 
 
-def test_gould_and_scott_the_order_of_two_depends_on_a_third() -> None:
-    """Profiles rank against the best only; made-up times where leaving `a` out turns b < c into b > c at τ = 2."""
-    table = frame([[1, 2.5, 6]] * 3 + [[1, 9, 2]] * 4 + [[5, 1, 2.5]] * 3)
-    with_a, without = performance_profile(table), performance_profile(table[["b", "c"]])
-    assert (heights(with_a, "b", 2), heights(with_a, "c", 2)) == ([0.3], [0.4])
-    assert (heights(without, "b", 2), heights(without, "c", 2)) == ([0.6], [0.4])
-
-
 def test_steps_and_area() -> None:
     profile = performance_profile(frame([[1, 2], [1, 8], [1, INF]]))
     b = profile.curves[1]
@@ -137,7 +109,7 @@ TIMES = arrays(
 )
 
 
-def as_dict(profile: Profile) -> dict[str, tuple[list[float], tuple[int, ...]]]:
+def as_dict(profile: Profile | DataProfile) -> dict[str, tuple[list[float], tuple[int, ...]]]:
     return {c.label: (c.ratios.tolist(), c.count) for c in profile.curves}
 
 
@@ -178,3 +150,123 @@ def test_ratios_have_no_unit(values: np.ndarray, scale: float) -> None:
     table = frame(values.tolist())
     scaled = performance_profile(table * scale, floor=FLOOR * scale)
     assert as_dict(scaled) == as_dict(performance_profile(table))
+
+
+@settings(deadline=None, max_examples=60)
+@given(values=TIMES)
+def test_curves_are_steps_continuous_from_the_right(values: np.ndarray) -> None:
+    table = frame(values.tolist())
+    for curve in (*performance_profile(table).curves, *data_profile(table).curves):
+        for step in curve.ratios:
+            assert curve.at(np.nextafter(step, -INF)) < curve.at(step) == curve.at(np.nextafter(step, INF))
+        taus = np.array([0.0, 0.5, *curve.ratios, 1e300, INF])
+        height = curve.heights(taus)
+        assert height.tolist() == [curve.at(tau) for tau in taus]
+        assert (np.diff(height) >= 0).all(), "monotone"
+        assert ((height >= 0) & (height <= 1)).all()
+
+
+def steps_of(curve: Curve) -> list[float]:
+    """Where a curve steps, as often as it has problems there."""
+    return np.repeat(curve.ratios, np.diff([0, *curve.count])).tolist()
+
+
+class TestPublished:
+    """SolverBenchmark.jl prints the data of its examples with three digits and draws their profiles with Matplotlib,
+    so that the corners of the curves stand in the SVG files: at x = zero + unit·log2(ratio) points.
+
+    Three digits of two times leave log2 of their ratio uncertain by 2·log2(1 + 0.005).
+    """
+
+    def compare(
+        self, times: dict[str, list[float]], drawn: dict[str, list[float]], zero: float, unit: float
+    ) -> dict[str, float]:
+        profile = performance_profile(pd.DataFrame(times))
+        for curve in profile.curves:
+            corners = (np.array(drawn[curve.label]) - zero) / unit
+            assert np.log2(steps_of(curve)) == pytest.approx(corners, abs=2 * math.log2(1.005))
+        return {curve.label: curve.at(INF) for curve in profile.curves}
+
+    def test_all_solved(self) -> None:
+        """assets/joined.tex (762112f) and assets/profile1.svg (2cbab75); this example does not look at the status."""
+        x = 37.424646
+        assert self.compare(
+            {
+                "alpha": [62.4, 353, 768, 43.1, 268, 66.8, 157, 605, 136, 838],
+                "beta": [392, 479, 68.2, 480, 468, 452, 644, 669, 94.8, 949],
+                "gamma": [697, 435, 986, 997, 508, 216, 859, 905, 435, 65.9],
+            },
+            {
+                "alpha": [*[x] * 7, 78.146042, 311.911386, 325.813201],
+                "beta": [x, x, 48.81892, 72.08162, 100.74676, 197.78595, 245.89838, 254.28163, 310.63136, 339.88955],
+                "gamma": [x, 61.0942, 83.0578, 109.8605, 170.3281, 210.2475, 230.3894, 311.1638, 340.3601, 393.5526],
+            },
+            zero=x,
+            unit=78.604448,
+        ) == {"alpha": 1.0, "beta": 1.0, "gamma": 1.0}
+
+    def test_with_failures(self) -> None:
+        """test/output_results.jl (502630d) and the tutorial's profile2.svg (f911235), where failures cost Inf."""
+        x = 38.864646
+        assert self.compare(
+            {
+                "alpha": [INF, INF, 768, 43.1, 268, 66.8, 157, 605, 136, INF],
+                "beta": [177, INF, 682, INF, INF, 652, 597, 479, INF, 471],
+                "gamma": [32.6, 686, 841, INF, INF, 897, 95.4, INF, INF, 838],
+            },
+            {
+                "alpha": [x, x, x, x, 54.979648, 70.761036, 106.662748],
+                "beta": [x, x, x, 270.34034, 289.346828, 349.981227],
+                "gamma": [x, x, x, 67.492097, 117.645853, 393.683472],
+            },
+            zero=x,
+            unit=94.695625,
+        ) == {"alpha": 0.7, "beta": 0.6, "gamma": 0.6}
+
+
+def test_data_profile_by_the_definition() -> None:
+    """Moré and Wild's definition, one problem at a time: no package publishes numbers of one."""
+    rng = np.random.default_rng(5)
+    values = rng.integers(0, 40, (60, 4)).astype(float)
+    values[rng.uniform(size=values.shape) < 0.3] = INF
+    table = frame(values.tolist())
+    size = rng.integers(1, 9, len(table))
+    profile = data_profile(table, problems=75, units=pd.Series(size + 1.0, index=table.index))
+    for s, curve in enumerate(profile.curves):
+        for budget in (0.0, 0.3, 1.0, 2.5, 7.0, profile.widest, INF):
+            solved = 0
+            for p in range(len(table)):
+                if values[p, s] < INF and values[p, s] / (size[p] + 1) <= budget:
+                    solved += 1
+            assert curve.at(budget) == solved / 75
+
+
+@settings(deadline=None, max_examples=40)
+@given(values=TIMES, seed=st.integers(0, 2**16))
+def test_data_profiles_do_not_depend_on_who_is_shown(values: np.ndarray, seed: int) -> None:
+    table = frame(values.tolist())
+    rng = np.random.default_rng(seed)
+    units = pd.Series(rng.uniform(0.5, 3.0, len(table)), index=table.index)
+    whole = as_dict(data_profile(table, units=units))
+    for label in table.columns:
+        alone = table[[label]].iloc[rng.permutation(len(table))]
+        assert as_dict(data_profile(alone, units=units)) == {label: whole[label]}
+        assert heights(data_profile(alone, units=units), label, INF) == [float(np.isfinite(alone).mean().iloc[0])]
+    for label, height in data_profile(table, units=units).within(INF).items():
+        assert height == performance_profile(table).curves[list(table.columns).index(label)].at(INF)
+
+
+def test_data_profile_corners_and_refusals() -> None:
+    table = frame([[0.0], [3.0]])
+    (curve,) = data_profile(table, problems=4).curves
+    x, y = curve.steps(5.0, start=0.0)
+    assert (x.tolist(), y.tolist()) == ([0, 3, 5], [0.25, 0.5, 0.5])
+    assert data_profile(frame([[INF]])).widest == 0.0
+    with pytest.raises(ValueError, match="negative cost -1"):
+        data_profile(frame([[-1.0]]))
+    with pytest.raises(ValueError, match="problem p1: its unit is nan"):
+        data_profile(table, units=pd.Series({"p0": 1.0}))
+    with pytest.raises(ValueError, match=r"problem p0: its unit is 0\.0"):
+        data_profile(table, units=pd.Series({"p0": 0.0, "p1": 1.0}))
+    with pytest.raises(UnknownName, match=r"did you mean n\?"):
+        size_units(pd.DataFrame({"fingerprint": ["f"], "sizes": ['{"n": 3}']}), "nn")
