@@ -1,0 +1,195 @@
+"""What was measured, as a recommendation uses it: problems with their features, and what each label came to on them.
+
+An outcome is a time [s], ∞ for a label that was started and did not solve the problem (a claim that is false is a
+failure, however fast), NaN for one that was not started: no route, refused, not installed. Times are compared within
+one *case* only: a problem at one tolerance, with one number of threads, by one measure, on one machine.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.profiles import FLOOR
+from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Kind
+from cpbench.verification import Status
+
+NEVER_STARTED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE))
+TEXT_VERSION = 1
+DIGITS = 3
+"""Significant digits of a number in the text: times differ by more from run to run."""
+_INEXACT = [str(kind) for kind in Kind if not kind.exact]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem under one setting: its features and outcomes by label [s]."""
+
+    problem: str
+    node: str
+    family: str
+    fingerprint: str
+    features: Mapping[str, Any]
+    outcomes: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Experience:
+    """Cases that somebody solved, in order; `unsolved` counts those that nobody did, which rank nobody.
+
+    `unfinished` counts the problems that were left out because some of their pairs were not run yet; `requests` says
+    how labels were reached, where not by an exact route that was found for them.
+    """
+
+    cases: tuple[Case, ...]
+    unsolved: int = 0
+    unfinished: int = 0
+    requests: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """Every label that was started on some case, sorted."""
+        return tuple(sorted({label for case in self.cases for label in case.outcomes}))
+
+    @cached_property
+    def ratios(self) -> rows_of.Floats:
+        """Time over the virtual best, cases × labels; ∞ where it failed, NaN where it was not started."""
+        place = {label: j for j, label in enumerate(self.labels)}
+        times = np.full((len(self.cases), len(place)), math.nan)
+        for i, case in enumerate(self.cases):
+            for label, seconds in case.outcomes.items():
+                times[i, place[label]] = max(seconds, FLOOR)
+        return times / np.fmin.reduce(times, axis=1, initial=math.inf)[:, None]
+
+    @cached_property
+    def nodes(self) -> tuple[str, ...]:
+        return tuple(case.node for case in self.cases)
+
+
+def family_of(family: str, problem: str) -> str:
+    """The family of a problem; where its file names none, the letters with which the problem's name begins.
+
+    Files of one origin are named alike, and resemble each other: they are left out together.
+
+    >>> family_of("", "Capsules-i100-889.dat"), family_of("torsion", "x"), family_of("", "42")
+    ('Capsules', 'torsion', '42')
+    """
+    return family or (re.match(r"[^\W\d_]*", problem) or [""])[0] or problem
+
+
+def experience(
+    table: pd.DataFrame,
+    features: Mapping[str, Mapping[str, Any]],
+    *,
+    warm: bool = False,
+    inexact: bool = False,
+) -> Experience:
+    """The cases of a normalised table of results whose rows were all run.
+
+    Parameters
+    ----------
+    features : of the problems, by fingerprint; one that is not there has its node and sizes.
+    warm : rows that began from a point instead of those that began cold; one that fell back to a cold start is none.
+    inexact : labels, too, that some route led to which promises less than an answer.
+
+    >>> rows = {"problem": "p", "fingerprint": "f", "node": "lcp", "label": ["a", "b", "c"], "start": "cold",
+    ...         "status": ["solved", "wrong", "unsupported"], "solve": [0.5, 0.1, None], "sizes": '{"n": 3}'}
+    >>> found = experience(rows_of.normalised(pd.DataFrame(rows)), {})
+    >>> found.cases[0].outcomes, dict(found.cases[0].features)
+    ({'a': 0.5, 'b': inf}, {'node': 'lcp', 'n': 3.0})
+    """
+    chosen = table[(table["origin"] == "") & ((table["start"] != "cold") == warm)]
+    if not inexact:
+        weak = set(chosen.loc[chosen["kind"].isin(_INEXACT), "label"])
+        chosen = chosen[~chosen["label"].isin(weak)]
+    setting = ["fingerprint", "tolerance", "threads", "measure", "start"]
+    waiting = chosen["status"] == str(Status.NOT_RUN)
+    left = waiting.groupby([chosen[name] for name in setting], dropna=False).transform("any")
+    unfinished = chosen.loc[left, "fingerprint"].nunique()
+    began = ~chosen["status"].isin(NEVER_STARTED) & ~left
+    if warm:
+        began &= ~chosen["started"].str.startswith("cold")
+    timed = rows_of.with_time(chosen[began]).drop_duplicates([*setting, "host", "label"])
+    cases: list[Case] = []
+    for (fingerprint, *_), rows in timed.groupby([*setting, "host"], dropna=False, sort=False):
+        first = rows.iloc[0]
+        told = features.get(str(fingerprint)) or {"node": first["node"], **_sizes(first["sizes"])}
+        outcomes = {str(k): float(v) for k, v in zip(rows["label"], rows["time"], strict=True)}
+        family = family_of(first["family"], first["problem"])
+        cases.append(Case(first["problem"], first["node"], family, str(fingerprint), told, outcomes))
+    solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
+    asked = chosen.drop_duplicates("label")
+    requests = {str(k): str(r) for k, r in zip(asked["label"], asked["request"], strict=True) if r not in ("", "exact")}
+    return Experience(solved, len(cases) - len(solved), unfinished, requests)
+
+
+def _sizes(text: str) -> dict[str, float]:
+    return {symbol: float(size) for symbol, size in (json.loads(text) if text else {}).items()}
+
+
+# ------------------------------------------------------------------------------------------------ text
+
+
+def to_text(found: Experience, without: Iterable[str] = (), about: str = "") -> str:
+    """The experience as JSON of three lines a case, sorted, with numbers of DIGITS digits: a table to ship.
+
+    Labels in `without` are left out; a failure is null. Cases that nobody else solved are left out with them.
+    """
+    hidden = set(without)
+    blocks: list[str] = []
+    for case in sorted(found.cases, key=lambda case: (case.node, case.family, case.problem, case.fingerprint)):
+        seconds = {k: v for k, v in sorted(case.outcomes.items()) if k not in hidden}
+        if not any(map(math.isfinite, seconds.values())):
+            continue
+        who = {"node": case.node, "family": case.family, "problem": case.problem, "fingerprint": case.fingerprint}
+        facts = {k: _rounded(v) for k, v in sorted(case.features.items()) if not isinstance(v, str)}
+        times = {k: _rounded(v) if math.isfinite(v) else None for k, v in seconds.items()}
+        lines = (json.dumps(who)[:-1], f'"features": {json.dumps(facts)}', f'"seconds": {json.dumps(times)}}}')
+        blocks.append(",\n ".join(lines))
+    head = {"version": TEXT_VERSION, "about": about, "unsolved": found.unsolved}
+    return json.dumps(head)[:-1] + ', "cases": [\n' + ",\n".join(blocks) + "\n]}\n"
+
+
+def from_text(text: str, name: str) -> Experience:
+    """The experience that `to_text` wrote; `name` tells in the error where the text is from.
+
+    Raises CpbenchError when it is none, or of another version.
+    """
+    try:
+        data = json.loads(text)
+        if data["version"] != TEXT_VERSION:
+            raise CpbenchError(
+                f"{name}: is a table of version {data['version']}, this cpbench reads {TEXT_VERSION}; make it again "
+                "with: cpbench recommend --make TABLE --results FILE"
+            )
+        cases = [_case(item) for item in data["cases"]]
+        solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
+        return Experience(solved, int(data["unsolved"]) + len(cases) - len(solved))
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
+        raise CpbenchError(
+            f"{name}: is no table of recommendations ({type(cause).__name__}: {cause}); make one with: cpbench "
+            "recommend --make TABLE --results FILE"
+        ) from None
+
+
+def _case(item: Mapping[str, Any]) -> Case:
+    problem, node, family, fingerprint = (str(item[name]) for name in ("problem", "node", "family", "fingerprint"))
+    facts = {str(k): float(v) for k, v in item["features"].items()}
+    times = {str(k): math.inf if v is None else float(v) for k, v in item["seconds"].items()}
+    return Case(problem, node, family, fingerprint, {"node": node, **facts}, times)
+
+
+def _rounded(value: float) -> float:
+    """A whole number as it is, any other with DIGITS significant digits."""
+    rounded = value if float(value).is_integer() else float(f"{value:.{DIGITS}g}")
+    return int(rounded) if float(rounded).is_integer() and abs(rounded) < 2**53 else rounded

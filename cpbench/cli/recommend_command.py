@@ -1,0 +1,354 @@
+"""`cpbench recommend`."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from importlib.resources import files
+from itertools import islice
+from pathlib import Path
+from textwrap import shorten
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cpbench import __version__
+from cpbench.cli.options import Address, force_option, format_option
+from cpbench.errors import CpbenchError
+
+if TYPE_CHECKING:
+    from cpbench.analysis.experience import Experience
+    from cpbench.analysis.recommendation import Recommendation
+    from cpbench.cli.candidates import Candidate
+    from cpbench.formulations import Problem
+
+SHIPPED = "recommendation_table.json"
+"""In `cpbench.analysis`: what the built-in problems came to where this version was made."""
+SHOWN, LONGEST = 4, 160
+"""Labels that were passed over, named with the reason; characters of a reason."""
+
+
+@click.command()
+@click.argument("problem", type=Address(), required=False)
+@click.option(
+    "--results",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Results of a run, or a table that --make wrote, instead of the table that is shipped. Repeatable.",
+)
+@click.option("--warm", is_flag=True, help="For a solve that starts from a point near the answer.")
+@click.option("--top", type=click.IntRange(min=1), default=3, show_default=True, help="How many solvers to name.")
+@click.option("--any", "missing", is_flag=True, help="Solvers, too, that are not installed here.")
+@click.option(
+    "--routes",
+    type=click.Choice(["exact", "all"]),
+    default="exact",
+    show_default=True,
+    help="all: labels, too, that some route led to which promises less than an answer.",
+)
+@click.option("--evaluate", is_flag=True, help="Leave one family out after the other: how often is the advice good?")
+@click.option("--make", type=click.Path(path_type=Path, dir_okay=False), metavar="TABLE", help="Write a table to ship.")
+@click.option("--json", "as_json", is_flag=True, help="For programs.")
+@format_option
+@force_option
+def command(
+    problem: str | None,
+    results: tuple[Path, ...],
+    warm: bool,
+    top: int,
+    missing: bool,
+    routes: str,
+    evaluate: bool,
+    make: Path | None,
+    as_json: bool,
+    file_format: str | None,
+    force: bool,
+) -> None:
+    """Say which solver suits a problem, by what route, how sure that is, and the command that runs it.
+
+    It goes by features of the problem (cpbench info shows more of them), and by what solvers came to on problems like
+    it: those that are shipped, or of your own runs. Being sure means: how many problems like it were measured, and how
+    often such advice is good for a family that was left out.
+    """
+    if sum((problem is not None, evaluate, make is not None)) != 1:
+        raise click.UsageError("give a PROBLEM, or --evaluate, or --make TABLE")
+    if make is not None:
+        _make(make, results, force)
+        return
+    known, source, remarks = _known(results, warm, routes == "all")
+    if evaluate:
+        _evaluate(known, source, remarks, as_json)
+    elif problem is not None:
+        _recommend(problem, file_format, known, source, remarks, warm, top, missing, as_json)
+
+
+# ----------------------------------------------------------------------------------------------- problem
+
+
+def _recommend(
+    address: str,
+    file_format: str | None,
+    known: Experience,
+    source: str,
+    remarks: list[str],
+    warm: bool,
+    top: int,
+    missing: bool,
+    as_json: bool,
+) -> None:
+    from cpbench import storage
+    from cpbench.analysis import recommendation as rec
+    from cpbench.bench.planning.features import features
+    from cpbench.cli import candidates
+
+    asked = storage.load(address, format=file_format)
+    if any(case.fingerprint == asked.fingerprint for case in known.cases):
+        remarks.append("this very problem is among those that were measured")
+    may = candidates.applicable(asked, known.labels, known.requests, warm)
+    found = rec.recommend(known, features(asked), may)
+    candidates.require_some(found.advice, asked.node, source)
+    taken: list[Candidate] = []
+    passed: list[Candidate] = []
+    for one in candidates.examined(asked, found.advice, known.requests, missing=missing):
+        (passed if one.obstacle else taken).append(one)
+        if len(taken) == top:
+            break
+    if not taken:
+        raise CpbenchError(
+            f"{source}: none of the {len(passed)} solvers measured takes this problem here; the first, "
+            f"{passed[0].advice.label}: {passed[0].obstacle}"
+        )
+    rates = rec.rates(known, rec.evaluate(known, asked.node)).to_dict("records")
+    checked = rates[0] if rates and rates[0]["node"] == asked.node else None
+    runs = [_command(address, asked, one, warm) for one in taken]
+    if as_json:
+        click.echo(json.dumps(_record(asked, source, remarks, found, taken, passed, runs, checked), indent=1))
+        return
+    click.echo(f"{asked.name or address} ({asked.node}), by {source}")
+    for place, one in enumerate(taken, 1):
+        _print(place, one)
+    click.echo(f"  run it     {runs[0]}")
+    click.echo(f"  alike      {_alike(found, asked.node)}")
+    click.echo(f"  checked    {_checked(checked, asked.node)}")
+    for one in islice(passed, SHOWN):
+        click.echo(f"  passed     {one.advice.label}: {shorten(one.obstacle, LONGEST, placeholder=' ...')}")
+    if len(passed) > SHOWN:
+        click.echo(f"  passed     and {len(passed) - SHOWN} more")
+    for remark in remarks:
+        click.echo(f"  remark     {remark}")
+
+
+def _print(place: int, one: Candidate) -> None:
+    advice = one.advice
+    kind = "" if one.kind in ("equivalent", "one-way") else f", {one.kind}"
+    click.echo(
+        f"  {place}. {advice.label:<18} {one.route}{kind}: about {2**advice.loss:.2g} times the fastest; {_told(one)}"
+    )
+    if one.here:
+        click.echo(f"     cannot run here: {one.here}")
+
+
+def _told(one: Candidate) -> str:
+    advice = one.advice
+    if not advice.similar:
+        return "by what it came to on other problems"
+    return f"solved {advice.solved} of {advice.similar} like it, {advice.within} within twice the fastest"
+
+
+def _alike(found: Recommendation, node: str) -> str:
+    """How much like it was measured."""
+    if not found.measured:
+        return f"nothing like it was measured: no {node} problem at all; this is what is best on other formulations"
+    nearest = f"the nearest is {found.nearest} (distance {found.distance:.2g})"
+    if not found.known:
+        return (
+            f"nothing like it was measured: of {found.measured} {node} problems {nearest}; this is what is best on most"
+        )
+    return f"{found.similar} of {found.measured} {node} problems are like it; {nearest}"
+
+
+def _checked(rate: dict[Any, Any] | None, node: str) -> str:
+    """How good such advice is for families that were left out."""
+    if rate is None:
+        return f"not at all: no {node} problem was measured"
+    return (
+        f"each family left out, the advice solves {rate['solved']} of {rate['problems']} {node} problems, "
+        f"{rate['within']} within twice the fastest"
+    )
+
+
+def _command(address: str, asked: Problem, one: Candidate, warm: bool) -> str:
+    """What runs it; a step of a scene starts warm from the step before, another problem from its file's guess."""
+    from cpbench.generators.collection import builtin_folder
+
+    inside = Path(address).is_relative_to(builtin_folder())
+    place = f"builtin/{Path(address).relative_to(builtin_folder())}" if inside else address
+    if warm and getattr(asked, "sequence", None) is not None:
+        scene = place.partition("::")[0] if "::" in place else str(Path(place).parent)
+        return f"cpbench run {shlex.quote(scene)} {one.options} --start previous"
+    return f"cpbench solve {shlex.quote(place)} {one.options}" + (" --start file" if warm else "")
+
+
+def _record(
+    asked: Problem,
+    source: str,
+    remarks: Sequence[str],
+    found: Recommendation,
+    taken: Sequence[Candidate],
+    passed: Sequence[Candidate],
+    runs: Sequence[str],
+    checked: dict[Any, Any] | None,
+) -> dict[str, Any]:
+    return {
+        "problem": asked.name,
+        "node": asked.node,
+        "fingerprint": asked.fingerprint,
+        "source": source,
+        "recommended": [
+            {
+                **asdict(one.advice),
+                "times_the_fastest": 2**one.advice.loss,
+                "route": one.route,
+                "kind": one.kind,
+                "cannot_run": one.here,
+                "command": run,
+            }
+            for one, run in zip(taken, runs, strict=True)
+        ],
+        "passed": {one.advice.label: one.obstacle for one in passed},
+        "measured": found.measured,
+        "similar": found.similar,
+        "nearest": found.nearest,
+        "distance": found.distance if math.isfinite(found.distance) else None,
+        "checked": checked,
+        "remarks": list(remarks),
+    }
+
+
+# ---------------------------------------------------------------------------------------------- evidence
+
+
+def _known(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, str, list[str]]:
+    """What was measured, where that is from, and what a reader should know of it; raises CpbenchError."""
+    if results:
+        known, remarks = _read(results, warm, inexact)
+        source = ", ".join(map(str, results))
+    else:
+        from cpbench.analysis.experience import from_text
+
+        text = files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8")
+        known, source, remarks = from_text(text, SHIPPED), "the built-in problems", []
+        if warm:
+            known = replace(known, cases=())
+    if warm and not known.cases:
+        cold, source, remarks = _known(results, False, inexact)
+        return cold, source, ["no warm start was measured: ranked by cold ones, of solvers that take a start", *remarks]
+    if known.unfinished:
+        remarks.append(f"{known.unfinished} problems are left out: some of their pairs were not run")
+    if not known.cases:
+        lost = f"nobody solved any of its {known.unsolved} problems" if known.unsolved else "it has no finished problem"
+        raise CpbenchError(f"{source}: nothing to learn from: {lost}; leave --results out for the shipped table")
+    if len(known.labels) == 1:
+        remarks.append(f"only {known.labels[0]} was measured: it is the best of one")
+    return known, source, remarks
+
+
+def _read(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, list[str]]:
+    """The experience of results files and tables together; rows of the same machine are compared across files."""
+    import pandas as pd
+
+    from cpbench.analysis import table as rows_of
+    from cpbench.analysis.experience import Experience, experience, from_text
+    from cpbench.bench.results.problem_features import problem_features
+    from cpbench.bench.results.store import Store
+
+    rows: list[pd.DataFrame] = []
+    features: dict[str, dict[str, Any]] = {}
+    known, lost = Experience(()), 0
+    for path in results:
+        if path.suffix == ".json" and path.is_file():
+            read = from_text(path.read_text(encoding="utf-8", errors="replace"), str(path))
+            if not warm:
+                known = replace(known, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
+            continue
+        with Store(path) as store:
+            rows.append(store.table())
+            found, without = problem_features(store)
+        features |= {key: facts for key, facts in found.items() if key not in features}
+        lost += without
+    if rows:
+        read = experience(rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact)
+        known = replace(read, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
+    return known, [f"{lost} problems are not where they were: only their sizes are known"] if lost else []
+
+
+def _evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bool) -> None:
+    from cpbench.analysis import recommendation as rec
+
+    if len({case.family for case in known.cases}) < 2:
+        raise CpbenchError(f"{source}: all problems are of one family; there is nothing to leave out")
+    table = rec.rates(known, rec.evaluate(known))
+    if as_json:
+        rows = table.to_dict("records")
+        told = {"source": source, "unsolved": known.unsolved, "rates": rows, "remarks": list(remarks)}
+        click.echo(json.dumps(told, indent=1))
+        return
+    from cpbench.analysis.profiles import FLOOR
+    from cpbench.cli.solver_tables import columns
+
+    click.echo(
+        f"Each family left out in turn, by {source}; within: twice the time of the virtual best, from {FLOOR:g} s."
+    )
+    head = ("node", "problems", "families", "solved", "within", "", "best single (in hindsight)", "solved", "within")
+    lines: list[tuple[str, ...]] = [head]
+    for row in table.to_dict("records"):
+        part = f"{row['within'] / row['problems']:.0%}" if row["problems"] else ""
+        numbers = [str(row[name]) for name in ("problems", "families", "solved", "within")]
+        lines.append((row["node"], *numbers, part, row["single"], str(row["single_solved"]), str(row["single_within"])))
+    for line in columns(lines):
+        click.echo(line)
+    if known.unsolved:
+        click.echo(f"{known.unsolved} more problems that nobody solved have no virtual best, and are not among them")
+    for remark in remarks:
+        click.echo(f"remark: {remark}")
+
+
+def _make(table: Path, results: Sequence[Path], force: bool) -> None:
+    from cpbench.analysis.experience import to_text
+
+    if not results:
+        raise click.UsageError("--make: give the results to make it of: --results FILE")
+    if table.exists() and not force:
+        raise CpbenchError(f"{table}: exists; --force replaces it")
+    known, _ = _read(results, False, False)
+    if not known.cases:
+        raise CpbenchError(f"{', '.join(map(str, results))}: nothing to make a table of: nobody solved anything")
+    hidden = _restricted(known.labels, results)
+    text = to_text(known, hidden, f"cpbench {__version__}, {time.strftime('%Y-%m-%d')}")
+    table.write_text(text, encoding="utf-8")
+    click.echo(
+        f"table: {table} ({len(known.cases)} problems, {len(known.labels) - len(hidden)} labels, {len(text)} bytes)"
+    )
+    if hidden:
+        click.echo(f"left out, for their figures may not be published: {', '.join(sorted(hidden))}")
+    if known.unfinished:
+        click.echo(f"left out, for not all of their pairs were run: {known.unfinished} problems")
+
+
+def _restricted(labels: Sequence[str], results: Sequence[Path]) -> set[str]:
+    """Labels whose solver has terms that restrict publishing, by the results or by what is registered here."""
+    from cpbench.bench.results.store import Store
+    from cpbench.cli.candidates import solver_of
+
+    hidden: set[str] = set()
+    for path in (path for path in results if path.suffix != ".json"):
+        with Store(path) as store:
+            sheets = store.meta().get("solvers", {})
+        hidden |= {label for label, sheet in sheets.items() if sheet.get("publishing")}
+    here = ((label, solver_of(label, "")) for label in labels)
+    return (hidden | {label for label, solver in here if solver is not None and solver.spec.publishing}) & set(labels)
