@@ -55,7 +55,7 @@ def test_one_zero_touches_no_other_problem() -> None:
     """BenchmarkProfiles.jl adds 1 to every measure when one of them is 0: a ratio of 100 becomes 1.099."""
     table = frame(a=[0.001, 0.0], b=[0.1, 0.5])
     theirs = (table + 1).loc["p0"]
-    assert theirs["b"] / theirs["a"] == pytest.approx(1.099, abs=1e-3)
+    assert float(theirs["b"]) / float(theirs["a"]) == pytest.approx(1.099, abs=1e-3)
     assert ratios(table, floor=1e-6).loc["p0", "b"] == pytest.approx(100.0)
     assert table.loc["p1", "a"] == 0.0, "the input is not changed"
 
