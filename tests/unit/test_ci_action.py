@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -32,6 +33,11 @@ ENV = {
     "GIT_CONFIG_GLOBAL": os.devnull,
     **{f"GIT_{who}_{what}": f"{what}@example.org" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")},
 }
+VENV = f"""
+python3 -m venv --without-pip .venv
+echo "import site; site.addsitedir('{sysconfig.get_path("purelib")}')" > .venv/lib/python3*/site-packages/ours.pth
+"""
+"""The build of an environment that finds what ours has."""
 FAST = {"repeats": "1", "problems": "problems/skewed-0.h5 problems/spd-0.h5"}
 
 
@@ -215,13 +221,15 @@ def test_the_same_build_passes(toy: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "inputs", "told"),
     [
-        ("slower", {}, r"regressed.*times the time"),
+        ("slower", {}, r"Regressed.*1 regressed"),
         ("wrong", FAST, r"solved → wrong"),
-        ("crashing", FAST, r"solved → crash"),
+        ("crashing", {**FAST, "build": VENV, "python": ".venv/bin/python"}, r"solved → crash"),
     ],
+    ids=["slower", "wrong", "crashing, each checkout with its own environment"],
 )
 def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[str, str], told: str) -> None:
     shutil.copy(TOY / "changes" / f"{change}.py", toy / "sweeps.py")
+    (toy / ".gitignore").write_text(".venv\n")
     commit(toy, change)
     done = act(toy, **inputs)
     assert done.code == 1, done.log
@@ -307,6 +315,13 @@ def test_a_build_that_fails_leaves_nothing(toy: Path) -> None:
     _refused(done, "failed with exit code 7: `echo no rule to make it >&2; exit 7`: no rule to make it")
     assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
     assert not (toy.parent / "runner/cpbench-compare/results").exists()
+
+
+def test_a_build_that_makes_no_program(toy: Path) -> None:
+    (toy / "prog.toml").write_text('[solver.prog]\nnode = "lcp"\nserve = "./prog"\n')
+    commit(toy, "same")
+    done = act(toy, **FAST, solver="prog.toml", build="true")
+    _refused(done, "a build cannot run: prog@head: ")
 
 
 @pytest.mark.parametrize(

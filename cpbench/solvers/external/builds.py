@@ -9,15 +9,16 @@ ROOT is a checkout and PLUGIN a file in it, in words of ROOT. The tables of two 
 are two builds in one run, each pair of them on the same problem at about the same time. A program is the one of its
 checkout. A solver in Python runs in a process of its own, which loads the plugin of its checkout and imports from there
 first; with ``--python .venv/bin/python`` (in words of ROOT) under the interpreter of its checkout, which needs cpbench.
+Each build has its own options and defaults: what a change adds to them is not asked of the build before.
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from cpbench import registry
 from cpbench.errors import CpbenchError
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external import declared
+from cpbench.solvers.external.command import PLACEHOLDERS
 
 Tables = dict[str, dict[str, Any]]
 
@@ -54,7 +56,7 @@ def _programs(path: Path) -> Tables:
     declared.declare_file(path)
     known = json.loads(os.environ[registry.DECLARED])  # with paths that hold anywhere
     return {
-        name: {key: value for key, value in known[name].items() if key in declared.VARIANT_KEYS}
+        name: {"options": {}} | {key: value for key, value in known[name].items() if key in declared.VARIANT_KEYS}
         for name in sorted(known.keys() - before)
         if declared.AT not in name
     }
@@ -71,7 +73,18 @@ def _classes(root: Path, path: Path, python: str | None) -> Tables:
     table: dict[str, Any] = {"env": env}
     if python is not None:
         table["interpreter"] = str(root / python) if os.path.dirname(python) else python
-    return {name: dict(table) for name in sorted(set(solvers.names()) - before)}
+    fresh = sorted(set(solvers.names()) - before)
+    return {name: {**table, "options": _defaults(solvers.get(name).spec.options())} for name in fresh}
+
+
+def _defaults(options: Any) -> dict[str, Any]:
+    """Those that a table can have; a solver that is not told of an option takes its own default."""
+    values = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
+    return {
+        name: value
+        for name, value in values.items()
+        if isinstance(value, bool | int | float | str) and name not in PLACEHOLDERS
+    }
 
 
 def as_toml(found: Tables) -> str:
@@ -82,9 +95,13 @@ def as_toml(found: Tables) -> str:
     )
 
 
-def _value(value: str | Mapping[str, str]) -> str:
+def _value(value: Any) -> str:
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(int(value) if isinstance(value, int) else float(value))
     return "{" + ", ".join(f"{_value(key)} = {_value(text)}" for key, text in value.items()) + "}"
 
 

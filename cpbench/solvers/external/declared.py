@@ -11,8 +11,10 @@
     [solver."nsgs@head"]                  # a solver in Python, under another interpreter or other variables
     interpreter = "/opt/head/bin/python"
 
-A variant of the command line is ``mine@head={serve="./build/mine --serve"}``. Whatever is declared is put into the
-environment variable ``CPBENCH_SOLVERS`` too, as JSON {name: table}: the other processes of a run find it there.
+With ``options`` of its own a variant has those, with their defaults, and no others: a build that knows fewer, or whose
+defaults are others. A variant of the command line is ``mine@head={serve="./build/mine --serve"}``. Whatever is declared
+is put into the environment variable ``CPBENCH_SOLVERS`` too, as JSON {name: table}: the other processes of a run find
+it there.
 """
 
 from __future__ import annotations
@@ -187,6 +189,8 @@ def _program(name: str, table: Table) -> Solver:
 def _variant(name: str, table: Table, base: Solver) -> Solver:
     """The solver that `base` is too, by another program, interpreter or with other variables."""
     spec = dataclasses.replace(base.spec, name=name, requires=(), traits=base.spec.traits - {Trait.HISTORY})
+    if "options" in table:
+        spec = dataclasses.replace(spec, options=_options(name, table["options"]))
     external = isinstance(base, CommandSolver | ServedSolver)
     if "interpreter" in table and external:
         raise CpbenchError(f"{base.spec.name} is a program of its own: say serve or command")
@@ -359,6 +363,7 @@ VARIANT_KEYS: Mapping[str, Check] = {
     "matrices": _one_of(*MATRICES),
     "env": _env,
     "cwd": _text,
+    "options": _defaults,
 }
 KEYS: Mapping[str, Check] = {
     "node": _node,
@@ -372,5 +377,4 @@ KEYS: Mapping[str, Check] = {
     "warm_start": _flag,
     "deterministic": _flag,
     "by_default": _flag,
-    "options": _defaults,
 }

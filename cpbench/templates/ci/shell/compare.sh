@@ -132,31 +132,45 @@ case $problems in
   *) read -ra words <<< "$problems"; asked+=(--plan none "${words[@]}") ;;
 esac
 for name in "${both[@]}"; do asked+=(-s "$name@base" -s "$name@again" -s "$name@head"); done
+statuses=unavailable
 if [ ${#both[@]} = 0 ]; then # nothing to compare with; wrong answers and crashes are found all the same
   for name in "${fresh[@]}"; do asked+=(-s "$name@head"); done
-  statuses=$(tr , '\n' <<< "$fail_on" | grep -vxE "regression|inconclusive" | paste -sd ,) || true
-  asked+=(${statuses:+--fail-on "$statuses"})
+  statuses+=$(tr , '\n' <<< "$fail_on" | sed -e '/^regression$/d' -e '/^inconclusive$/d' -e '/^$/d' -e 's/^/,/' | tr -d '\n')
 fi
 case $solver in
   *.py) PYTHONPATH="$top/$(dirname "$solver"):$top/src:$top${PYTHONPATH:+:$PYTHONPATH}" && export PYTHONPATH ;;
 esac
 code=0
 logged timeout --foreground --signal INT --kill-after 60 "$budget" \
-  python3 -m cpbench run "${asked[@]}" --no-report --quiet -o "$work/results.sqlite" || code=$?
-left=''
+  python3 -m cpbench run "${asked[@]}" --fail-on "$statuses" --no-report --quiet -o "$work/results.sqlite" || code=$?
 case $code in
   0 | 1) ;;
-  124 | 130 | 137) left="The budget of $budget was used up: pairs that had no turn are left out. " ;;
+  124 | 130 | 137) [ -f "$work/results.sqlite" ] || die "the budget of $budget was used up before the first solve" ;;
   *) die "the run ended with $code: $(last_words)" ;;
 esac
-[ -f "$work/results.sqlite" ] || die "the budget of $budget was used up before the first solve: say a larger --budget"
+if absent=$(grep '^not available: ' "$work/log"); then
+  die "a build cannot run: $(sed 's/^not available: //' <<< "$absent" | paste -sd ';')"
+fi
+count='
+import sys
+from pathlib import Path
+from cpbench.bench.results.store import Store
+with Store(Path(sys.argv[1])) as store:
+    counts = store.counts()
+idle = {name: counts.pop(name) for name in ("not_run", "unsupported") if name in counts}
+print(sum(counts.values()), idle.get("not_run", 0))
+'
+read -r solves left <<< "$(python3 -c "$count" "$work/results.sqlite")"
+[ "$solves" != 0 ] || [ "$left" = 0 ] || die "the budget of $budget was used up before the first solve"
+[ "$solves" != 0 ] || die "none of the problems is for this solver: say others with --problems"
 
 # ------------------------------------------------------------------------------------------------ the verdict
 mkdir -p "$work/out"
 changed=''
 git diff --quiet HEAD || changed=' with changes that are not committed'
 {
-  echo "\`$solver\`: base ${before:0:12}, head ${after:0:12}$changed. $left"
+  echo "\`$solver\`: base ${before:0:12}, head ${after:0:12}$changed."
+  [ "$left" = 0 ] || echo "The budget of $budget was used up: $left of $((solves + left)) solves had no turn."
   [ ${#fresh[@]} = 0 ] || echo "Only head has ${fresh[*]}: nothing to compare with."
 } > "$work/out/summary.md"
 verdict=new
