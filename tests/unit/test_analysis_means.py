@@ -18,8 +18,8 @@ INF = math.inf
 
 
 def trap() -> pd.DataFrame:
-    """200 log-normal times around 2.5 ms, and a solver 3 times slower that fails on one problem."""
-    fast = np.exp(np.random.default_rng(0).normal(math.log(2.5e-3), 0.5, 200))
+    """200 log-normal times around 2.5 ms (σ = 1), and a solver 3 times slower that fails on one problem."""
+    fast = np.exp(np.random.default_rng(0).normal(math.log(2.5e-3), 1.0, 200))
     return pd.DataFrame({"fast": fast, "whole": 3 * fast, "slow": np.where(np.arange(200) == 0, INF, 3 * fast)})
 
 
@@ -29,9 +29,9 @@ def ratio(times: pd.DataFrame, one: str, other: str, shift: float | None) -> flo
 
 
 def test_one_failure_decides_a_mean_with_a_large_shift() -> None:
-    """Ratio 3.00; about 34 with one failure charged 100 s and a shift of 10 s; about 3 with the median as shift.
+    """Ratio 3.00; 34.4 with one failure charged 100 s and a shift of 10 s; 2.9 with the median as shift.
 
-    With s far above the times the mean is t̄ + (s/N) log1p(P/s) where one of N costs P: the exact value to O(t̄/s).
+    These three were measured on other random numbers: over 100 seeds the last two are 32.7 ± 2.8 and 2.90 ± 0.03. With s far above the times the mean is t̄ + (s/N) log1p(P/s) where one of N costs P: the exact value to O(t̄/s).
     """
     times = trap()
     assert ratio(times, "fast", "whole", 10.0) == pytest.approx(3.00, abs=0.005)
@@ -40,8 +40,8 @@ def test_one_failure_decides_a_mean_with_a_large_shift() -> None:
     analytic = (rest + 10 / 200 * math.log1p(100 / 10)) / average
     found = ratio(times, "fast", "slow", 10.0)
     assert found == pytest.approx(analytic, rel=0.01)
-    assert found > 30
-    assert 2.4 < ratio(times, "fast", "slow", None) < 3.3
+    assert found == pytest.approx(34.4, abs=3 * 2.8)
+    assert ratio(times, "fast", "slow", None) == pytest.approx(2.9, abs=0.1)
 
 
 def test_the_mean_is_scipys_geometric_mean_and_precise_far_below_the_shift() -> None:
