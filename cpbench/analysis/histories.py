@@ -27,6 +27,7 @@ BEFORE = ("convert", "setup", "lift")
 """What a solver's time has besides its solve, of which the history tells a share."""
 
 Array: TypeAlias = np.ndarray[tuple[int], np.dtype[Any]]
+Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 
 def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
@@ -78,11 +79,10 @@ def error_at(rows: pd.DataFrame, histories: pd.DataFrame | None, seconds: float)
         error = histories.loc[kept, "error"].to_numpy(dtype=float)
         early = (at <= seconds) & ~np.isnan(error)
         np.minimum.at(best, place[early], error[early])
-    spent = rows[["solve", *BEFORE]].to_numpy(dtype=float)
-    answered = ~recorded & ~np.isnan(spent[:, 0]) & (np.nansum(spent, axis=1) <= seconds)
+    answered = ~recorded & (rows_of.charged(rows) <= seconds)
     best[answered] = rows["error"].to_numpy(dtype=float)[answered]
     best[np.isnan(best) | (rows["status"] == str(Status.WRONG)).to_numpy()] = math.inf
-    return rows_of.pivot(rows.assign(best=best), "best", math.inf).astype(float)
+    return rows_of.spread(rows, best, math.inf)
 
 
 def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
@@ -92,9 +92,15 @@ def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
     the group, those that were not reached counting as ∞. Errors that a label reached nowhere have no row.
     """
     paths = _Paths(rows, histories)
+    levels = sorted(e for e in ERRORS if e >= 0.99 * rows["tolerance"].min())
+    tightest = np.searchsorted(levels, paths.error).astype(np.uint8)
+    order = np.argsort(tightest, kind="stable")
+    ends = np.searchsorted(tightest[order], np.arange(len(levels)), side="right")
+    times = paths.never()
     parts: list[pd.DataFrame] = []
-    for level in (e for e in ERRORS if e >= 0.99 * rows["tolerance"].min()):
-        times = paths.times_to(level)
+    for level, begin, end in zip(levels, [0, *ends[:-1]], ends, strict=True):
+        # what was as good as a tighter level is as good as this one
+        np.minimum.at(times.reshape(-1), paths.pair[order[begin:end]], paths.seconds[order[begin:end]])
         reached = np.isfinite(times).sum(axis=0)
         median = np.median(times, axis=0) if len(times) else np.full(len(reached), math.nan)
         parts.append(pd.DataFrame({"label": paths.labels, "error": level, "reached": reached, "seconds": median}))
@@ -113,30 +119,30 @@ def _charged(rows: pd.DataFrame, histories: pd.DataFrame) -> tuple[Array, Array,
     place = place[kept]
     solve = rows["solve"].to_numpy(dtype=float)[place]
     share, time = (histories.loc[kept, name].to_numpy(dtype=float) for name in ("share", "time"))
-    rest = rows[list(BEFORE)].fillna(0.0).sum(axis=1).to_numpy(dtype=float)[place]
+    rest = np.nansum(rows[list(BEFORE)].to_numpy(dtype=float), axis=1)[place]
     return place, np.where(np.isnan(solve), time, share * solve) + rest, kept
 
 
 class _Paths:
-    """The iterates of a group's rows, those that are better than every earlier one of their pair, and the matrix that
-    they fill: problems × labels with a history."""
+    """The iterates of a group's rows: the place of their pair in the matrix of problems × labels with a history,
+    seconds and error."""
 
     def __init__(self, rows: pd.DataFrame, histories: pd.DataFrame) -> None:
-        place, seconds, kept = _charged(rows, histories)
-        error = histories.loc[kept, "error"].fillna(math.inf).to_numpy(dtype=float)
-        label, labels = pd.factorize(rows["label"].iloc[place], sort=True)
-        problem, problems = pd.factorize(rows["fingerprint"], sort=True)
-        self.labels, self.problems = pd.Index(labels, name="label"), pd.Index(problems, name="fingerprint")
-        pair = problem[place] * len(labels) + label
-        order = np.lexsort((error, seconds, pair))
-        pair, seconds, error = pair[order], seconds[order], error[order]
-        before = pd.Series(error).groupby(pair).cummin().groupby(pair).shift(fill_value=math.inf).to_numpy()
-        better = error < before
-        self._pair, self._seconds, self._error = pair[better], seconds[better], error[better]
+        place, self.seconds, kept = _charged(rows, histories)
+        self.error = histories.loc[kept, "error"].fillna(math.inf).to_numpy(dtype=float)
+        code, names = rows_of.codes(rows["label"])
+        recorded = np.bincount(code[place], minlength=len(names)) > 0
+        problem, problems = rows_of.codes(rows["fingerprint"])
+        self.labels, self.problems = names[recorded].rename("label"), problems.rename("fingerprint")
+        self.pair = (problem * len(self.labels) + (np.cumsum(recorded) - 1)[code])[place]
 
-    def times_to(self, tolerance: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    def never(self) -> Matrix:
+        """The matrix of those that never come."""
+        return np.full((len(self.problems), len(self.labels)), math.inf)
+
+    def times_to(self, tolerance: float) -> Matrix:
         """Least seconds of an iterate within the tolerance; ∞ where there is none."""
-        times = np.full(len(self.problems) * len(self.labels), math.inf)
-        good = self._error <= tolerance
-        np.minimum.at(times, self._pair[good], self._seconds[good])
-        return times.reshape(len(self.problems), len(self.labels))
+        times = self.never()
+        good = self.error <= tolerance
+        np.minimum.at(times.reshape(-1), self.pair[good], self.seconds[good])
+        return times

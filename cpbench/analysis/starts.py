@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,11 +26,25 @@ from cpbench.analysis import bootstrap
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.means import LIMIT, Array, Penalty
 from cpbench.analysis.profiles import FLOOR
+from cpbench.analysis.table import Integers
 from cpbench.verification import VERIFIED
 
 COLD = "cold"
 _SETTING = ["node", "fingerprint", "label", "tolerance", "threads", "set", "measure"]
 _CASE = ["node", "label", "start"]
+_NEEDED = (
+    *_SETTING,
+    "start",
+    "problem",
+    "sequence",
+    "step",
+    "family",
+    "seconds",
+    "started",
+    "status",
+    "counters",
+    *rows_of.CHARGED,
+)
 COLUMNS = ("node", "label", "start", "pairs", "warm", "cold", "fell_back", "time", "iterations")
 GAINS = (
     "node", "label", "start", "pairs", "both", "only_warm", "only_cold", "neither", "fell_back", "slower", "common",
@@ -37,13 +53,16 @@ GAINS = (
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
-    """Every warm row that has a cold row beside it: the warm row's columns, `time` [s] and `iterations`, the cold
-    row's `status_cold`, `time_cold` and `iterations_cold`, and whether the warm one `fell_back` to a cold start."""
-    warm = table[~table["start"].isin(["", COLD])]
-    cold = table[(table["start"] == COLD) & table["label"].isin(set(warm["label"]))]
-    warm, cold = _measured(warm), _measured(cold)[[*_SETTING, "status", "time", "iterations"]]
-    both = warm.merge(cold, on=_SETTING, suffixes=("", "_cold"))
-    return both.assign(fell_back=both["started"].str.startswith(COLD).astype(bool))
+    """Every warm row that has a cold row beside it: columns of the warm row, its `time` [s] and `iterations`, whether
+    it `fell_back` to a cold start; and the cold row's `status_cold`, `time_cold` and `iterations_cold`."""
+    is_cold = (table["start"] == COLD).to_numpy()
+    is_warm = ~is_cold & (table["start"] != "").to_numpy()
+    is_cold = is_cold & table["label"].isin(table["label"][is_warm].unique()).to_numpy()
+    warm, cold = (_measured(table.loc[chosen, list(_NEEDED)]) for chosen in (is_warm, is_cold))
+    of_warm, of_cold = _settings(warm, cold)
+    cold = cold[["status", "time", "iterations"]].assign(setting=of_cold)
+    both = warm.assign(setting=of_warm).merge(cold, on="setting", suffixes=("", "_cold")).drop(columns="setting")
+    return both.assign(fell_back=_read(both["started"], lambda text: text.startswith(COLD), missing=False))
 
 
 def paired(table: pd.DataFrame) -> pd.DataFrame:
@@ -53,21 +72,22 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
     warm over cold over the pairs that both solved: `time` [s/s] and `iterations` (both NaN where there is no such pair,
     iterations also where the solver counts none).
     """
+    found = pairs(table)
+    warm, cold = rows_of.solved(found).to_numpy(), found["status_cold"].isin(VERIFIED).to_numpy()
+    fell_back = found["fell_back"].to_numpy()
+    common = warm & cold & ~fell_back
     rows: list[dict[str, object]] = []
-    for (node, label, start), part in pairs(table).groupby(_CASE, sort=True):  # type: ignore[misc]
-        cold = part["status_cold"].isin(VERIFIED)
-        common = part[rows_of.solved(part) & cold & ~part["fell_back"]]
+    for case, at in found.groupby(_CASE, sort=True).indices.items():
+        both = found[["time", "time_cold", "iterations", "iterations_cold"]].iloc[at[common[at]]]
         rows.append(
             {
-                "node": node,
-                "label": label,
-                "start": start,
-                "pairs": len(part),
-                "warm": int(rows_of.solved(part).sum()),
-                "cold": int(cold.sum()),
-                "fell_back": int(part["fell_back"].sum()),
-                "time": _mean_ratio(common["time"], common["time_cold"]),
-                "iterations": _mean_ratio(common["iterations"], common["iterations_cold"]),
+                **_named(case),
+                "pairs": len(at),
+                "warm": int(warm[at].sum()),
+                "cold": int(cold[at].sum()),
+                "fell_back": int(fell_back[at].sum()),
+                "time": _mean_ratio(both["time"], both["time_cold"]),
+                "iterations": _mean_ratio(both["iterations"], both["iterations_cold"]),
             }
         )
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -108,22 +128,21 @@ def gains(
     with np.errstate(invalid="ignore"):
         every = np.log(charged_warm) - np.log(charged_cold)
         ratio = np.where(common, np.log(warm) - np.log(cold), 0.0)
-    sums = found.assign(
-        both=both,
-        only_warm=done_warm & ~done_cold,
-        only_cold=~done_warm & done_cold,
-        neither=~done_warm & ~done_cold,
-        slower=both & (warm > cold),
-        common_over=common,
-        pairs=1,
-    )
-    cluster = found["sequence"].where(found["sequence"] != "", found["family"])
+    counts = {
+        "pairs": np.ones(len(found), dtype=bool),
+        "both": both,
+        "only_warm": done_warm & ~done_cold,
+        "only_cold": ~done_warm & done_cold,
+        "neither": ~done_warm & ~done_cold,
+        "fell_back": found["fell_back"].to_numpy(),
+        "slower": both & (warm > cold),
+        "common_over": common,
+    }
+    cluster = found["sequence"].where(found["sequence"] != "", found["family"]).to_numpy(dtype=object)
     rows: list[dict[str, object]] = []
     for case, at in found.groupby(_CASE, sort=True).indices.items():
-        counts = ("pairs", "both", "only_warm", "only_cold", "neither", "fell_back", "slower", "common_over")
-        record: dict[str, object] = dict(zip(_CASE, case, strict=True))  # type: ignore[call-overload]
-        record |= {name: int(sums[name].to_numpy()[at].sum()) for name in counts}
-        families = pd.Series(cluster.to_numpy()[at], index=range(len(at)))
+        record = _named(case) | {name: int(where[at].sum()) for name, where in counts.items()}
+        families = pd.Series(cluster[at])
         top = np.column_stack([ratio[at], every[at]])
         bottom = np.column_stack([common[at].astype(float), np.ones(len(at))])
         statistic = bootstrap.Statistic(("common", "all"), families.index, top, bottom, np.exp)
@@ -158,11 +177,29 @@ def losses(table: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd
     )
 
 
+def _settings(warm: pd.DataFrame, cold: pd.DataFrame) -> tuple[Integers, Integers]:
+    """One number a row for what a pair has in common: merging on it is faster than on seven columns of text."""
+    setting = np.zeros(len(warm) + len(cold), dtype=np.int64)
+    for name in _SETTING:
+        code, values = pd.factorize(pd.concat([warm[name], cold[name]]), use_na_sentinel=False)
+        setting = pd.factorize(setting * len(values) + code)[0]
+    return setting[: len(warm)], setting[len(warm) :]
+
+
+def _named(case: Any) -> dict[str, object]:
+    return dict(zip(_CASE, case, strict=True))
+
+
 def _measured(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with `time` and `iterations`; each distinct text of counters is read once."""
-    codes, texts = pd.factorize(rows["counters"])
-    counts = np.array([*map(_iterations, texts), math.nan])
-    return rows_of.with_time(rows).assign(iterations=counts[codes])
+    """The rows with `time` and `iterations` in place of what these are made of."""
+    counts = _read(rows["counters"], _iterations, missing=math.nan)
+    return rows_of.with_time(rows).assign(iterations=counts).drop(columns=["counters", *rows_of.CHARGED])
+
+
+def _read(texts: pd.Series[str], of: Callable[[str], Any], missing: Any) -> np.ndarray[tuple[int], np.dtype[Any]]:
+    """What each text says; each distinct one is read once."""
+    codes, distinct = pd.factorize(texts)
+    return np.array([*map(of, distinct), missing])[codes]
 
 
 def _iterations(counters: str) -> float:
