@@ -31,6 +31,8 @@ COMMANDS = {
     "compare": "Compare two results files, or two builds in one: what regressed, and what nobody can tell.",
     "baseline": "Keep the outcomes of a run as text for version control, and tell what a later run changes.",
     "recommend": "Say which solver suits a problem, by what was measured on problems like it.",
+    "history": "Show how solvers did over time, from several results files.",
+    "select": "Select problems for short runs, as in CI, from results of all of them.",
     "import": "Judge answers that were made elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",

@@ -17,7 +17,7 @@ import click
 from cpbench.bench import machine
 from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome
-from cpbench.bench.planning import plan_file, quantities
+from cpbench.bench.planning import plan_file, plan_text, quantities
 from cpbench.bench.planning.assembly import assemble
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet, RunPlan
@@ -124,7 +124,7 @@ def command(
             interrupted = True
     found = search.found
     made = record.tuning(found, part, budget, seed)
-    record.write(path, record.plan_text(made, where.entry, part, threads, path.parent))
+    plan_text.write(path, record.plan_text(made, where.entry, part, threads, path.parent))
     for label, told in ((made.solver, made.found), (f"{record.as_text(where.entry)}, default", made.default)):
         click.echo(f"{label}: {told}")
     if not found.score.gains_on(found.default):

@@ -1,0 +1,46 @@
+"""Plan files as text, for commands that write one."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cpbench.bench.planning.run_plan import BUILTIN
+from cpbench.errors import CpbenchError
+
+
+def beside(folder: Path, text: str) -> str:
+    """A problem as a plan in this folder names it."""
+    return text if text.split("/")[0] == BUILTIN else os.path.relpath(text, folder)
+
+
+def lines(table: Mapping[str, Any]) -> list[str]:
+    """Keys of a TOML table."""
+    return [f"{key} = {value(told)}" for key, told in table.items()]
+
+
+def value(told: Any) -> str:
+    """A value in TOML, whose texts are those of JSON save one character.
+
+    >>> value([1e-6, "a\\nb", True]), value(float("inf"))
+    ('[1e-06, "a\\\\nb", true]', '"none"')
+    """
+    if isinstance(told, list):
+        return f"[{', '.join(value(item) for item in told)}]"
+    if isinstance(told, float) and math.isinf(told):
+        return '"none"'
+    return json.dumps(told, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def write(path: Path, text: str) -> None:
+    """Write a plan, whole or not at all; raises CpbenchError."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as cause:
+        raise CpbenchError(f"{path}: cannot be written ({cause.strerror}); name another file with -o") from None
