@@ -31,7 +31,8 @@ def ratio(times: pd.DataFrame, one: str, other: str, shift: float | None) -> flo
 def test_one_failure_decides_a_mean_with_a_large_shift() -> None:
     """Ratio 3.00; 34.4 with one failure charged 100 s and a shift of 10 s; 2.9 with the median as shift.
 
-    These three were measured on other random numbers: over 100 seeds the last two are 32.7 ± 2.8 and 2.90 ± 0.03. With s far above the times the mean is t̄ + (s/N) log1p(P/s) where one of N costs P: the exact value to O(t̄/s).
+    These three were measured on other random numbers: over 100 seeds the last two are 32.7 ± 2.8 and 2.90 ± 0.03.
+    With s far above the times the mean is t̄ + (s/N) log1p(P/s) where one of N costs P: the exact value to O(t̄/s).
     """
     times = trap()
     assert ratio(times, "fast", "whole", 10.0) == pytest.approx(3.00, abs=0.005)
