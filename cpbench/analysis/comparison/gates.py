@@ -47,6 +47,8 @@ def rule(ruling: pd.DataFrame, gate: str, verdict: Verdict, where: pd.Series[boo
     """Enter a verdict for the pairs `where` it holds and nothing was ruled before; `kind` and `why` are texts, or
     series of them."""
     open_pairs = where & (ruling["verdict"] == UNDECIDED)
+    if not open_pairs.any():
+        return
     for column, value in {"verdict": str(verdict), "gate": gate, "kind": kind, "why": why}.items():
         ruling.loc[open_pairs, column] = value[open_pairs] if isinstance(value, pd.Series) else value
 
@@ -86,7 +88,7 @@ def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
     floor = pairs["tolerance"].astype(float)
     base, new = (pairs[f"error_{side}"].astype(float).clip(lower=floor) for side in ("base", "new"))
     both = np.isfinite(base) & np.isfinite(new)
-    why = "error " + base.map("{:.1e}".format) + " → " + new.map("{:.1e}".format)
+    why = "error " + base.map("{:.1e}".format).astype(str) + " → " + new.map("{:.1e}".format).astype(str)
     rule(ruling, "error", Verdict.REGRESSED, both & (new > DECADE * base), "error", why)
     rule(ruling, "error", Verdict.IMPROVED, both & (base > DECADE * new), "error", why)
 
@@ -98,7 +100,7 @@ def by_counters(
 
     A counter moved when it changed by more than `margin` relative to the smaller side, and by more than 1. `iterations`
     is looked at first, then the others by name; counters that moved apart leave the pair inconclusive.
-    `left_out` : (solver, counter) that are not the same from run to run.
+    `left_out` : (solver without its variant, counter) that are not the same from run to run.
     """
     found = pd.DataFrame({"verdict": UNDECIDED, "why": UNDECIDED}, index=pairs.index)
     solved = pairs["status_base"].isin(VERIFIED) & pairs["status_new"].isin(VERIFIED)
@@ -114,17 +116,23 @@ def by_counters(
 
 
 def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:
-    """(solver, counter) that moved between two sides that are the same code: nothing can be concluded from them."""
+    """(solver without its variant, counter) that moved between two sides of the same code: they tell nothing."""
     found: set[tuple[str, str]] = set()
     columns = ["solver", "counters_base", "counters_new"]
     for solver, base, new in pairs[columns].drop_duplicates().itertuples(index=False, name=None):
-        found |= {(str(solver), name) for name in _changes(_read(base), _read(new), margin)}
+        found |= {(_base(solver), name) for name in _changes(_read(base), _read(new), margin)}
     return frozenset(found)
+
+
+def _base(solver: str) -> str:
+    """`x` of `x@head`."""
+    return solver.partition("@")[0]
 
 
 def _moved(solver: str, base: str, new: str, margin: float, left_out: Collection[tuple[str, str]]) -> tuple[str, str]:
     before, after = (
-        {name: count for name, count in _read(text).items() if (solver, name) not in left_out} for text in (base, new)
+        {name: count for name, count in _read(text).items() if (_base(solver), name) not in left_out}
+        for text in (base, new)
     )
     if not before.keys() & after.keys():
         return UNDECIDED, ""

@@ -18,9 +18,8 @@ import pandas as pd
 BIAS = 0.02
 """Standard deviation of the log of a process's own factor on all its times."""
 STRAY = 2.0
-"""Factor between two equal solves that is taken for possible as long as no two equal builds were measured."""
-ENOUGH = 10
-"""Pairs of equal builds from which on the largest factor between them says how far one pair strays."""
+"""Factor between two equal solves that is always possible: one moment of another program's. That some pairs of equal
+builds did not stray so far says nothing of the next ones."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,8 @@ class Noise:
     drift : factor ≥ 1 between the reference solves of the two files; 1 within one run, NaN where it is not known.
     spread : coefficient of variation of the reference solves, of each file (NaN below two of them).
     equal : factor ≥ 1 between two labels of equal code (geometric mean), NaN where there are none.
-    stray : factor ≥ 1 within which one pair differs by itself. unsteady : (solver, counter) that equal code changes.
+    stray : factor ≥ 1 within which one pair differs by itself. unsteady : counters that equal code changes
+        (`gates.unsteady`).
     """
 
     margin: float

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis import attendance
 from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.comparison import gates, noise, pairs, suites, times
 from cpbench.analysis.comparison.gates import Verdict
-from cpbench.analysis.comparison.noise import ENOUGH, Noise
+from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.suites import Suite
 from cpbench.errors import CpbenchError
 from cpbench.verification import VERIFIED
@@ -61,7 +62,7 @@ class Comparison:
     Attributes
     ----------
     verdict : the worst of all: regressed, else inconclusive, else improved, else same. Pairs that are inconclusive by
-        their time alone do not count, their label does.
+        their time alone do not count, their label does. Where no pair was started it is inconclusive.
     pairs : one row a pair: `pairs.Matched.pairs`, `times.COLUMNS`, and the ruling: verdict, gate, kind, why.
     suites : by label. idle : pairs that started on neither side. notes : what else a reader has to know.
     """
@@ -153,7 +154,11 @@ def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], eq
         only_new=found.only_new,
         changed=found.changed,
         idle=int((~started).sum()),
-        notes=tuple(_notes(judged, found, told, int((~started).sum()), interleaved, bool(one_machine.any()))),
+        notes=(
+            *_restricted(base, new),
+            *_notes(judged, found, int((~started).sum())),
+            *_on_times(judged, told, interleaved, bool(one_machine.any())),
+        ),
     )
 
 
@@ -177,8 +182,7 @@ def _noise(base: Side, new: Side, settings: Settings, interleaved: bool, equal: 
         return replace(told, unsteady=steady)
     mean = suites.mean_ratio(timed["ratio"], timed["family"], timed["fingerprint"], settings.seed)[0]
     far = float(np.exp(np.abs(np.log(timed["ratio"])).max()))
-    stray = far if len(timed) >= ENOUGH else max(far, told.stray)
-    return replace(told, equal=max(mean, 1 / mean), stray=stray, unsteady=steady)
+    return replace(told, equal=max(mean, 1 / mean), stray=max(far, told.stray), unsteady=steady)
 
 
 def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settings: Settings) -> pd.DataFrame:
@@ -203,6 +207,8 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settin
 
 
 def _worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> Verdict:
+    if not len(judged):
+        return Verdict.INCONCLUSIVE
     by_time = judged["gate"] == "time"
     decided = set(judged.loc[~(by_time & (judged["verdict"] == Verdict.INCONCLUSIVE)), "verdict"])
     decided |= {str(suite.time) for suite in by_label if suite.time is not None}
@@ -229,9 +235,15 @@ def _nothing_common(base: Side, new: Side) -> str:
     )
 
 
-def _notes(
-    judged: pd.DataFrame, found: pairs.Matched, told: Noise, idle: int, interleaved: bool, here: bool
-) -> list[str]:
+def _restricted(base: Side, new: Side) -> list[str]:
+    """Whose figures may not be published, which a summary of a CI job does."""
+    terms: dict[str, str] = {}
+    for side in (base, new):
+        terms |= attendance.restricted(side.table, side.meta.get("solvers") or {})
+    return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
+
+
+def _notes(judged: pd.DataFrame, found: pairs.Matched, idle: int) -> list[str]:
     notes: list[str] = []
     if len(found.only_base) or len(found.only_new):
         notes.append(f"{len(found.only_base)} rows are in the base only, {len(found.only_new)} in the new results only")
@@ -253,7 +265,6 @@ def _notes(
             notes.append(
                 f"{int(other.sum())} pairs were run under another {what} limit: running into it is no change of status"
             )
-    notes += _on_times(judged, told, interleaved, here)
     return notes
 
 

@@ -57,7 +57,7 @@ def margin(found: Comparison) -> str:
     if math.isfinite(noise.drift) and noise.drift > 1:
         parts.append(f"reference solves of the two runs {noise.drift - 1:.1%} apart")
     if math.isfinite(noise.equal):
-        parts.append(f"equal builds {noise.equal - 1:.1%} apart, one pair at most by a factor {noise.stray:.3g}")
+        parts.append(f"equal builds {noise.equal - 1:.1%} apart")
     spread = [f"{value:.0%}" for value in noise.spread if math.isfinite(value)]
     if spread:
         parts.append(f"reference solves vary by {' and '.join(spread)}")
