@@ -52,8 +52,8 @@ class Curve:
 
     def heights(self, taus: Floats) -> Floats:
         """ρ at each of many τ."""
-        reached = np.array([0, *self.count], dtype=np.int64)[np.searchsorted(self.ratios, taus, side="right")]
-        return reached / max(self.problems, 1)
+        reached = np.array((0, *self.count), dtype=np.int64)
+        return reached[np.searchsorted(self.ratios, taus, side="right")] / max(self.problems, 1)
 
     @property
     def solved(self) -> int:
@@ -68,7 +68,7 @@ class Curve:
         ([1.0, 2.0, 4.0], [0.0, 0.5, 0.5])
         """
         inside = self.ratios[(self.ratios > start) & (self.ratios < upto)]
-        tau = np.array([start, *inside, upto])
+        tau = np.concatenate(([start], inside, [upto]))
         return tau, self.heights(tau)
 
     def area(self, upto: float) -> float:
@@ -99,7 +99,7 @@ class Profile:
     def envelope(self, upto: float) -> tuple[Floats, Floats]:
         """Corners (τ, ρ) on [1, upto] of the highest curve at each τ, whichever that is."""
         corners = np.unique(np.concatenate([np.empty(0), *(c.ratios for c in self.curves)]))
-        tau = np.array([1.0, *corners[(corners > 1.0) & (corners < upto)], upto])
+        tau = np.concatenate(([1.0], corners[(corners > 1.0) & (corners < upto)], [upto]))
         height = np.zeros(len(tau))
         for curve in self.curves:
             height = np.maximum(height, curve.heights(tau))

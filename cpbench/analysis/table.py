@@ -93,10 +93,13 @@ def _order(clean: pd.DataFrame) -> Integers | None:
 
     A results file gives its rows in order, and to find that out costs less than to sort them.
     """
-    columns = [clean[name] for name in ("problem", "fingerprint", "label", "key")]
-    if _in_order(*columns[:3]):
+    columns = [clean[name] for name in ("problem", "fingerprint", "label")]
+    if _in_order(*columns):
         return None
-    return np.lexsort([codes(column)[0] for column in reversed(columns)])
+    places = [codes(column)[0] for column in reversed(columns)]
+    order = np.lexsort(places)
+    same = np.all([np.diff(place[order]) == 0 for place in places], axis=0)
+    return np.lexsort([codes(clean["key"])[0], *places]) if same.any() else order  # no two keys are alike
 
 
 def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Series[str]) -> bool:

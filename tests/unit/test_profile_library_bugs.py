@@ -152,7 +152,7 @@ def liars() -> pd.DataFrame:
     ]
     count = np.random.default_rng(0).integers(1, 99, len(run))
     run["counters"] = [f'{{"iterations": {k}}}' for k in count]
-    return rows_of.normalised(pd.concat([run, rows_table(*lies)]).assign(peak=3e6, reported=1.0))
+    return rows_of.normalised(pd.DataFrame([*run.to_dict("records"), *lies]).assign(peak=3e6, reported=1.0))
 
 
 @pytest.mark.parametrize("name", list(METRICS))
