@@ -7,7 +7,8 @@ and that towards its mean over problems of other nodes, so that few measurements
 
     ŝ = (Σ_p K ℓ + κ m₁)/(Σ_p K + κ),    m₁ = (Σ_p ℓ + m₂)/(#p + 1),    m₂ = Σ_p' K J ℓ / Σ_p' K J  (p' elsewhere),
 
-with K = exp(−d²/2h²) of the distance d between features, and J the part that the solvers which take p' and those
+with K = exp(−d²/2h²) of the distance d between features, h half the distance of the FEW nearest problems of the node
+(narrower where more is known, between LEAST_WIDTH and WIDTH), and J the part that the solvers which take p' and those
 which take x have in common (Jaccard): the formulations from which the same solvers are reached. This is the estimate
 of Nadaraya and Watson (Theory Probab. Appl. 9, 1964), with weights of prior means as in a hierarchical model; selection
 by neighbours and by cost follows Rice (Adv. Comput. 15, 1976) and SATzilla (Xu et al., JAIR 32, 2008).
@@ -32,10 +33,11 @@ from cpbench.matrices import SYMMETRY_TOLERANCE
 
 WORST = 6.0
 """Doublings that a failure costs: 64 times the time of the virtual best."""
-WIDTH, PRIOR, FAINT = 0.5, 1.0, 0.05
-"""h; κ, in problems just like this one; the weight of the mean over everything where no like problem is elsewhere."""
+FEW, LEAST_WIDTH, WIDTH = 5, 0.2, 0.5
+PRIOR, FAINT = 1.0, 0.05
+"""κ, in problems just like this one; the weight of the mean over everything where no like problem is elsewhere."""
 NEAR = 2 * WIDTH
-"""Distance up to which a problem counts as similar; beyond it a measurement weighs less than e⁻²."""
+"""Distance up to which a problem counts as similar; beyond it a measurement weighs at most e⁻² of one just alike."""
 CUT = 3.0
 TIE = 0.1
 """Doublings that make no difference: of labels so close, the one that solved most of the similar problems is taken."""
@@ -201,7 +203,9 @@ def _scores(losses: Any, distance: Floats, used: Any, same: Any, may: Any) -> Fl
     """ŝ of every label."""
     there = ~np.isnan(losses) & used[:, None]
     loss = np.where(there, losses, 0.0)
-    kernel = np.exp(-0.5 * (distance / WIDTH) ** 2)
+    nearest = np.sort(distance[same])[:FEW]
+    width = max(LEAST_WIDTH, min(WIDTH, 0.5 * float(nearest[-1]))) if nearest.size == FEW else WIDTH
+    kernel = np.exp(-0.5 * (distance / width) ** 2)
     either, both = (there | may).sum(axis=1), (there & may).sum(axis=1)
     common = both / np.maximum(either, 1)
 
