@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from cpbench.analysis.costs import Measured
-    from cpbench.report.subset_plan import Source
+    from cpbench.cli.subset_plan import Source
 
 
 @click.command()
@@ -52,7 +52,7 @@ def command(files: tuple[Path, ...], budget: float, seed: int, safety: float, ou
     those of the results, and so is the time it takes: on another machine, mind --safety.
     """
     from cpbench.analysis import costs, subset
-    from cpbench.report import subset_plan
+    from cpbench.cli import subset_plan
 
     if output.suffix != ".toml":
         raise CpbenchError(f"-o {output}: a plan is a .toml file")
@@ -86,7 +86,7 @@ def command(files: tuple[Path, ...], budget: float, seed: int, safety: float, ou
 def _read(files: tuple[Path, ...]) -> tuple[pd.DataFrame, list[Source]]:
     import pandas as pd
 
-    from cpbench.report.subset_plan import source
+    from cpbench.cli.subset_plan import source
 
     tables: list[pd.DataFrame] = []
     sources: list[Source] = []
@@ -117,7 +117,7 @@ def _require_room(found: Measured, room: float, budget: float, safety: float) ->
 
 def _tell(told: Any, folder: Path | None, room: float) -> None:
     """What the reader of the plan should do something about."""
-    from cpbench.report.subset_plan import missing
+    from cpbench.cli.subset_plan import missing
     from cpbench.solvers.base import solvers
 
     cost = told.measured.cost

@@ -20,9 +20,8 @@ from scipy.stats import kendalltau
 from cpbench.analysis import costs, subset
 from cpbench.bench.planning import plan_file, plan_text
 from cpbench.bench.results.store import Store, read_results
-from cpbench.cli import main
+from cpbench.cli import main, subset_plan
 from cpbench.errors import StoreError
-from cpbench.report import subset_plan
 
 
 def outcomes(problems: int, labels: int, seed: int) -> pd.DataFrame:
