@@ -33,10 +33,9 @@ ENV = {
     "GIT_CONFIG_GLOBAL": os.devnull,
     **{f"GIT_{who}_{what}": f"{what}@example.org" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")},
 }
-VENV = f"""
-python3 -m venv --without-pip .venv
-echo "import site; site.addsitedir('{sysconfig.get_path("purelib")}')" > .venv/lib/python3*/site-packages/ours.pth
-"""
+VENV = f"""python3 -m venv --without-pip .venv
+cd .venv/lib/python3*/site-packages
+echo "import site; site.addsitedir('{sysconfig.get_path("purelib")}')" > ours.pth"""
 """The build of an environment that finds what ours has."""
 FAST = {"repeats": "1", "problems": "problems/skewed-0.h5 problems/spd-0.h5"}
 

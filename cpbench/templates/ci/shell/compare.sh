@@ -101,7 +101,7 @@ made() { # label, folder, commit
   [ -n "$build" ] || return 0
   echo "cpbench: building $1" >&2
   (cd "$2" && logged env CPBENCH_BUILD="$1" bash -euo pipefail -c "$build") ||
-    die "the build of $1 (${3:0:12}) failed with exit code $?: \`$build\`: $(last_words)"
+    die "the build of $1 (${3:0:12}) failed with exit code $?: \`$(paste -sd ';' <<< "$build")\`: $(last_words)"
 }
 
 variants() { # label, folder
