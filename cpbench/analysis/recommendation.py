@@ -52,6 +52,7 @@ _SHARES = (
 )  # fmt: skip
 _SIGNS: Mapping[str, float] = {"asymmetry": SYMMETRY_TOLERANCE, "least_eigenvalue": 1e-9}
 """Features of which the sign counts, beyond this much."""
+_FEATURES = len(_LOGARITHMS) + len(_SHARES) + len(_SIGNS)
 _LEAST_DEVIATION = 0.25
 
 
@@ -107,12 +108,18 @@ def recommend(
     >>> [recommend(Experience(tuple(seen)), facts(n), {"a", "b"}).advice[0].label for n in (3, 70)]
     ['a', 'b']
     """
+    return _recommend(known, _places(known), features, applicable, without)
+
+
+def _recommend(
+    known: Experience, places: Any, features: Mapping[str, Any], applicable: Collection[str], without: Collection[int]
+) -> Recommendation:
     used = np.ones(len(known.cases), dtype=bool)
     used[list(without)] = False
     may = np.array([label in applicable for label in known.labels], dtype=bool)
     node = str(features["node"])
     same = (np.array(known.nodes, dtype=object) == node) & used
-    distance = _distances(known, features, used)
+    distance = _distances(places, _coordinates(features), used)
     losses = np.minimum(np.log2(known.ratios), WORST)
     score = _scores(losses, distance, used, same, may)
     near = same & (distance <= NEAR)
@@ -146,11 +153,12 @@ def evaluate(known: Experience, node: str = "") -> pd.DataFrame:
     """
     families, prints = ([getattr(case, name) for case in known.cases] for name in ("family", "fingerprint"))
     records: list[dict[str, Any]] = []
+    places = _places(known)
     for i, case in enumerate(known.cases):
         if node not in ("", case.node):
             continue
         alike = [k for k in range(len(known.cases)) if families[k] == families[i] or prints[k] == prints[i]]
-        found = recommend(known, case.features, case.outcomes.keys(), alike)
+        found = _recommend(known, places, case.features, case.outcomes.keys(), alike)
         label = found.advice[0].label if found.advice else ""
         ratio = float(known.ratios[i, known.labels.index(label)]) if label else math.inf
         records.append(
@@ -219,10 +227,13 @@ def _scores(losses: Any, distance: Floats, used: Any, same: Any, may: Any) -> Fl
     return mean(kernel * same, of_node, PRIOR)
 
 
-def _distances(known: Experience, features: Mapping[str, Any], used: Any) -> Floats:
-    """d of every case from a problem of these features, in deviations of the cases that are used."""
-    ours = _coordinates(features)
-    theirs = np.array([_coordinates(case.features) for case in known.cases]).reshape(-1, ours.size)
+def _places(known: Experience) -> Any:
+    """The coordinates of every case, cases × features."""
+    return np.array([_coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
+
+
+def _distances(theirs: Any, ours: Floats, used: Any) -> Floats:
+    """d of every case from a problem, in deviations of the cases that are used."""
     here = ~np.isnan(theirs)
     count = np.maximum((here & used[:, None]).sum(axis=0), 1)
     values = np.where(here & used[:, None], theirs, 0.0)

@@ -7,8 +7,7 @@ import math
 import shlex
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
-from importlib.resources import files
+from dataclasses import asdict
 from itertools import islice
 from pathlib import Path
 from textwrap import shorten
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
     from cpbench.cli.candidates import Candidate
     from cpbench.formulations import Problem
 
-SHIPPED = "recommendation_table.json"
-"""In `cpbench.analysis`: what the built-in problems came to where this version was made."""
 SHOWN, LONGEST = 4, 160
 """Labels that were passed over, named with the reason; characters of a reason."""
 
@@ -80,7 +77,9 @@ def command(
     if make is not None:
         _make(make, results, force)
         return
-    known, source, remarks = _known(results, warm, routes == "all")
+    from cpbench.cli import evidence
+
+    known, source, remarks = evidence.gather(results, warm, routes == "all")
     if evaluate:
         _evaluate(known, source, remarks, as_json)
     elif problem is not None:
@@ -131,7 +130,7 @@ def _recommend(
         return
     click.echo(f"{asked.name or address} ({asked.node}), by {source}")
     for place, one in enumerate(taken, 1):
-        _print(place, one)
+        _print(place, one, max(len(other.advice.label) for other in taken))
     click.echo(f"  run it     {runs[0]}")
     click.echo(f"  alike      {_alike(found, asked.node)}")
     click.echo(f"  checked    {_checked(checked, asked.node)}")
@@ -143,11 +142,11 @@ def _recommend(
         click.echo(f"  remark     {remark}")
 
 
-def _print(place: int, one: Candidate) -> None:
+def _print(place: int, one: Candidate, width: int) -> None:
     advice = one.advice
     kind = "" if one.kind in ("equivalent", "one-way") else f", {one.kind}"
     click.echo(
-        f"  {place}. {advice.label:<18} {one.route}{kind}: about {2**advice.loss:.2g} times the fastest; {_told(one)}"
+        f"  {place}. {advice.label:<{width}} {one.route}{kind}: about {2**advice.loss:.2g} times the fastest; {_told(one)}"
     )
     if one.here:
         click.echo(f"     cannot run here: {one.here}")
@@ -230,61 +229,7 @@ def _record(
     }
 
 
-# ---------------------------------------------------------------------------------------------- evidence
-
-
-def _known(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, str, list[str]]:
-    """What was measured, where that is from, and what a reader should know of it; raises CpbenchError."""
-    if results:
-        known, remarks = _read(results, warm, inexact)
-        source = ", ".join(map(str, results))
-    else:
-        from cpbench.analysis.experience import from_text
-
-        text = files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8")
-        known, source, remarks = from_text(text, SHIPPED), "the built-in problems", []
-        if warm:
-            known = replace(known, cases=())
-    if warm and not known.cases:
-        cold, source, remarks = _known(results, False, inexact)
-        return cold, source, ["no warm start was measured: ranked by cold ones, of solvers that take a start", *remarks]
-    if known.unfinished:
-        remarks.append(f"{known.unfinished} problems are left out: some of their pairs were not run")
-    if not known.cases:
-        lost = f"nobody solved any of its {known.unsolved} problems" if known.unsolved else "it has no finished problem"
-        raise CpbenchError(f"{source}: nothing to learn from: {lost}; leave --results out for the shipped table")
-    if len(known.labels) == 1:
-        remarks.append(f"only {known.labels[0]} was measured: it is the best of one")
-    return known, source, remarks
-
-
-def _read(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, list[str]]:
-    """The experience of results files and tables together; rows of the same machine are compared across files."""
-    import pandas as pd
-
-    from cpbench.analysis import table as rows_of
-    from cpbench.analysis.experience import Experience, experience, from_text
-    from cpbench.bench.results.problem_features import problem_features
-    from cpbench.bench.results.store import Store
-
-    rows: list[pd.DataFrame] = []
-    features: dict[str, dict[str, Any]] = {}
-    known, lost = Experience(()), 0
-    for path in results:
-        if path.suffix == ".json" and path.is_file():
-            read = from_text(path.read_text(encoding="utf-8", errors="replace"), str(path))
-            if not warm:
-                known = replace(known, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
-            continue
-        with Store(path) as store:
-            rows.append(store.table())
-            found, without = problem_features(store)
-        features |= {key: facts for key, facts in found.items() if key not in features}
-        lost += without
-    if rows:
-        read = experience(rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact)
-        known = replace(read, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
-    return known, [f"{lost} problems are not where they were: only their sizes are known"] if lost else []
+# ------------------------------------------------------------------------------------- evaluation, table
 
 
 def _evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bool) -> None:
@@ -320,15 +265,16 @@ def _evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: b
 
 def _make(table: Path, results: Sequence[Path], force: bool) -> None:
     from cpbench.analysis.experience import to_text
+    from cpbench.cli import evidence
 
     if not results:
         raise click.UsageError("--make: give the results to make it of: --results FILE")
     if table.exists() and not force:
         raise CpbenchError(f"{table}: exists; --force replaces it")
-    known, _ = _read(results, False, False)
+    known, _ = evidence.read(results, False, False)
     if not known.cases:
         raise CpbenchError(f"{', '.join(map(str, results))}: nothing to make a table of: nobody solved anything")
-    hidden = _restricted(known.labels, results)
+    hidden = evidence.restricted(known.labels, results)
     text = to_text(known, hidden, f"cpbench {__version__}, {time.strftime('%Y-%m-%d')}")
     table.write_text(text, encoding="utf-8")
     click.echo(
@@ -338,17 +284,3 @@ def _make(table: Path, results: Sequence[Path], force: bool) -> None:
         click.echo(f"left out, for their figures may not be published: {', '.join(sorted(hidden))}")
     if known.unfinished:
         click.echo(f"left out, for not all of their pairs were run: {known.unfinished} problems")
-
-
-def _restricted(labels: Sequence[str], results: Sequence[Path]) -> set[str]:
-    """Labels whose solver has terms that restrict publishing, by the results or by what is registered here."""
-    from cpbench.bench.results.store import Store
-    from cpbench.cli.candidates import solver_of
-
-    hidden: set[str] = set()
-    for path in (path for path in results if path.suffix != ".json"):
-        with Store(path) as store:
-            sheets = store.meta().get("solvers", {})
-        hidden |= {label for label, sheet in sheets.items() if sheet.get("publishing")}
-    here = ((label, solver_of(label, "")) for label in labels)
-    return (hidden | {label for label, solver in here if solver is not None and solver.spec.publishing}) & set(labels)

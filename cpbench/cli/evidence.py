@@ -1,0 +1,77 @@
+"""What `cpbench recommend` goes by: the shipped table, results files, tables that were made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.experience import Experience, experience, from_text
+from cpbench.bench.results.problem_features import problem_features
+from cpbench.bench.results.store import Store
+from cpbench.cli.candidates import solver_of
+from cpbench.errors import CpbenchError
+
+SHIPPED = "recommendation_table.json"
+"""In `cpbench.analysis`: what the built-in problems came to where this version was made."""
+
+
+def gather(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, str, list[str]]:
+    """What was measured, where that is from, and what a reader should know of it; raises CpbenchError."""
+    if results:
+        known, remarks = read(results, warm, inexact)
+        source = ", ".join(map(str, results))
+    else:
+        text = files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8")
+        known, source, remarks = from_text(text, SHIPPED), "the built-in problems", []
+        if warm:
+            known = replace(known, cases=())
+    if warm and not known.cases:
+        cold, source, remarks = gather(results, False, inexact)
+        return cold, source, ["no warm start was measured: ranked by cold ones, of solvers that take a start", *remarks]
+    if known.unfinished:
+        remarks.append(f"{known.unfinished} problems are left out: some of their pairs were not run")
+    if not known.cases:
+        lost = f"nobody solved any of its {known.unsolved} problems" if known.unsolved else "it has no finished problem"
+        raise CpbenchError(f"{source}: nothing to learn from: {lost}; leave --results out for the shipped table")
+    if len(known.labels) == 1:
+        remarks.append(f"only {known.labels[0]} was measured: it is the best of one")
+    return known, source, remarks
+
+
+def read(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, list[str]]:
+    """The experience of results files and tables together; rows of the same machine are compared across files."""
+    rows: list[pd.DataFrame] = []
+    features: dict[str, dict[str, Any]] = {}
+    known, lost = Experience(()), 0
+    for path in results:
+        if path.suffix == ".json" and path.is_file():
+            read = from_text(path.read_text(encoding="utf-8", errors="replace"), str(path))
+            if not warm:
+                known = replace(known, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
+            continue
+        with Store(path) as store:
+            rows.append(store.table())
+            found, without = problem_features(store)
+        features |= {key: facts for key, facts in found.items() if key not in features}
+        lost += without
+    if rows:
+        read = experience(rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact)
+        known = replace(read, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
+    return known, [f"{lost} problems are not where they were: only their sizes are known"] if lost else []
+
+
+def restricted(labels: Sequence[str], results: Sequence[Path]) -> set[str]:
+    """Labels whose solver has terms that restrict publishing, by the results or by what is registered here."""
+    hidden: set[str] = set()
+    for path in (path for path in results if path.suffix != ".json"):
+        with Store(path) as store:
+            sheets = store.meta().get("solvers", {})
+        hidden |= {label for label, sheet in sheets.items() if sheet.get("publishing")}
+    here = ((label, solver_of(label, "")) for label in labels)
+    return (hidden | {label for label, solver in here if solver is not None and solver.spec.publishing}) & set(labels)
