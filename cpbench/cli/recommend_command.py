@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from cpbench.cli.candidates import Candidate
     from cpbench.formulations import Problem
 
+CHECKED = 200
+"""Problems of the formulation on which the advice is tried: a few seconds, however many were measured."""
 SHOWN, LONGEST = 4, 160
 """Labels that were passed over, named with the reason; characters of a reason."""
 
@@ -122,7 +124,7 @@ def _recommend(
             f"{source}: none of the {len(passed)} solvers measured takes this problem here; the first, "
             f"{passed[0].advice.label}: {passed[0].obstacle}"
         )
-    rates = rec.rates(known, rec.evaluate(known, asked.node)).to_dict("records")
+    rates = rec.rates(known, rec.evaluate(known, asked.node, CHECKED)).to_dict("records")
     checked = rates[0] if rates and rates[0]["node"] == asked.node else None
     runs = [_command(address, asked, one, warm) for one in taken]
     if as_json:
@@ -145,9 +147,8 @@ def _recommend(
 def _print(place: int, one: Candidate, width: int) -> None:
     advice = one.advice
     kind = "" if one.kind in ("equivalent", "one-way") else f", {one.kind}"
-    click.echo(
-        f"  {place}. {advice.label:<{width}} {one.route}{kind}: about {2**advice.loss:.2g} times the fastest; {_told(one)}"
-    )
+    expected = f"about {2**advice.loss:.2g} times the fastest"
+    click.echo(f"  {place}. {advice.label:<{width}} {one.route}{kind}: {expected}; {_told(one)}")
     if one.here:
         click.echo(f"     cannot run here: {one.here}")
 

@@ -243,6 +243,12 @@ def test_a_family_does_not_advise_itself() -> None:
     assert every["solved"] == lcp["solved"] == int(np.isfinite(found["ratio"]).sum())
 
 
+def test_no_more_cases_are_tried_than_asked() -> None:
+    seen = Experience(tuple(case(f"p{i}", {"a": 1.0}, unknowns=9) for i in range(10)))
+    assert evaluate(seen, "lcp", 4)["problem"].tolist() == ["p0", "p2", "p5", "p7"]
+    assert len(evaluate(seen, "qp", 4)) == 0
+
+
 def test_the_same_problem_in_another_family_does_not_advise_either() -> None:
     twin = case("p", {"a": 1.0, "b": 9.0}, family="u", unknowns=9)
     copied = Case("copy", "lcp", "v", twin.fingerprint, twin.features, twin.outcomes)
