@@ -143,7 +143,9 @@ def _recommend(
 
 
 def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.DataFrame:
-    """Leave one family out: every case (of `node`; at most so many, evenly spaced) with the label that the cases of all other families recommend.
+    """Leave one family out: every case with the label that the cases of all other families recommend.
+
+    `node` : its cases only. `most` : at most so many, evenly spaced.
 
     A problem that another family has, too, is left out with both. The labels that take the problem are known
     beforehand, as they are to whoever asks: an edge or a solver refuses before anything is solved.
