@@ -34,7 +34,6 @@ die() { # the reason
 }
 
 export PYTHONSAFEPATH=1 # a file of the checkout is nobody's import by its name alone
-cpbench() { python3 -m cpbench "$@"; }
 
 logged() { # a command; what it says goes to the log of the job, and its last words into the reason if it fails
   "$@" 2>&1 | tee "$work/log" >&2
