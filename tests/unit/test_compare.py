@@ -440,7 +440,12 @@ def test_two_labels_of_equal_code_tell_the_noise() -> None:
 
 
 def test_noise_by_hand() -> None:
-    assert noise.drift([[{"seconds": 2.0}, {"seconds": 4.0}], [{"seconds": 6.0}]])[0] == 2.0
+    def drift(*files: list[float]) -> float:
+        return noise.drift([[{"seconds": s} for s in solves] for solves in files])[0]
+
+    assert drift([2.0, 2.0], [3.0]) == pytest.approx(1.5)
+    assert drift([2.0, 4.0], [6.0]) == 1.0, "two that vary by a factor of two do not tell a third apart"
+    assert 1.3 < drift([1.0, 1.01, 0.99], [1.4, 1.41, 1.39]) < 1.4
     assert math.isnan(noise.drift([[], [{"seconds": 6.0}]])[0])
     assert noise.drift([[]])[0] == 1.0, "one run drifts alike for both sides"
     assert noise.Noise(0.05).delta == 0.05

@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Collection, Mapping
 from enum import StrEnum
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
@@ -105,13 +106,10 @@ def by_counters(
     found = pd.DataFrame({"verdict": UNDECIDED, "why": UNDECIDED}, index=pairs.index)
     solved = pairs["status_base"].isin(VERIFIED) & pairs["status_new"].isin(VERIFIED)
     texts = pairs.loc[solved, ["solver", "counters_base", "counters_new"]]
-    ruled: dict[tuple[str, str, str], tuple[str, str]] = {}
-    for case in texts.drop_duplicates().itertuples(index=False, name=None):
-        ruled[case] = _moved(*case, margin, left_out)
-    columns = [texts[name] for name in texts]
-    answers = [ruled[case] for case in zip(*columns, strict=True)]
-    found.loc[solved, "verdict"] = np.array([verdict for verdict, _ in answers], dtype=object)
-    found.loc[solved, "why"] = np.array([why for _, why in answers], dtype=object)
+    code = texts.groupby(list(texts), sort=False).ngroup().to_numpy()
+    cases = texts[~pd.Series(code).duplicated().to_numpy()].itertuples(index=False, name=None)
+    ruled = np.array([_moved(*case, margin, left_out) for case in cases], dtype=object).reshape(-1, 2)
+    found.loc[solved, ["verdict", "why"]] = ruled[code]
     return found
 
 
@@ -156,7 +154,8 @@ def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: fl
     return changes
 
 
-def _read(text: str) -> dict[str, float]:
+@lru_cache(maxsize=2**14)
+def _read(text: str) -> Mapping[str, float]:
     """Counters of a row; what is no number is none."""
     try:
         found = json.loads(text) if text else {}

@@ -20,6 +20,8 @@ BIAS = 0.02
 STRAY = 2.0
 """Factor between two equal solves that is always possible: one moment of another program's. That some pairs of equal
 builds did not stray so far says nothing of the next ones."""
+SURE = 2.0
+"""Standard errors that a difference of reference solves has to exceed."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,9 @@ class Noise:
 def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tuple[float, ...]]:
     """`drift` and `spread` of `Noise` from the reference solves of each file; one list where both sides are one run.
 
+    The drift is what the two medians differ by beyond what a few solves that vary as much differ by anyway (SURE
+    standard errors): a reference that jumps about tells that the machine is noisy, not that it got slower.
+
     >>> drift([[{"seconds": 1.0}, {"seconds": 1.0}], [{"seconds": 1.25}]])
     (1.25, (0.0, nan))
     """
@@ -79,8 +84,11 @@ def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tup
         return 1.0, spread
     if not all(len(s) for s in took):
         return math.nan, spread
+    freedom = sum(len(s) - 1 for s in took)
+    scatter = math.sqrt(sum(float(((np.log(s) - np.log(s).mean()) ** 2).sum()) for s in took) / max(freedom, 1))
     first, second = (float(np.median(s)) for s in took)
-    return max(first / second, second / first), spread
+    error = scatter * math.sqrt(sum(1 / len(s) for s in took))
+    return math.exp(max(0.0, abs(math.log(second / first)) - SURE * error)), spread
 
 
 def one_machine(pairs: pd.DataFrame, machines: Sequence[Mapping[str, Mapping[str, Any]]]) -> pd.Series[bool]:

@@ -46,15 +46,23 @@ class Matched:
     changed: tuple[str, ...]
 
 
+def prepared(table: pd.DataFrame) -> pd.DataFrame:
+    """The columns of a table of results that a comparison looks at, each present, with `time`."""
+    clean = rows_of.normalised(table)
+    options = clean["options"].where(clean["options"] != "", "{}")
+    threads = clean["threads"].fillna(1.0)
+    return rows_of.with_time(clean).assign(options=options, threads=threads)[[*COMMON, *SIDE]]
+
+
 def match(base: pd.DataFrame, new: pd.DataFrame, loose: Sequence[str] = ()) -> Matched:
-    """Match two tables of results; columns `loose` are no part of the key.
+    """Match two tables (`prepared`); columns `loose` are no part of the key.
 
     >>> rows = pd.DataFrame({"problem": ["p", "q"], "label": "s", "solver": "s", "status": "solved"})
-    >>> found = match(rows, rows.assign(problem=["p", "r"]))
+    >>> found = match(prepared(rows), prepared(rows.assign(problem=["p", "r"])))
     >>> found.pairs["problem"].tolist(), found.only_base["problem"].tolist(), found.only_new["problem"].tolist()
     (['p'], ['q'], ['r'])
     """
-    sides = [_prepared(base), _prepared(new)]
+    sides = [base.reset_index(drop=True), new.reset_index(drop=True)]
     code = _codes(sides, [column for column in KEY if column not in loose])
     twice = [own.duplicated(keep=False) for own in code]
     doubled = set(code[0][twice[0]]) | set(code[1][twice[1]])
@@ -89,13 +97,6 @@ def labelled(table: pd.DataFrame, first: str, second: str) -> tuple[pd.DataFrame
             raise UnknownName("solver or label of the results", name, names | labels)
     column, loose = ("solver", ("solver",)) if by_solver else ("label", BY_LABEL)
     return table[table[column] == first], table[table[column] == second], loose
-
-
-def _prepared(table: pd.DataFrame) -> pd.DataFrame:
-    clean = rows_of.normalised(table)
-    options = clean["options"].where(clean["options"] != "", "{}")
-    threads = clean["threads"].fillna(1.0)
-    return rows_of.with_time(clean.assign(options=options, threads=threads))
 
 
 def _codes(sides: list[pd.DataFrame], key: list[str]) -> list[pd.Series[int]]:

@@ -51,9 +51,10 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alp
     p[comparable] = adjusted(p[comparable])
     log = np.log(ratio)
     significant = np.where(comparable & (p < alpha) & (np.abs(log) > math.log1p(noise.delta)), np.sign(log), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        processor = np.log(pairs["cpu_new"].to_numpy(dtype=float) / pairs["cpu_base"].to_numpy(dtype=float))
-        agrees = processor * np.sign(log) >= np.abs(log) / 2
+    before, after = (pairs[f"cpu_{side}"].to_numpy(dtype=float) for side in ("base", "new"))
+    measured = (before > 0) & (after > 0)  # of a short solve in another process the system counts no tick
+    processor = np.log(np.divide(after, before, out=np.full(len(pairs), math.nan), where=measured))
+    agrees = processor * np.sign(log) >= np.abs(log) / 2
     decisive = (significant != 0) & (np.abs(log) > math.log(noise.strays)) & agrees
     within = comparable & (low >= 1 / (1 + noise.delta)) & (high <= 1 + noise.delta)
     verdict = np.full(len(pairs), UNDECIDED, dtype=object)
@@ -112,8 +113,8 @@ def _tested(pairs: pd.DataFrame, chosen: np.ndarray) -> tuple[Floats, Floats, Fl
     places: dict[tuple[int, int], list[int]] = {}
     taken: dict[int, tuple[list[float], list[float]]] = {}
     names = [f"{column}_{side}" for side in ("base", "new") for column in ("samples", "solve", "time", "flags")]
-    rows = pairs.loc[chosen, names].itertuples(index=False, name=None)
-    for at, row in zip(np.flatnonzero(chosen).tolist(), rows, strict=True):
+    columns = [pairs.loc[chosen, name].tolist() for name in names]
+    for at, *row in zip(np.flatnonzero(chosen).tolist(), *columns, strict=True):
         taken[at] = samples_of(*row[:4]), samples_of(*row[4:])
         places.setdefault((len(taken[at][0]), len(taken[at][1])), []).append(at)
     for counts, where in places.items():

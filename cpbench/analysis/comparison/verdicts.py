@@ -101,7 +101,7 @@ def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.Da
     >>> str(found.verdict), found.pairs["why"].tolist()
     ('regressed', ['solved → timeout', ''])
     """
-    return _compare(base, new, settings, (), equal)
+    return _compare(_prepared(base), _prepared(new), settings, (), equal)
 
 
 def compare_labels(
@@ -113,17 +113,26 @@ def compare_labels(
 ) -> Comparison:
     """Compare two solvers, or two labels, of one run: two builds that were interleaved. `equal` : two labels of equal
     code. Raises CpbenchError, UnknownName."""
+    run = _prepared(run)
     sides, loose = _sides(run, base, new)
-    return _compare(*sides, settings, loose, equal_pairs(run, equal) if equal else None)
+    return _compare(*sides, settings, loose, _equal_pairs(run, equal) if equal else None)
 
 
 def equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
     """The pairs of two labels of equal code in a run; raises CpbenchError, UnknownName."""
+    return _equal_pairs(_prepared(run), labels)
+
+
+def _equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
     (one, other), loose = _sides(run, *labels)
     found = pairs.match(one.table, other.table, loose).pairs
     if not len(found):
         raise CpbenchError(f"{run.name}: {' and '.join(labels)} have no pair in common: run both on the same problems")
     return found
+
+
+def _prepared(side: Side) -> Side:
+    return replace(side, table=pairs.prepared(side.table))
 
 
 def _sides(run: Side, first: str, second: str) -> tuple[tuple[Side, Side], tuple[str, ...]]:
