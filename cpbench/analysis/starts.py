@@ -94,7 +94,7 @@ def paired(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def gains(
-    table: pd.DataFrame,
+    found: pd.DataFrame,
     penalty: Penalty = LIMIT,
     *,
     floor: float = FLOOR,
@@ -102,7 +102,7 @@ def gains(
     replicates: int = 1000,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """One row a formulation, label and warm start that has cold rows beside it: what the warm start gains in time.
+    """One row a formulation, label and warm start of `pairs`: what the warm start gains in time.
 
     Columns: pairs; how many both solved, only the warm one, only the cold one, neither; fell_back; slower (both solved
     and the warm one took longer); the geometric means of warm over cold (below 1: the warm start is ahead) with their
@@ -112,11 +112,10 @@ def gains(
 
     >>> rows = pd.DataFrame({"problem": ["a", "b"] * 2, "label": "s", "start": ["cold", "cold", "previous", "previous"],
     ...                      "status": ["solved"] * 3 + ["timeout"], "solve": [4.0, 5.0, 1.0, 9.0], "seconds": 10.0})
-    >>> found = gains(rows_of.normalised(rows)).iloc[0]
+    >>> found = gains(pairs(rows_of.normalised(rows))).iloc[0]
     >>> [round(found[name].item(), 3) for name in ("common", "all", "only_cold", "common_over")]
     [0.25, 0.707, 1, 1]
     """
-    found = pairs(table)
     warm, cold = _floored(found["time"], floor), _floored(found["time_cold"], floor)
     done_warm, done_cold = np.isfinite(warm), np.isfinite(cold)
     both = done_warm & done_cold
@@ -154,8 +153,8 @@ def gains(
     return pd.DataFrame(rows, columns=list(GAINS))
 
 
-def losses(table: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd.DataFrame:
-    """The pairs in which the warm start loses: not solved where the cold one solved, or slower by more than a factor.
+def losses(found: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd.DataFrame:
+    """Those of `pairs` in which the warm start loses: the cold one alone solved, or the warm one took longer by a factor.
 
     One row a pair, per formulation, label and start the worst first (failures, then by ratio): node, label, start,
     problem, fingerprint, sequence, step, status, time, time_cold [s], ratio (∞ for a failure).
@@ -164,7 +163,6 @@ def losses(table: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd
     ----------
     beyond : ratio of times above which a pair is listed; noise alone makes half of equal pairs slower than 1.
     """
-    found = pairs(table)
     warm, cold = _floored(found["time"], floor), _floored(found["time_cold"], floor)
     with np.errstate(invalid="ignore"):
         ratio = np.where(np.isfinite(cold), warm / cold, 0.0)

@@ -64,8 +64,8 @@ PROFILE, ALL, MEMORY = 1.0, 20.0, 2.0
 """Required: seconds, seconds, GB."""
 LIMIT = 100.0
 FAMILIES = 50
-RECORDED, ITERATES = 10, 20
-"""Labels with histories, and the iterates of each."""
+RECORDED, ITERATES = 100_000, 20
+"""Rows with histories (of ten labels), and the iterates of each."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Data:
 
 
 def make(problems: int, labels: int, seed: int) -> pd.DataFrame:
-    """A table as `Store.table` gives it."""
+    """A table as `Store.table` gives it, in order of problem and label."""
     rng = np.random.default_rng(seed)
     weight = rng.pareto(0.8, FAMILIES) + 0.2
     family = np.sort(rng.choice(FAMILIES, problems, p=weight / weight.sum()))
@@ -140,7 +140,8 @@ def make(problems: int, labels: int, seed: int) -> pd.DataFrame:
     error[poor] = 10.0 ** rng.uniform(-5.9, 1, int(poor.sum()))
     names = [f"solver{k % 40}" + (f"[omega={k // 40}]" if k >= 40 else "") for k in range(labels)]
     inexact = np.arange(labels) % 20 == 7
-    names = [name + "@inner8" * int(far) for name, far in zip(names, inexact, strict=True)]
+    names = sorted(name + "@inner8" * int(far) for name, far in zip(names, inexact, strict=True))
+    inexact = np.array([name.endswith("@inner8") for name in names])
     seconds = number(solve.ravel())
     return pd.DataFrame(
         {
@@ -155,7 +156,7 @@ def make(problems: int, labels: int, seed: int) -> pd.DataFrame:
             "solver": of_labels([name.partition("[")[0].partition("@")[0] for name in names]),
             "label": of_labels(names),
             "request": of_labels(np.where(inexact, "inner8", "exact")),
-            "options": of_labels([json.dumps({"omega": k // 40}) for k in range(labels)]),
+            "options": of_labels([json.dumps({"omega": name}) for name in names]),
             "tolerance": 1e-6,
             "measure": None,
             "start": "cold",
@@ -219,8 +220,8 @@ def as_starts(rows: pd.DataFrame) -> pd.DataFrame:
 def as_paths(rows: pd.DataFrame, seed: int) -> pd.DataFrame:
     """Iterates of some labels, as `bench.history.table` gives them."""
     rng = np.random.default_rng(seed)
-    labels = [name for name, n in rows[rows_of.solved(rows)]["label"].value_counts().items() if n][:RECORDED]
-    keys = rows.loc[rows["label"].isin(labels) & rows["solve"].notna(), "key"].to_numpy()
+    labels = [name for name, n in rows[rows_of.solved(rows)]["label"].value_counts().items() if n][:10]
+    keys = rows.loc[rows["label"].isin(labels) & rows["solve"].notna(), "key"].to_numpy()[:RECORDED]
     share = np.tile(np.linspace(0, 1, ITERATES + 1)[1:], len(keys))
     return pd.DataFrame(
         {
@@ -285,8 +286,11 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "deadlines by sequence": lambda: deadlines.deadlines_by_sequence(rows, 1.0),
         "scaling in nc": lambda: scaling.scaling(rows, "nc"),
         "scaling in nnz": lambda: scaling.scaling(rows, "nnz", data.facts),
-        "warm over cold": lambda: (starts.paired(data.started), starts.gains(data.started)),
-        "losses of warm starts": lambda: starts.losses(data.started),
+        "warm over cold": lambda: starts.paired(data.started),
+        "gains and losses of warm starts": lambda: (
+            starts.gains(found := starts.pairs(data.started)),
+            starts.losses(found),
+        ),
         "times to an error": lambda: histories.times_to(rows, data.paths, 1e-4),
         "error at a time": lambda: histories.error_at(rows, data.paths, 1.0),
         "work-precision": lambda: histories.work_precision(rows, data.paths),

@@ -12,9 +12,10 @@ import pytest
 from scipy import stats
 from synthetic_results import row, table
 
+from cpbench.analysis import starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.means import LIMIT, PAR10, Penalty
-from cpbench.analysis.starts import gains, losses, paired
+from cpbench.analysis.starts import paired
 
 
 def _counted(count: int) -> str:
@@ -40,6 +41,14 @@ def test_settings_are_not_mixed() -> None:
     cold = row("p-0", "s", "solved", 1.0)
     warm = row("p-0", "s", "solved", 1.0, start="file", started="file", tolerance=1e-8)
     assert paired(rows_of.normalised(table(cold, warm))).empty
+
+
+def gains(rows: pd.DataFrame, *given: Any, **named: Any) -> pd.DataFrame:
+    return starts.gains(starts.pairs(rows), *given, **named)
+
+
+def losses(rows: pd.DataFrame, **named: Any) -> pd.DataFrame:
+    return starts.losses(starts.pairs(rows), **named)
 
 
 def _steps(name: str, cold: list[float], warm: list[float], **given: Any) -> list[dict[str, Any]]:
