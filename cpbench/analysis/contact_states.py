@@ -1,0 +1,98 @@
+"""Open, stick or slip: the state of every contact of an answer, with the numbers that a picture of it needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench.errors import PointError, ProblemError
+from cpbench.formulations.afc import AnisotropicFrictionContact
+from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.contact import ContactProblem
+from cpbench.matrices import Dense, Vector, norm
+
+
+class State(StrEnum):
+    """What a contact does."""
+
+    STICK = "stick"
+    SLIP = "slip"
+    OPEN = "open"
+
+
+@dataclass(frozen=True, eq=False)
+class ContactStates:
+    """The contacts of an answer; rolling parts (moments, angular velocities) are left out.
+
+    Attributes
+    ----------
+    r, u : (nc, d), reactions [N s] and velocities [m/s], normal first.
+    mu : (nc, d − 1), coefficient along each tangent.
+    share : (nc, d − 1), r_T/(μ r_N), in the unit disk for an admissible reaction; 0 where μ r_N is 0.
+    state : (nc,), a State each.
+    """
+
+    r: Dense
+    u: Dense
+    mu: Dense
+    share: Dense
+    state: NDArray[np.str_]
+
+    def count(self, state: State) -> int:
+        """How many contacts are in this state."""
+        return int((self.state == str(state)).sum())
+
+
+def contact_states(problem: Problem, point: Point, tolerance: float = 1e-6) -> ContactStates:
+    """States of all contacts, with the noise of `formulations.contact.contact_residuals`.
+
+    A contact is open when the energy of its reaction, ‖r_c‖²/ρ_c, is below tolerance² times that of the whole answer,
+    or its r_N is not positive; else it slips when ρ_c‖u_T‖ exceeds tolerance times max(‖r_c‖, √ρ_c of the energy); else
+    it sticks. Raises ProblemError when the problem has no contacts, PointError on an answer that is not finite.
+    """
+    if not isinstance(problem, ContactProblem):
+        raise ProblemError(problem.node, "has no contacts; give a problem of fc, fcm, gfc, afc, rfc or grfc")
+    problem.check_point(point)
+    if not point.finite:
+        raise PointError(f"{problem.node}: the answer has a number that is not finite: no contact has a state in it")
+    nc, rows = problem.nc, problem.dimension
+    d = rows if not hasattr(problem, "mu_r") else 1 + (rows - 1) // 2
+    r = point.arrays()["r"].reshape(nc, rows)[:, :d]
+    u = problem.slacks(point)["u"].reshape(nc, rows)[:, :d]
+    mu = _coefficients(problem, d)
+    weight = problem.rho
+    r_c, slide = np.linalg.norm(r, axis=1), np.linalg.norm(u[:, 1:], axis=1)
+    scale = max(norm(r_c / np.sqrt(weight)), norm(np.sqrt(weight) * np.linalg.norm(u, axis=1)))
+    floor = np.sqrt(weight) * scale
+    is_open = (r_c <= tolerance * floor) | (r[:, 0] <= 0)
+    slips = weight * slide > tolerance * np.maximum(r_c, floor)
+    state = np.where(is_open, str(State.OPEN), np.where(slips, str(State.SLIP), str(State.STICK)))
+    bound = mu * r[:, :1]
+    share = np.divide(r[:, 1:], bound, out=np.zeros_like(bound), where=(bound > 0) & ~is_open[:, None])
+    return ContactStates(r, u, mu, share, state)
+
+
+def _coefficients(problem: ContactProblem, d: int) -> Dense:
+    """μ of every contact and tangent."""
+    if isinstance(problem, AnisotropicFrictionContact):
+        return problem.friction
+    mu: Vector = problem.mu
+    return np.repeat(mu[:, None], d - 1, axis=1)
+
+
+def most_rubbing(states: ContactStates) -> int:
+    """The contact whose friction does most work, −r_Tᵀu_T; without one, that with the largest reaction; 0 of none.
+
+    >>> import numpy as np
+    >>> r, u = np.array([[2.0, 0, 0], [1, -1, 0]]), np.array([[0.0, 0, 0], [0, 3, 0]])
+    >>> most_rubbing(ContactStates(r, u, np.ones((2, 2)), r[:, 1:] / r[:, :1], np.array(["stick", "slip"])))
+    1
+    """
+    if not len(states.r):
+        return 0
+    work = -np.einsum("ci,ci->c", states.r[:, 1:], states.u[:, 1:])
+    slipping = np.where(states.state == str(State.SLIP), work, 0.0)
+    return int(np.argmax(slipping)) if slipping.max() > 0 else int(np.argmax(np.linalg.norm(states.r, axis=1)))

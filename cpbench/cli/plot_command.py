@@ -1,0 +1,55 @@
+"""`cpbench plot`: a command a kind of figure, each with its own options, imported when it is called."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+from typing import Any
+
+import click
+
+ROOMS = {"cpbench.report.pictures": "cpbench.cli.plot_problem"}
+"""Where kinds of figures live, and the module whose `command_of` makes a command of a kind."""
+
+
+@cache
+def _kinds() -> dict[str, tuple[str, str]]:
+    """Kind -> its room, what it shows."""
+    from cpbench.report.figure_kinds import summaries
+
+    return {name: (room, told) for room in ROOMS for name, told in summaries(room).items()}
+
+
+class Kinds(click.Group):
+    """The kinds of figures as subcommands."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_kinds())
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _kinds():
+            return None
+        from cpbench.report.figure_kinds import find
+
+        room = _kinds()[cmd_name][0]
+        made: click.Command = importlib.import_module(ROOMS[room]).command_of(find(room, cmd_name))
+        return made
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Kinds of problems" if len(ROOMS) == 1 else "Kinds"):
+            formatter.write_dl([(name, told) for name, (_, told) in _kinds().items()])
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        if args and args[0] not in _kinds():
+            from cpbench.errors import UnknownName
+
+            raise UnknownName("figure", args[0], _kinds())
+        return super().resolve_command(ctx, args)
+
+
+command = Kinds(
+    "plot",
+    help="Draw a single figure, as SVG, PNG or PDF.\n\n`cpbench plot KIND --help` has the options of a kind.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    subcommand_metavar="KIND [FILE] -o FIGURE",
+)

@@ -1,0 +1,79 @@
+"""The commands of `cpbench plot` that draw a problem, made from the kinds in `report/pictures`."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from cpbench import storage
+from cpbench.cli.options import Address, Counts
+from cpbench.errors import FormatError
+from cpbench.formulations import Problem
+from cpbench.report import canvas
+from cpbench.report.figure_kinds import FigureKind, Need
+
+
+def command_of(kind: FigureKind) -> click.Command:
+    """`cpbench plot KIND [FILE] [--answer FILE] -o FIGURE` with the options of the kind."""
+    parameters: list[click.Parameter] = []
+    if kind.problem is not Need.NONE:
+        parameters += [
+            click.Argument(["source"], metavar="FILE", type=Address(), required=kind.problem is Need.REQUIRED),
+            click.Option(["--format", "file_format"], metavar="NAME", help="Format of the input."),
+        ]
+    if kind.answer is not Need.NONE:
+        told = "Answer file (.h5, .npy, .npz, .csv); without it, the candidate in the file's own /solution."
+        parameters.append(click.Option(["--answer"], type=click.Path(path_type=Path), help=told))
+    parameters += [_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
+    parameters += [
+        click.Option(["-o", "--output"], type=click.Path(path_type=Path), required=True, help="x.svg, .png or .pdf."),
+        click.Option(["--bare"], is_flag=True, help="Leave out the title and the words on how to read it."),
+    ]
+
+    def draw(
+        output: Path,
+        bare: bool,
+        source: str | None = None,
+        file_format: str | None = None,
+        answer: Path | None = None,
+        **options: Any,
+    ) -> None:
+        canvas.require_suffix(output)
+        problem = None if source is None else storage.load(source, format=file_format)
+        point = None if kind.answer is Need.NONE else _answer(kind, source, problem, answer)
+        with canvas.drawing():
+            drawn = kind.draw(problem, point, **options)
+            canvas.write(drawn, output, bare=bare)
+        click.echo(f"{kind.name}: {output}")
+
+    told = inspect.cleandoc(sys.modules[kind.draw.__module__].__doc__ or "")
+    return click.Command(kind.name, params=parameters, callback=draw, help=told)
+
+
+def _answer(kind: FigureKind, source: str | None, problem: Problem | None, answer: Path | None) -> Any:
+    """The answer that was given, or stands in the file; None where there is none and none is needed."""
+    if problem is None or source is None:
+        if answer is not None:
+            raise click.UsageError("--answer is of a problem: give its FILE too")
+        return None
+    if answer is not None:
+        return storage.load_answer(answer, problem)
+    found = storage.solution(source)
+    if found is None and kind.answer is Need.REQUIRED:
+        raise FormatError(source, "solution", "is missing; give an answer with --answer FILE (cpbench solve makes one)")
+    return None if found is None else found[0]
+
+
+def _option(name: str, default: Any, told: str) -> click.Option:
+    """An option of the type of its default; a tuple is a list of facet counts."""
+    flag = f"--{name.replace('_', '-')}"
+    if isinstance(default, bool):
+        return click.Option([flag], is_flag=True, default=default, help=told)
+    if isinstance(default, tuple):
+        shown = ",".join(map(str, default))
+        return click.Option([flag], type=Counts(), default=shown, show_default=True, help=told)
+    return click.Option([flag], type=type(default), default=default, show_default=default not in ("", -1), help=told)

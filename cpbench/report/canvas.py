@@ -1,0 +1,165 @@
+"""Paper for single figures: sizes of a journal's columns, few colours that survive grey, title and guide around them.
+
+Words are mathtext (r"$r_\\mathrm{T}$", no LaTeX is called); what comes from a file goes through :func:`literal`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cpbench.errors import CpbenchError, FormatError
+from cpbench.report.figure_kinds import Drawing
+from cpbench.report.figures import STYLE as COMMON
+from cpbench.report.text import cut
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLUMN, PAGE = 3.5, 7.0
+"""Widths of one column and of two [in]."""
+BLUE, RED, GREEN, GREY, FAINT, INK = "#0072B2", "#D55E00", "#009E73", "#8A8A8A", "#DCDCDC", "#1A1A1A"
+"""Okabe and Ito's blue, vermilion and green; they differ in grey as well."""
+STYLE: Any = {
+    **COMMON,
+    "text.parse_math": True,
+    "mathtext.fontset": "dejavusans",
+    "mathtext.default": "it",
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "axes.edgecolor": "#555555",
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "lines.solid_capstyle": "round",
+    "pdf.fonttype": 42,
+}
+PLATE: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+"""Behind a word that stands on lines."""
+SUFFIXES = (".svg", ".png", ".pdf")
+_TITLE, _LINE = 0.30, 0.125
+"""Height of the title and of a line of the guide [in]."""
+
+
+@contextmanager
+def drawing() -> Generator[None]:
+    """Everything of a figure is made, and written, in this style."""
+    import matplotlib
+
+    with matplotlib.rc_context(STYLE):
+        yield
+
+
+def page(width: float, height: float) -> Figure:
+    """An empty figure [in] on the Agg canvas: no pyplot, no global state, no window."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=200)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def literal(value: Any, length: int = 60) -> str:
+    """Text in which no character starts a formula.
+
+    >>> print(literal("a$b"))
+    a\\$b
+    """
+    return cut(value, length).replace("$", r"\$")
+
+
+def number(value: float) -> str:
+    """Three digits; powers of ten as a formula.
+
+    >>> number(0.25), number(3e-9), number(0.0)
+    ('0.25', '$3 \\\\times 10^{-9}$', '0')
+    """
+    if value == 0 or not math.isfinite(value) or 1e-3 <= abs(value) < 1e5:
+        return f"{value:.3g}"
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return rf"${float(mantissa):g} \times 10^{{{int(exponent)}}}$"
+
+
+def require_suffix(path: Path) -> None:
+    """Raises CpbenchError unless the file is of a kind that figures are written to."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise CpbenchError(f"{path}: unknown suffix '{path.suffix}'; figures are written as {', '.join(SUFFIXES)}")
+
+
+def write(drawn: Drawing, path: Path, *, bare: bool = False) -> None:
+    """Write a drawing with its title and guide around it, or `bare`; no dates or versions are in the file.
+
+    Raises CpbenchError for an unknown suffix, FormatError when it cannot be written.
+    """
+    import matplotlib
+
+    require_suffix(path)
+    if not bare:
+        _caption(drawn)
+    metadata: dict[str, Any] = {
+        ".png": {"Software": None},
+        ".svg": {"Date": None, "Creator": None, "Title": drawn.title.replace("$", "")},
+        ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    }[path.suffix.lower()]
+    try:
+        with matplotlib.rc_context(STYLE), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph .* missing")  # a name may use any script
+            drawn.figure.savefig(path, metadata=metadata)
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
+
+
+def _caption(drawn: Drawing) -> None:
+    """Make room above and below what is there, whose axes have fixed places."""
+    figure = drawn.figure
+    width, height = figure.get_size_inches()
+    lines, title = wrapped(drawn.guide, int(width * 20.5)), wrapped(drawn.title, int(width * 14))
+    above = _TITLE + 0.15 * (len(title) - 1)
+    below = _LINE * len(lines) + 0.12
+    whole = height + above + below
+    for axes in figure.axes:
+        box = axes.get_position(original=True)
+        axes.set_position((box.x0, (box.y0 * height + below) / whole, box.width, box.height * height / whole))
+    for text in figure.texts:
+        x, y = text.get_position()
+        text.set_position((x, (y * height + below) / whole))
+    figure.set_size_inches(width, whole)
+    left = 0.1 / width
+    figure.text(left, 1 - 0.08 / whole, "\n".join(title), fontsize=9, fontweight="bold", va="top")
+    figure.text(left, 0.06 / whole, "\n".join(lines), fontsize=6.5, color="#444444", va="bottom", linespacing=1.3)
+
+
+def wrapped(text: str, length: int) -> list[str]:
+    """Lines of about `length` characters; a formula is never broken, and counts by what it shows.
+
+    >>> wrapped(r"where $w z < 0$ and so on", 14)
+    ['where $w z < 0$', 'and so on']
+    """
+    lines = [""]
+    shown = 0
+    for word in re.findall(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+", text):
+        size = len(re.sub(r"(?<!\\)\$|\\mathrm|\\,|[{}^_]", "", re.sub(r"\\(?!mathrm)[a-z]+ ?", "x", word)))
+        if lines[-1] and shown + 1 + size > length:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}" if lines[-1] else word
+        shown = size if lines[-1] == word else shown + 1 + size
+    return lines
+
+
+def joined(parts: Sequence[str], last: str = "and") -> str:
+    """`a, b and c`.
+
+    >>> joined(["a", "b", "c"])
+    'a, b and c'
+    """
+    return f" {last} ".join(filter(None, (", ".join(parts[:-1]), *parts[-1:])))

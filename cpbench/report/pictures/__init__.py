@@ -1,0 +1,1 @@
+"""Figures of problems: one kind a module, drawn from what `analysis` computes."""

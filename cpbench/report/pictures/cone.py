@@ -1,0 +1,159 @@
+"""The friction cone of a contact in 3D, with inner and outer facets, the reaction r and the velocities u and û.
+
+Without FILE: a contact that slides, W = I, q = (−1, 1.2, 0.9), with its solution. Without an answer: the cone alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cpbench.analysis.contact_states import ContactStates, contact_states, most_rubbing
+from cpbench.cones import de_saxce
+from cpbench.conversions.base import make
+from cpbench.errors import NotApplicable, ProblemError
+from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.fc import FrictionContact
+from cpbench.matrices import Dense, Vector, norm
+from cpbench.report import canvas
+from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.solvers.base import solve
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d.axes3d import Axes3D
+
+CIRCULAR = ("fc", "fcm", "gfc")
+TOP = 1.25
+"""Height at which the cone is cut, over r_N."""
+
+
+@figure_kind(
+    "cone",
+    problem=Need.OPTIONAL,
+    answer=Need.OPTIONAL,
+    contact="Number of the contact, from 0 (default: the one whose friction does most work).",
+    facets="Facets ν of the polygons.",
+)
+def draw(problem: Problem | None = None, point: Point | None = None, *, contact: int = -1, facets: int = 8) -> Drawing:
+    """K_μ with both pyramids, r on it, and u and û from its tip."""
+    if problem is None:
+        problem = example()
+        point = solve(problem, "nsgs").point
+    if not isinstance(problem, ContactProblem) or problem.node not in CIRCULAR or problem.dimension != 3:
+        raise NotApplicable(
+            "cone", f"draws three-dimensional contacts of {', '.join(CIRCULAR)}; this is {_what(problem)}"
+        )
+    states = None if point is None else contact_states(problem, point)
+    place = chosen(problem, states, contact)
+    mu = float(problem.mu[place])
+    r, u = (np.zeros(3), np.zeros(3)) if states is None else (states.r[place], states.u[place])
+    unit = r[0] if r[0] > 0 else 1.0
+    figure = canvas.page(canvas.COLUMN, 2.7)
+    axes: Any = figure.add_axes((-0.15, -0.23, 1.3, 1.45), projection="3d", computed_zorder=False)
+    _cone(axes, mu, facets)
+    said = "It has no answer." if states is None else _vectors(axes, r / unit, u, mu, str(states.state[place]))
+    _view(axes, r, mu)
+    named = canvas.literal(problem.name or problem.node)
+    where = named if problem.nc == 1 else f"{named}, contact {place}"
+    guide = (
+        rf"Grey: $K_\mu$, reactions with $|r_\mathrm{{T}}| \leq \mu r_\mathrm{{N}}$, $\mu$ = {mu:.3g}; solid and "
+        f"dashed edges: inner and outer pyramids with ν = {facets}. {said}"
+    )
+    return Drawing(figure, f"Friction cone: {where}", guide)
+
+
+def example() -> FrictionContact:
+    """One contact that slides."""
+    return FrictionContact(W=np.eye(3), q=np.array([-1.0, 1.2, 0.9]), mu=np.array([0.6]), name="a contact that slides")
+
+
+def chosen(problem: ContactProblem, states: ContactStates | None, contact: int) -> int:
+    """The contact that was asked for; raises ProblemError when there is none of that number."""
+    if contact == -1 and problem.nc:
+        return 0 if states is None else most_rubbing(states)
+    if not 0 <= contact < problem.nc:
+        raise ProblemError(problem.node, f"there is no contact {contact}; there are {problem.nc}, counted from 0")
+    return contact
+
+
+def _what(problem: Problem) -> str:
+    return (
+        f"{problem.node} of dimension {getattr(problem, 'dimension', '?')}"
+        if hasattr(problem, "dimension")
+        else (problem.node)
+    )
+
+
+def _cone(axes: Axes3D, mu: float, facets: int) -> None:
+    """The cone up to TOP, and the edges of the two pyramids."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 121)
+    rim = np.array([np.cos(turn), np.sin(turn)]) * mu * TOP
+    height = np.array([[0.0], [1.0]])
+    axes.plot_surface(
+        height * rim[0], height * rim[1], height * TOP * np.ones_like(turn),
+        color="#BFBFBF", alpha=0.33, linewidth=0, antialiased=True, shade=False, zorder=1,
+    )  # fmt: skip
+    axes.plot(*rim, TOP, color=canvas.GREY, linewidth=0.9, zorder=2)
+    for side, look in (("inner", "-"), ("outer", (0, (3, 2)))):
+        corners: Dense = make(f"fc-lcp-{side}", {"facets": facets}).vertices * mu * TOP  # type: ignore[attr-defined]
+        closed = np.hstack([corners, corners[:, :1]])
+        axes.plot(*closed, TOP, color=canvas.INK, linewidth=0.7, linestyle=look, zorder=3)
+        for x, y in corners.T:
+            axes.plot([0, x], [0, y], [0, TOP], color=canvas.INK, linewidth=0.35, linestyle=look, alpha=0.6, zorder=3)
+
+
+def _vectors(axes: Axes3D, r: Vector, u: Vector, mu: float, state: str) -> str:
+    """r over r_N; u and û scaled together; what the guide says of them."""
+    hat = de_saxce(u[None, :], np.array([mu]))[0]
+    far = max(norm(u), norm(hat))
+    reach = 0.95 * max(TOP * mu, 0.6)
+    if r[0] > 0:
+        _arrow(axes, np.zeros(3), r, canvas.BLUE, r"$r$")
+    if far > 0 and state != "stick":
+        u, hat = reach * u / far, reach * hat / far
+        _arrow(axes, np.zeros(3), u, canvas.RED, r"$u$")
+        if norm(hat - u) > 1e-6 * reach:
+            _arrow(axes, np.zeros(3), hat, canvas.GREEN, r"$\hat{u}$")
+            ends = np.array([u, hat])
+            axes.plot(ends[:, 1], ends[:, 2], ends[:, 0], color=canvas.GREEN, linewidth=1, linestyle=":", zorder=9)
+            x, y, z = 0.5 * (u + hat)[[1, 2, 0]]
+            words = r"$\mu|u_\mathrm{T}|e_\mathrm{N}$  "
+            axes.text(x, y, z, words, color=canvas.GREEN, fontsize=7, ha="right", va="center", zorder=12)
+            if r[0] > 0:
+                one, other = 0.12 * r / norm(r), 0.12 * hat / norm(hat)
+                corner = np.array([one, one + other, other])
+                axes.plot(corner[:, 1], corner[:, 2], corner[:, 0], color=canvas.INK, linewidth=0.8, zorder=11)
+    return {
+        "open": "The contact is open: no reaction, $u$ leaves.",
+        "stick": "The contact sticks: $r$ inside, $u = 0$.",
+        "slip": r"The contact slips: $r$ is on the cone, against $u_\mathrm{T}$; De Saxcé's $\hat{u} = u + "
+        r"\mu|u_\mathrm{T}|e_\mathrm{N}$ is in the dual cone, at a right angle to $r$ (velocities in a scale of "
+        "their own).",
+    }[state]
+
+
+def _arrow(axes: Axes3D, start: Vector, end: Vector, colour: str, label: str) -> None:
+    """An arrow between points (N, T1, T2), which are drawn as (T1, T2, N)."""
+    (x, y, z), (a, b, c) = start[[1, 2, 0]], (end - start)[[1, 2, 0]]
+    axes.quiver(x, y, z, a, b, c, color=colour, linewidth=2.0, arrow_length_ratio=0.13, zorder=10)
+    tip = 1.1 * np.array([a, b, c])
+    axes.text(tip[0], tip[1], tip[2], label, color=colour, fontsize=11, ha="center", va="center", zorder=12)
+
+
+def _view(axes: Axes3D, r: Vector, mu: float) -> None:
+    """Equal axes, seen nearly across the plane of r and u, so that the right angle is one."""
+    reach = 1.08 * max(TOP * mu, 0.6)
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-reach, reach)
+    axes.set_zlim(-0.05, TOP * 1.02)
+    axes.set_box_aspect((2 * reach, 2 * reach, TOP * 1.07))
+    axes.set_axis_off()
+    across = np.degrees(np.arctan2(r[2], r[1])) if norm(r[1:]) > 0 else 0.0
+    axes.view_init(elev=17, azim=across - 68)
+    for end, label in (((1, 0, 0), r"$\mathrm{T}_1$"), ((0, 1, 0), r"$\mathrm{T}_2$"), ((0, 0, 1), r"$\mathrm{N}$")):
+        length = TOP * 1.1 if end[2] else reach * 1.05
+        x, y, z = np.array(end) * length
+        axes.plot([0, x], [0, y], [0, z], color=canvas.GREY, linewidth=0.7, zorder=2)
+        axes.text(1.06 * x, 1.06 * y, 1.06 * z, label, color="#555555", fontsize=7, ha="center", va="center")
