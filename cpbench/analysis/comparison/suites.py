@@ -29,6 +29,8 @@ from cpbench.analysis.comparison.times import LEVEL, holm
 
 FEWEST = 6
 """Pairs below which Wilcoxon's test cannot reach 5 %."""
+MANY = 10
+"""Times as many problems as there are, which nobody is asked for."""
 _Z = NormalDist().inv_cdf((1 + LEVEL) / 2)
 
 
@@ -157,6 +159,8 @@ def _wanting(suite: Suite, noise: Noise, apart: bool) -> str:
     if noise.delta > noise.margin:
         return f"equal code differs by {noise.delta:.1%} here: a quieter machine would decide"
     need = (math.log(suite.high / suite.low) / 2 / math.log1p(noise.delta)) ** 2
+    if need > MANY:
+        return "times vary too much for these problems: a quieter machine, or more repeats, would decide"
     if need > 1:
         return (
             f"about {math.ceil(2 * need) / 2:g} times as many problems, more repeats or a quieter machine would decide"

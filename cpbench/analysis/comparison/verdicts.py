@@ -7,7 +7,6 @@ the noise. Counters and a significant change of time that point in opposite dire
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,9 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import attendance
 from cpbench.analysis.attendance import REFUSED
-from cpbench.analysis.comparison import gates, noise, pairs, suites, times
+from cpbench.analysis.comparison import gates, noise, notes, pairs, suites, times
 from cpbench.analysis.comparison.gates import Verdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.suites import Suite
@@ -164,9 +162,9 @@ def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], eq
         changed=found.changed,
         idle=int((~started).sum()),
         notes=(
-            *_restricted(base, new),
-            *_notes(judged, found, int((~started).sum())),
-            *_on_times(judged, told, interleaved, bool(one_machine.any())),
+            *notes.on_publishing([base.table, new.table], [base.meta, new.meta]),
+            *notes.on_pairs(judged, found, int((~started).sum())),
+            *notes.on_times(judged, told, interleaved, bool(one_machine.any())),
         ),
     )
 
@@ -242,63 +240,3 @@ def _nothing_common(base: Side, new: Side) -> str:
         f"{base.name} ({len(base.table)} rows) and {new.name} ({len(new.table)} rows) have no pair in common: {cause}; "
         "run both with the same problems and settings"
     )
-
-
-def _restricted(base: Side, new: Side) -> list[str]:
-    """Whose figures may not be published, which a summary of a CI job does."""
-    terms: dict[str, str] = {}
-    for side in (base, new):
-        terms |= attendance.restricted(side.table, side.meta.get("solvers") or {})
-    return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
-
-
-def _notes(judged: pd.DataFrame, found: pairs.Matched, idle: int) -> list[str]:
-    notes: list[str] = []
-    if len(found.only_base) or len(found.only_new):
-        notes.append(f"{len(found.only_base)} rows are in the base only, {len(found.only_new)} in the new results only")
-    if len(found.twice):
-        notes.append(f"{len(found.twice)} rows could not be told apart, and were not compared")
-    if found.changed:
-        notes.append(
-            f"{len(found.changed)} problems are others under their old names, and were not compared: "
-            + ", ".join(found.changed[:5])
-            + (", …" if len(found.changed) > 5 else "")
-        )
-    if idle:
-        notes.append(f"{idle} pairs were started on neither side")
-    if not (judged["solved_base"] & judged["solved_new"]).any():
-        notes.append("no pair was solved on both sides: there is nothing to be said of times")
-    for column, what in (("seconds", "time"), ("memory", "memory")):
-        other = gates.differ(judged, column)
-        if other.any():
-            notes.append(
-                f"{int(other.sum())} pairs were run under another {what} limit: running into it is no change of status"
-            )
-    return notes
-
-
-def _on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -> list[str]:
-    timed = judged["ratio"].notna()
-    if not timed.any():
-        return []
-    notes: list[str] = []
-    if not here:
-        notes.append("times are of two machines: they are told, and decide nothing (--same-machine if it is one)")
-        return notes
-    beside = int(((judged["jobs_base"] > 1) | (judged["jobs_new"] > 1)).sum())
-    if beside:
-        notes.append(f"{beside} pairs were timed with other solves beside them (-j): their times decide nothing")
-    below = int(judged["below"].sum())
-    if below:
-        notes.append(f"{below} pairs take less than {times.FLOOR:g} s on both sides: below the floor, times of calls")
-    if not interleaved and math.isnan(told.drift):
-        notes.append("no reference solves: nobody knows how much the machine drifted from one run to the other")
-    elif not interleaved and told.drift > 1 + told.margin:
-        notes.append(
-            f"the reference solve differs by a factor {told.drift:.3g} between the two runs: changes of times within "
-            "that are the machine's"
-        )
-    if told.unsteady:
-        listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in told.unsteady)[:4])
-        notes.append(f"counters that differ between equal builds were left out: {listed}")
-    return notes

@@ -1,0 +1,77 @@
+"""What a reader of a comparison has to know beside its verdicts, in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis import attendance
+from cpbench.analysis.comparison import gates
+from cpbench.analysis.comparison.noise import Noise
+from cpbench.analysis.comparison.pairs import Matched
+from cpbench.analysis.profiles import FLOOR
+
+
+def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Whose figures may not be published, which a summary of a CI job does."""
+    terms: dict[str, str] = {}
+    for table, meta in zip(tables, metas, strict=True):
+        terms |= attendance.restricted(table, meta.get("solvers") or {})
+    return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
+
+
+def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
+    """On what was not compared, and why; `idle` pairs were started on neither side."""
+    notes: list[str] = []
+    if len(found.only_base) or len(found.only_new):
+        notes.append(f"{len(found.only_base)} rows are in the base only, {len(found.only_new)} in the new results only")
+    if len(found.twice):
+        notes.append(f"{len(found.twice)} rows could not be told apart, and were not compared")
+    if found.changed:
+        notes.append(
+            f"{len(found.changed)} problems are others under their old names, and were not compared: "
+            + ", ".join(found.changed[:5])
+            + (", …" if len(found.changed) > 5 else "")
+        )
+    if idle:
+        notes.append(f"{idle} pairs were started on neither side")
+    if not (judged["solved_base"] & judged["solved_new"]).any():
+        notes.append("no pair was solved on both sides: there is nothing to be said of times")
+    for column, what in (("seconds", "time"), ("memory", "memory")):
+        other = gates.differ(judged, column)
+        if other.any():
+            notes.append(
+                f"{int(other.sum())} pairs were run under another {what} limit: running into it is no change of status"
+            )
+    return notes
+
+
+def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -> list[str]:
+    """On what times are worth here; `interleaved`: both sides are one run, `here`: some pair is of one machine."""
+    timed = judged["ratio"].notna()
+    if not timed.any():
+        return []
+    notes: list[str] = []
+    if not here:
+        notes.append("times are of two machines: they are told, and decide nothing (--same-machine if it is one)")
+        return notes
+    beside = int(((judged["jobs_base"] > 1) | (judged["jobs_new"] > 1)).sum())
+    if beside:
+        notes.append(f"{beside} pairs were timed with other solves beside them (-j): their times decide nothing")
+    below = int(judged["below"].sum())
+    if below:
+        notes.append(f"{below} pairs take less than {FLOOR:g} s on both sides: below the floor, times of calls")
+    if not interleaved and math.isnan(told.drift):
+        notes.append("no reference solves: nobody knows how much the machine drifted from one run to the other")
+    elif not interleaved and told.drift > 1 + told.margin:
+        notes.append(
+            f"the reference solve differs by a factor {told.drift:.3g} between the two runs: changes of times within "
+            "that are the machine's"
+        )
+    if told.unsteady:
+        listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in told.unsteady)[:4])
+        notes.append(f"counters that differ between equal builds were left out: {listed}")
+    return notes
