@@ -150,9 +150,9 @@ def choose(
     for row in range(len(outcomes)):
         whole.add(row)
     scale = whole.total if whole.total > 0 else 1.0
-    index = list(outcomes.index)
+    index, representing = list(outcomes.index), set(first)
     picks = tuple(
-        Pick(index[row], str(family[row]), float(costs[row]), gained / scale, row in set(first))
+        Pick(index[row], str(family[row]), float(costs[row]), gained / scale, row in representing)
         for row, gained in chosen
     )
     return Subset(picks, held.total / scale if whole.total > 0 else 1.0, missed, ("gain per cost", "gain")[better])
@@ -218,7 +218,8 @@ def _filled(
     chosen = [(row, held.add(row)) for row in first]
     left = budget - math.fsum(costs[row] for row in first)
     worth = np.where(by_cost, costs, 1.0)
-    queue = [(-math.inf, int(ties[row]), row, -1) for row in range(len(outcomes)) if row not in set(first)]
+    free = sorted(set(range(len(outcomes))) - set(first))
+    queue = [(-math.inf, int(ties[row]), row, -1) for row in free]
     heapq.heapify(queue)
     while queue:
         bound, tie, row, at = heapq.heappop(queue)

@@ -121,14 +121,17 @@ def _require_sense(
 
 
 def _outcomes(results: Path) -> pd.DataFrame:
-    from cpbench.analysis import baseline
+    from cpbench.analysis import attendance, baseline
 
     with Store(results) as store:
-        table = store.table()
+        table, sheets = store.table(), store.meta().get("solvers") or {}
     new = baseline.of(table)
     if new["status"].isin(baseline.UNMEASURED).all():
         cause = f"none of {len(new)} pairs was run" if len(new) else "no row"
         raise StoreError(f"{results}: {cause}: nothing to keep; run it with: cpbench run PROBLEMS -o {results}")
+    terms = attendance.restricted(table, sheets)
+    if terms:
+        click.echo(f"licences restrict publishing figures of {', '.join(terms)}: mind who sees the baseline", err=True)
     return new
 
 

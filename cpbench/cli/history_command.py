@@ -63,10 +63,14 @@ def command(files: tuple[Path, ...], labels: tuple[str, ...], outputs: tuple[Pat
 
 def _run(path: Path) -> Run | None:
     """A file that has something to tell; None of one in which nothing was run."""
+    from cpbench.analysis import attendance
     from cpbench.analysis.timeline import Run
 
     with Store(path) as store:
         table, meta, machines = store.table(), store.meta(), store.machines()
+    terms = attendance.restricted(table, meta.get("solvers") or {})
+    if terms:
+        click.echo(f"{path}: licences restrict publishing figures of {', '.join(terms)}", err=True)
     if table["status"].isin(["not_run", "unavailable"]).all():
         click.echo(f"{path}: no pair was run; left out", err=True)
         return None

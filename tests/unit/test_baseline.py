@@ -337,3 +337,11 @@ def test_bad_input_is_one_line(
     told = cpbench("baseline", *words)
     assert (told.code, told.err.count("\n")) == (2, 1), told
     assert message in told.err
+
+
+def test_licences_that_restrict_publishing_are_told(tmp_path: Path, cpbench: Callable[..., Told]) -> None:
+    about = synthetic.meta(solvers={"s": {"name": "s", "publishing": "ask first"}})
+    synthetic.results_file(tmp_path / "r.sqlite", synthetic.table(synthetic.row("a", "s", "solved", 0.1)), about)
+    told = cpbench("baseline", "r.sqlite", "-o", "b.csv")
+    assert (told.code, told.err.count("\n")) == (0, 1)
+    assert "restrict publishing figures of s" in told.err
