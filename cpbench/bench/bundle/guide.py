@@ -1,0 +1,98 @@
+"""What a bundle says to its reader: how to run it again, what to expect, what is not in it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+HEADING = """The plan of this bundle: cpbench reproduce runs it and compares. By hand, in this folder:
+cpbench run --plan plan.toml, with --plugin for each file in plugins/ that is told in REPRODUCE.md."""
+
+
+def text(about: Mapping[str, Any], report: bool) -> str:
+    """`REPRODUCE.md`."""
+    loaded: list[str] = about["plugins"]
+    plugin = "".join(f" --plugin {name}" for name in loaded)
+    ask = (
+        " It asks before it runs the code of " + _listed(loaded) + "." if loaded else " It runs no code of this bundle."
+    )
+    statuses = ", ".join(f"{count} {status}" for status, count in about["statuses"].items())
+    lines = [
+        "# How to run this again",
+        "",
+        "1. Install cpbench in the version that `BUNDLE.json` tells, and the packages of `versions.txt`.",
+        f"2. `cpbench reproduce BUNDLE.zip`: checks all files, runs `plan.toml`, compares.{ask}",
+        f"3. Or by hand, in the unpacked folder: `cpbench{plugin} run --plan plan.toml -o again.sqlite`, then "
+        "`cpbench compare results.sqlite again.sqlite`.",
+        f"4. Expect: {about['pairs']} pairs ({statuses or 'none'}), {_duration(about['seconds'])} where it was made. "
+        "Statuses must agree; times are compared, and need not.",
+        "5. A pair that ran into a limit of time or memory may end otherwise on a faster or a slower machine "
+        "(`machine.json`).",
+        "",
+        "## What is in it",
+        "",
+        "- `plan.toml`: the plan. `results.sqlite`: its rows, answers and histories."
+        + (" `report/`: their report." if report else ""),
+        f"- `problems/`: {_problems(about['problems'])}.",
+        *(
+            ["- `plugins/`: code that is not cpbench's, which made solvers known: read it before you run it."]
+            * bool(loaded)
+        ),
+    ]
+    missing = [*_withheld(about["problems"]), *(f"- {item}" for item in about["absent"])]
+    if missing:
+        lines += ["", "## What is not in it", "", *missing]
+    if about["restricted"]:
+        lines += ["", "## Restrictions", ""]
+        lines += [f"- publishing figures of {name}: {term}" for name, term in sorted(about["restricted"].items())]
+    return "\n".join(lines) + "\n"
+
+
+def versions(meta: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> str:
+    """`versions.txt`: Python, the system, packages as `pip freeze` writes them, and what each solver said of itself."""
+    machine: Mapping[str, Any] = meta.get("machine") or {}
+    told = sorted({(str(row["solver"]), str(row["version"])) for row in rows if row["version"]})
+    return "\n".join(
+        [
+            f"# Python {machine.get('python', 'not told')}, {machine.get('os', 'system not told')}",
+            *(f"{name}=={version}" for name, version in sorted((meta.get("versions") or {}).items())),
+            "# versions that the solvers told in the run",
+            *(f"# {solver} {version}" for solver, version in told),
+            "",
+        ]
+    )
+
+
+def _problems(places: Iterable[Mapping[str, Any]]) -> str:
+    kinds = Counter("withheld" if p["withheld"] else "builtin" if _builtin(p) else "file" for p in places)
+    told = {"file": "in files", "builtin": "built into cpbench, found by name and fingerprint", "withheld": "withheld"}
+    return ", ".join(f"{kinds[kind]} {words}" for kind, words in told.items() if kinds[kind]) or "none"
+
+
+def _builtin(place: Mapping[str, Any]) -> bool:
+    return str(place["address"]).startswith("builtin/")
+
+
+def _withheld(places: Iterable[Mapping[str, Any]]) -> list[str]:
+    """A line each; whoever has the problem gives its folder to `cpbench reproduce --problems`."""
+    return [
+        f"- `{p['address']}` ({p['node']}, fingerprint {p['fingerprint']}): {p['withheld']}"
+        + (f"; from {p['source']}" if p["source"] else "")
+        + (f"; {p['citation']}" if p["citation"] else "")
+        + "; `--problems FOLDER` finds it by its fingerprint"
+        for p in places
+        if p["withheld"]
+    ]
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _duration(seconds: float) -> str:
+    """
+    >>> _duration(12.3), _duration(7300)
+    ('about 12 s', 'about 122 min')
+    """
+    return f"about {seconds:.0f} s" if seconds < 600 else f"about {seconds / 60:.0f} min"

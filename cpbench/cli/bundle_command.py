@@ -1,0 +1,60 @@
+"""`cpbench bundle`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from cpbench.bench.bundle.making import Asked, make
+from cpbench.bench.results.store import Store
+from cpbench.cli.options import force_option
+from cpbench.errors import CpbenchError
+
+
+@click.command()
+@click.argument("results", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Zip file.")
+@click.option("--anonymous", is_flag=True, help="Strip host, user, paths, variables and remotes.")
+@click.option("--rename", "renames", multiple=True, metavar="OLD=NEW", help="Another name for a solver or any word.")
+@click.option("--withhold", multiple=True, metavar="GLOB", help="Problems that stay out, by name, family or file.")
+@click.option("--report/--no-report", default=None, help="With a report; default: where reports/NAME is there.")
+@force_option
+def command(
+    results: Path,
+    output: Path,
+    anonymous: bool,
+    renames: tuple[str, ...],
+    withhold: tuple[str, ...],
+    report: bool | None,
+    force: bool,
+) -> None:
+    """Put a run with everything that repeats it into one zip file: plan, versions, machine, plugins, problems, results.
+
+    Built-in problems are named, and those whose licence forbids it are told by fingerprint and source. cpbench
+    reproduce runs a bundle again and compares.
+    """
+    from cpbench.generators.collection import builtin_folder
+
+    wanted = (Path("reports") / results.stem / "report.md").is_file() if report is None else report
+    asked = Asked(anonymous, tuple(map(_pair, renames)), withhold, builtin_folder(), _report if wanted else None, force)
+    made = make(results, output, asked)
+    for remark in made.remarks:
+        click.echo(remark, err=True)
+    click.echo(f"{made.pairs} pairs, {made.problems} problems ({made.withheld} withheld), {made.plugins} plugins")
+    click.echo(f"bundle: {output} ({made.bytes} bytes)")
+
+
+def _pair(text: str) -> tuple[str, str]:
+    old, equals, new = text.partition("=")
+    if not old or not equals:
+        raise CpbenchError(f"--rename {text}: write OLD=NEW, as in mine=A")
+    return old, new
+
+
+def _report(results: Path, folder: Path, title: str) -> object:
+    from cpbench.bench import history
+    from cpbench.report.markdown import write_report
+
+    with Store(results) as store:
+        return write_report(store.table(), store.meta(), folder, title, history.table(store.histories()))
