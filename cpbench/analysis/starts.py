@@ -154,7 +154,7 @@ def gains(
 
 
 def losses(found: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd.DataFrame:
-    """Those of `pairs` in which the warm start loses: the cold one alone solved, or the warm one took longer by a factor.
+    """Those of `pairs` in which the warm start loses: the cold one alone solved, or the warm one took longer.
 
     One row a pair, per formulation, label and start the worst first (failures, then by ratio): node, label, start,
     problem, fingerprint, sequence, step, status, time, time_cold [s], ratio (∞ for a failure).
