@@ -12,7 +12,7 @@ import click
 
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Names
-from cpbench.errors import CpbenchError, FormatError, UnknownName
+from cpbench.errors import CpbenchError, UnknownName
 from cpbench.verification import VERIFIED, Status
 
 if TYPE_CHECKING:
@@ -143,16 +143,12 @@ def _side(path: Path) -> Side:
 
 def _base(path: Path, new: Side) -> Side:
     """A results file, or the text of a baseline, whose lines are completed from the results they are compared with."""
-    from cpbench.analysis import baseline
     from cpbench.analysis.comparison import Side
+    from cpbench.report import baseline_file
 
-    if path.suffix != ".csv":
+    if path.suffix != baseline_file.SUFFIX:
         return _side(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as cause:
-        raise FormatError(path, "", f"cannot be read as text ({cause})") from None
-    return Side(str(path), baseline.as_table(baseline.parse(text, str(path)), new.table))
+    return Side(str(path), baseline_file.table(path, new.table))
 
 
 def _two(text: str) -> tuple[str, str]:
