@@ -121,7 +121,7 @@ def measured(group: pd.DataFrame, metric: Metric) -> Measured:
     ({'a': [0.0], 'b': [inf]}, {'c': 1})
     """
     solved = rows_of.solved(group).to_numpy(dtype=bool)
-    cost = _values(group, metric)
+    cost = spent(group, metric)
     unknown = group["label"][solved & np.isnan(cost)].value_counts()
     left_out = {str(label): int(count) for label, count in sorted(unknown.items(), key=lambda item: str(item[0]))}
     wide = rows_of.spread(group, np.where(solved, cost, math.inf), math.inf)
@@ -133,8 +133,13 @@ def matrix(group: pd.DataFrame, metric: Metric) -> pd.DataFrame:
     return measured(group, metric).values
 
 
-def _values(group: pd.DataFrame, metric: Metric) -> Floats:
-    """What each row spent, whatever its status; NaN where that is not known."""
+def spent(group: pd.DataFrame, metric: Metric) -> Floats:
+    """What each row spent, whatever its status; NaN where that is not known.
+
+    >>> rows = pd.DataFrame({"convert": [math.nan, 1.0], "setup": 0.5, "solve": [1.0, math.nan], "lift": 0.0})
+    >>> spent(rows, METRICS["time"]).tolist()
+    [1.5, nan]
+    """
     if metric.counter:
         place, texts = _parsed(group)
         return np.array([_number(counted.get(metric.counter)) for counted in texts], dtype=float)[place]

@@ -18,21 +18,17 @@ from cpbench.bench.results.store import Store
 )
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
 def command(results: Path, output: Path | None, title: str | None, publishable: bool, with_imported: bool) -> None:
-    """Write the report of a results file: Markdown, figures, CSV."""
+    """Write the report of a results file: one HTML file that works offline, Markdown, figures, CSV."""
     from cpbench.bench import history
+    from cpbench.report.html.page import write_html
     from cpbench.report.markdown import write_report
 
     store = Store(results)
     try:
-        path = write_report(
-            store.table(),
-            store.meta(),
-            output or Path("reports") / results.stem,
-            title or results.stem,
-            history.table(store.histories()),
-            publishable=publishable,
-            with_imported=with_imported,
-        )
+        table, meta, iterates = store.table(), store.meta(), history.table(store.histories())
     finally:
         store.close()
-    click.echo(f"report: {path}")
+    folder, name = output or Path("reports") / results.stem, title or results.stem
+    for write in (write_report, write_html):
+        path = write(table, meta, folder, name, iterates, publishable=publishable, with_imported=with_imported)
+        click.echo(f"report: {path}")

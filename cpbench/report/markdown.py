@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,11 @@ import pandas as pd
 
 from cpbench.analysis import reliability, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended, restricted, without
+from cpbench.analysis.attendance import attended
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.group_sections import group_sections
 from cpbench.report.methods import METHODS
-from cpbench.report.run import Run, each, group_name
+from cpbench.report.run import Run, assembled, each, group_name
 from cpbench.report.run_sections import run_sections
 from cpbench.report.text import code, counted, listed, plain
 from cpbench.report.text import table as text_table
@@ -48,13 +47,7 @@ def write_report(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    run = Run(_without_folders(rows_of.normalised(table)), meta, folder)
-    if histories is not None:
-        run = replace(run, histories=histories)
-    if with_imported:
-        run = replace(run, rows=run.rows.assign(ranked=True))
-    if publishable:
-        run = _publishable(run)
+    run = assembled(table, meta, folder, histories, publishable=publishable, with_imported=with_imported)
     rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     several = len(rows_of.groups(run.rows)) > run.rows["node"].nunique()
@@ -65,24 +58,6 @@ def write_report(
     path = folder / "report.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return path
-
-
-def _publishable(run: Run) -> Run:
-    """The run without the solvers whose figures must not be published: neither their rows nor their sheets."""
-    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
-    left_out = restricted(run.rows, sheets)
-    kept = {label: sheet for label, sheet in sheets.items() if sheet.get("name") not in left_out}
-    rows = without(run.rows, left_out)
-    return replace(run, rows=rows, meta={**run.meta, "solvers": kept}, left_out=left_out)
-
-
-def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
-    """Addresses and messages relative to the working folder: a report names nobody's home."""
-    here, home = str(Path.cwd()).rstrip(os.sep) + os.sep, str(Path.home()).rstrip(os.sep) + os.sep
-    return rows.assign(
-        address=rows["address"].str.removeprefix(here),
-        message=rows["message"].str.replace(here, "", regex=False).str.replace(home, f"~{os.sep}", regex=False),
-    )
 
 
 def _headline(run: Run) -> str:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import restricted, without
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.table import Group
-from cpbench.report.text import counted, plain
+from cpbench.report.text import counted, one_line, plain
 
 
 @dataclass(frozen=True)
@@ -28,20 +30,61 @@ class Run:
     left_out: Mapping[str, str] = field(default_factory=dict)
 
 
+def assembled(
+    table: pd.DataFrame,
+    meta: Mapping[str, Any],
+    folder: Path,
+    histories: pd.DataFrame | None = None,
+    *,
+    publishable: bool = False,
+    with_imported: bool = False,
+) -> Run:
+    """The run that a report is about; the parameters are those of `markdown.write_report`."""
+    run = Run(_without_folders(rows_of.normalised(table)), meta, folder)
+    if histories is not None:
+        run = replace(run, histories=histories)
+    if with_imported:
+        run = replace(run, rows=run.rows.assign(ranked=True))
+    return _publishable(run) if publishable else run
+
+
+def _publishable(run: Run) -> Run:
+    """The run without the solvers whose figures must not be published: neither their rows nor their sheets."""
+    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
+    left_out = restricted(run.rows, sheets)
+    kept = {label: sheet for label, sheet in sheets.items() if sheet.get("name") not in left_out}
+    rows = without(run.rows, left_out)
+    return replace(run, rows=rows, meta={**run.meta, "solvers": kept}, left_out=left_out)
+
+
+def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
+    """Addresses and messages relative to the working folder: a report names nobody's home."""
+    here, home = str(Path.cwd()).rstrip(os.sep) + os.sep, str(Path.home()).rstrip(os.sep) + os.sep
+    return rows.assign(
+        address=rows["address"].str.removeprefix(here),
+        message=rows["message"].str.replace(here, "", regex=False).str.replace(home, f"~{os.sep}", regex=False),
+    )
+
+
 def group_name(run: Run, group: Group) -> str:
-    """The formulation, with what tells it from other groups of the same formulation."""
+    """The formulation, with what tells it from other groups of the same formulation, as Markdown."""
+    return plain(group_name_text(run, group))
+
+
+def group_name_text(run: Run, group: Group) -> str:
+    """The same as plain text."""
     others = [g for g, _ in rows_of.groups(run.rows) if g.node == group.node]
-    parts = [plain(group.node)]
+    parts = [one_line(group.node)]
     if len({g.tolerance for g in others}) > 1:
         parts.append(f"tolerance {group.tolerance:g}")
     if len({g.start for g in others}) > 1:
-        parts.append(f"{plain(group.start)} start")
+        parts.append(f"{one_line(group.start)} start")
     if len({g.threads for g in others}) > 1:
         parts.append(counted(group.threads, "thread"))
     if len({g.set for g in others}) > 1 and group.set:
-        parts.insert(1, f"set {plain(group.set)}")
+        parts.insert(1, f"set {one_line(group.set)}")
     if len({g.measure for g in others}) > 1:
-        parts.append(f"judged by {plain(group.measure)}" if group.measure else "judged by all measures")
+        parts.append(f"judged by {one_line(group.measure)}" if group.measure else "judged by all measures")
     return ", ".join(parts)
 
 

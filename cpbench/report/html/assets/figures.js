@@ -1,0 +1,112 @@
+"use strict";
+/* Figures of the page: each kind is asked for what it has to show of the present selection, and drawn when it comes
+   into view (or when the browser has nothing else to do). A figure has chips that name its curves, the chart, a guide
+   how to read it with its numbers, and the same as a table. */
+const Figures = (() => {
+  const { h, svg } = Dom;
+  const kinds = [], boxes = new Map();
+  let context = null, watcher = null;
+
+  /* kind: {id, title, build(context) -> {spec, guide, numbers, labels, table, summary} | {empty}} */
+  const register = (kind) => kinds.push(kind);
+
+  function mount(redraw) {
+    watcher = new IntersectionObserver((entries) => {
+      for (const entry of entries) {
+        const box = boxes.get(entry.target.dataset.figure);
+        box.visible = entry.isIntersecting;
+        if (box.visible) show(box);
+      }
+    }, { rootMargin: "300px" });
+    for (const kind of kinds) {
+      const place = document.querySelector(`[data-figure="${kind.id}"]`);
+      if (!place) continue; // the run has nothing for its section
+      const box = { kind, place, dirty: true, visible: false, view: null };
+      box.chips = h("ul", { class: "chips" });
+      box.chart = h("div", { class: "chart", role: "img" });
+      box.caption = h("figcaption");
+      box.fold = h("div");
+      const figure = h("figure", { id: `figure-${kind.id}` }, box.chips, box.chart, box.caption, box.fold);
+      place.append(...(kind.controls ? [kind.controls(redraw)] : []), figure);
+      boxes.set(kind.id, box);
+      watcher.observe(place);
+    }
+  }
+
+  /* A new selection: what is in view is drawn at once, the rest when there is time. */
+  function update(next) {
+    context = next;
+    for (const box of boxes.values()) {
+      box.dirty = true;
+      if (box.kind.adjust) box.kind.adjust(next);
+      if (box.visible) show(box);
+    }
+    later();
+  }
+
+  const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 120));
+  function later() {
+    idle(() => {
+      const box = [...boxes.values()].find((b) => b.dirty);
+      if (!box) return;
+      show(box).then(later);
+    });
+  }
+
+  async function show(box) {
+    if (!box.dirty || !context) return;
+    box.dirty = false;
+    const made = box.kind.build(context);
+    box.view?.finalize();
+    box.view = null;
+    box.chips.replaceChildren(...(made.labels ? chips(context, made.labels) : []));
+    box.caption.replaceChildren(...(made.guide ? [h("span", { class: "numbers" }, made.numbers ?? ""), made.numbers ? " " : "", made.guide] : []));
+    box.fold.replaceChildren(...(made.table ? [Dom.folded("As a table", () => Dom.table({ caption: box.kind.title, ...made.table() }))] : []));
+    box.chart.replaceChildren();
+    if (made.empty) {
+      box.chart.removeAttribute("role");
+      box.chart.removeAttribute("aria-label");
+      box.chart.append(h("p", { class: "empty" }, made.empty));
+      return;
+    }
+    if (made.content) {
+      box.chart.removeAttribute("role");
+      box.chart.append(made.content);
+      return;
+    }
+    box.chart.setAttribute("role", "img");
+    box.chart.setAttribute("aria-label", `${box.kind.title}. ${made.summary ?? ""} The same numbers are in the table below.`);
+    const surface = h("div");
+    box.chart.append(surface);
+    const view = await Charts.draw(surface, made.spec);
+    if (box.chart.contains(surface)) box.view = view; else view.finalize();
+  }
+
+  /* A label stands out in every figure that has it; '' for none. */
+  function focus(name) {
+    for (const box of boxes.values()) {
+      if (box.view && box.visible) {
+        try { box.view.signal("focus", name).runAsync(); } catch { /* a chart without curves of labels */ }
+      }
+    }
+  }
+
+  function swatch(slot) {
+    const line = { x1: 0, x2: 26, y1: 6, y2: 6, stroke: slot < 0 ? "var(--other)" : Charts.COLOURS[slot], "stroke-width": slot < 0 ? 1.2 : 2.4 };
+    if (slot > 0) line["stroke-dasharray"] = Charts.DASHES[slot].join(" ");
+    return svg("svg", { class: "swatch", viewBox: "0 0 26 12", "aria-hidden": "true" }, svg("line", line));
+  }
+
+  /* The names of curves with their look; the grey ones are counted. */
+  function chips(context, labels) {
+    const coloured = labels.filter((label) => context.slots.has(label));
+    const grey = labels.length - coloured.length;
+    const found = coloured.map((label) => h("li", {
+      onmouseenter: () => focus(context.name(label)), onmouseleave: () => focus(""),
+    }, swatch(context.slots.get(label)), h("span", {}, context.name(label), ...context.marks(label))));
+    if (grey) found.push(h("li", {}, swatch(-1), `${grey} more in grey`));
+    return found;
+  }
+
+  return Object.freeze({ register, mount, update, focus, swatch, boxes });
+})();

@@ -1,0 +1,94 @@
+"""`report.html`: one file with everything in it, which opens without a network.
+
+Scripts are allowed by their hash alone (Content-Security-Policy), and nothing may be fetched: were a text of a
+results file ever taken for markup, no script in it would run.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Mapping
+from html import escape
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import attended
+from cpbench.errors import FormatError
+from cpbench.report.html import rankings, vega
+from cpbench.report.html.columns import columns_of
+from cpbench.report.html.container import packed
+from cpbench.report.html.sections import sections
+from cpbench.report.run import Run, assembled
+from cpbench.report.text import one_line
+
+NAME = "report.html"
+SCRIPTS = (
+    "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
+    "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "app.js",
+)  # fmt: skip
+"""Our own scripts, in the order in which they use each other."""
+
+
+def write_html(
+    table: pd.DataFrame,
+    meta: Mapping[str, Any],
+    folder: str | Path,
+    title: str,
+    histories: pd.DataFrame | None = None,
+    *,
+    publishable: bool = False,
+    with_imported: bool = False,
+) -> Path:
+    """Write `folder`/report.html and give its path; the parameters are those of `markdown.write_report`."""
+    folder = Path(folder)
+    run = assembled(table, meta, folder, histories, publishable=publishable, with_imported=with_imported)
+    path = folder / NAME
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(page(run, title), encoding="utf-8", errors="replace", newline="\n")
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
+    return path
+
+
+def page(run: Run, title: str) -> str:
+    """The HTML of a run."""
+    columns, facts = columns_of(run)
+    parts = rows_of.groups(run.rows)
+    for told, (_, whole) in zip(facts["groups"], parts, strict=True):
+        rows = attended(whole)
+        symbols = sorted({symbol for code in told["problems"] for symbol in facts["problems"]["sizes"][code]})
+        told["ranking"] = rankings.ranking(rows)
+        told["growth"] = rankings.growth(rows, symbols)
+    sizes = [told["count"] for told in facts["groups"]]
+    facts["first"] = sizes.index(max(sizes)) if sizes else 0
+    facts["warm"] = rankings.warm(run.rows)
+    scripts = [vega.script(), *(_asset(name) for name in SCRIPTS)]
+    inside, links = sections(run, title)
+    return Template(_asset("page.html")).substitute(
+        policy=_policy(scripts),
+        title=escape(one_line(title)),
+        style=_asset("page.css"),
+        links=links,
+        sections=inside,
+        version=escape(str(run.meta.get("cpbench", ""))),
+        licence=escape(vega.LICENCE),
+        data=packed(columns, facts),
+        scripts="\n".join(f"<script>{script}</script>" for script in scripts),
+    )
+
+
+def _asset(name: str) -> str:
+    return resources.files("cpbench.report.html").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _policy(scripts: list[str]) -> str:
+    """Only these scripts, styles and data of the page itself, no network at all."""
+    hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'" for s in scripts)
+    return f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"

@@ -1,0 +1,58 @@
+"""What a page says of a whole group, whatever is filtered: ranking with intervals, growth with size, warm starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis import bootstrap, means, scaling, starts, summary
+from cpbench.analysis import table as rows_of
+
+Records = dict[str, list[Any]]
+
+
+def ranking(rows: pd.DataFrame) -> dict[str, Any]:
+    """One line a label, most solved first: what it solved with its interval over families, and its times."""
+    times = rows_of.times(rows)
+    counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, rows_of.limit(rows)))
+    around = bootstrap.intervals(bootstrap.solve_rate(times), bootstrap.families_of(rows))
+    told = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
+    columns = ["label", "kind", "ranked", "planned", "solved", "stationary", "false", "fastest", "median", "slowdown"]
+    return {
+        "families": around.families,
+        "few": around.families < bootstrap.FEW,
+        "lines": records(told[[*columns, "mean", "low", "high"]]),
+    }
+
+
+def growth(rows: pd.DataFrame, symbols: Sequence[str]) -> Mapping[str, Records]:
+    """How the time of each label grows with each dimension that varies enough, where that can be told."""
+    found: dict[str, Records] = {}
+    ranked = rows[rows_of.ranked(rows)]
+    for symbol in symbols:
+        lines = scaling.scaling(ranked, symbol) if len(ranked) else pd.DataFrame(columns=list(scaling.COLUMNS))
+        told = lines[lines["reason"] == ""]
+        if len(told):
+            names = ["label", "slope", "low", "high", "intercept", "solved", "stopped", "least", "largest"]
+            found[symbol] = records(told[names])
+    return found
+
+
+def warm(table: pd.DataFrame) -> Records:
+    """Warm against cold over the whole run, one line a formulation, label and start; no line without such pairs."""
+    return records(starts.gains(starts.pairs(table)))
+
+
+def records(frame: pd.DataFrame) -> Records:
+    """Columns as lists that JSON can hold: what is no number, or infinite, is null."""
+    return {str(name): [_clean(value) for value in frame[name].tolist()] for name in frame}
+
+
+def _clean(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value.item() if isinstance(value, np.generic) else value
