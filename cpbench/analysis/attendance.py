@@ -47,9 +47,12 @@ def attended(group: pd.DataFrame) -> pd.DataFrame:
     The number of problems does not depend on who is installed: where a problem would be left without a row, all rows
     stay.
     """
-    absent = (group["status"] == str(Status.UNAVAILABLE)).groupby(group["label"]).all()
-    present = group[~group["label"].isin(absent.index[absent])]
-    return present if set(present["fingerprint"]) == set(group["fingerprint"]) else group
+    there = group["label"][group["status"] != str(Status.UNAVAILABLE)].unique()
+    present = group["label"].isin(there)
+    prints = group["fingerprint"]
+    if present.all() or prints[present].nunique() < prints.nunique():
+        return group
+    return group[present]
 
 
 def restricted(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:

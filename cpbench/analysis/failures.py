@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
@@ -40,16 +41,18 @@ def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
     With `refused`, the pairs in which no solver started (unsupported, unavailable, not run) instead.
     """
     never = table["status"].isin(REFUSED)
-    chosen = table[(never if refused else ~never) & ~rows_of.solved(table)]
-    if not len(chosen):
+    at = np.flatnonzero((never if refused else ~never) & ~rows_of.solved(table))
+    if not len(at):
         return []
+    chosen = table[["problem", "label", "status", "kind", "message"]].iloc[at]
     patterns = {message: _pattern(message) for message in chosen["message"].unique()}
-    causes = {"_kind": chosen["kind"].where(~rows_of.exact(chosen), ""), "_cause": chosen["message"].map(patterns)}
-    sorted_rows = chosen.assign(**causes).sort_values(["problem", "label"], kind="stable")
+    chosen = chosen.assign(
+        at=at, kind=chosen["kind"].where(~rows_of.exact(chosen), ""), cause=chosen["message"].map(patterns)
+    ).sort_values(["problem", "label"], kind="stable")
     found: list[Reason] = []
-    for (status, kind, _), rows in sorted_rows.groupby(["status", "_kind", "_cause"], sort=False):  # type: ignore[misc]
+    for (status, kind, _), rows in chosen.groupby(["status", "kind", "cause"], sort=False):  # type: ignore[misc]
         labels = {str(label): int(count) for label, count in rows["label"].value_counts().sort_index().items()}
-        example = rows.iloc[0].drop([*causes])
+        example = table.iloc[rows["at"].iloc[0]]
         found.append(Reason(str(status), str(kind), str(example["message"]), labels, example))
     order = rows_of.STATUSES.index
     return sorted(found, key=lambda r: (order(r.status), r.kind, -r.count, r.message, tuple(r.labels)))

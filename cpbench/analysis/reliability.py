@@ -73,9 +73,9 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     >>> claims(rows).round(2).loc["a"].tolist()
     [1.0, 1.0, 1.0, 1.0, 0.5, 0.09, 0.91]
     """
-    judged = group[group["status"].isin(JUDGED) & (group["claim"] != "")]
+    judged = group.loc[group["status"].isin(JUDGED) & (group["claim"] != ""), ["label", "status", "claim"]]
     said, done = judged["claim"] == CLAIMED, rows_of.solved(judged)
-    labels = sorted(set(group["label"]))
+    labels = sorted(group["label"].unique())
 
     def count(which: pd.Series[bool]) -> pd.Series[int]:
         return judged.loc[which, "label"].value_counts().reindex(labels, fill_value=0).astype(int)
@@ -104,11 +104,11 @@ def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     """
     said = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
 
-    def count(rows: pd.DataFrame) -> pd.Series[int]:
-        return rows["label"].value_counts().reindex(said.index, fill_value=0).astype(int)
+    def count(labels: pd.Series[str]) -> pd.Series[int]:
+        return labels.value_counts().reindex(said.index, fill_value=0).astype(int)
 
-    planned, solved = count(group), count(group[rows_of.solved(group)])
-    started = count(group[~group["status"].isin(REFUSED)])
+    planned, solved = count(group["label"]), count(group["label"][rows_of.solved(group)])
+    started = count(group["label"][~group["status"].isin(REFUSED)])
     right = said["true"] + said["modest"]
     low, high = wilson(solved, planned.where(started > 0, 0), level)
     found = said.assign(

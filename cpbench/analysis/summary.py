@@ -25,23 +25,24 @@ def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None
     problems that were not planned charged `penalty`).
     """
     every = rows_of.times(group)
-    times = rows_of.times(group[rows_of.ranked(group)])
+    among = rows_of.ranked(group)
+    times = every if among.all() else rows_of.times(group[among])
     labels = every.columns
     gap = best.gaps(times, floor).reindex(labels)
     mean = means.means(times, shift=shift, penalty=means.Penalty(seconds=penalty)).table["mean"]
 
-    def count(rows: pd.DataFrame) -> pd.Series[int]:
-        return rows["label"].value_counts().reindex(labels, fill_value=0).astype(int)
+    def count(of_rows: pd.Series[str]) -> pd.Series[int]:
+        return of_rows.value_counts().reindex(labels, fill_value=0).astype(int)
 
     found = pd.DataFrame(
         {
             "label": labels,
             "kind": pd.Series(rows_of.label_kinds(group), dtype=object).reindex(labels),
             "ranked": labels.isin(times.columns),
-            "planned": count(group),
-            "solved": count(group[rows_of.solved(group)]),
-            "stationary": count(group[group["status"] == str(Status.STATIONARY)]),
-            "false": count(false_claims(group)),
+            "planned": count(group["label"]),
+            "solved": count(group["label"][rows_of.solved(group)]),
+            "stationary": count(group["label"][group["status"] == str(Status.STATIONARY)]),
+            "false": count(false_claims(group)["label"]),
             "fastest": gap["fastest"].fillna(0).astype(int),
             "median": every.where(np.isfinite(every)).median(),
             "slowdown": gap["median"],
@@ -59,19 +60,18 @@ def verdicts(group: pd.DataFrame) -> pd.DataFrame:
     >>> verdicts(rows).to_dict("index")
     {'a': {'solved': 1, 'wrong': 0}, 'b': {'solved': 1, 'wrong': 1}}
     """
-    counts = group.groupby(["label", "status"]).size()
-    labels = sorted(set(group["label"]))
-    present = [s for s in rows_of.STATUSES if (group["status"] == s).any()]
-    return pd.DataFrame(
-        {s: [int(counts.get((label, s), 0)) for label in labels] for s in present}, index=pd.Index(labels, name="label")
-    )
+    label, labels = rows_of.codes(group["label"])
+    status, found = rows_of.codes(group["status"])
+    counts = np.bincount(label * len(found) + status, minlength=len(labels) * len(found))
+    wide = pd.DataFrame(counts.reshape(len(labels), len(found)), index=labels.rename("label"), columns=list(found))
+    return wide[[s for s in rows_of.STATUSES if s in wide]]
 
 
 def nodes(table: pd.DataFrame) -> pd.DataFrame:
     """One row a group: problems, labels, pairs, solved by some label, by none, and the labels that solve most."""
     records: list[dict[str, object]] = []
     for group, rows in rows_of.groups(table):
-        reached = rows[rows_of.solved(rows)]
+        reached = rows.loc[rows_of.solved(rows), ["label", "fingerprint"]]
         count = reached.groupby("label")["fingerprint"].nunique()
         most = int(count.max()) if len(count) else 0
         problems = rows["fingerprint"].nunique()
@@ -97,7 +97,7 @@ def families(group: pd.DataFrame) -> pd.DataFrame:
 
     Problems of one family resemble each other: a suite's total says what its largest family says.
     """
-    reached = group[rows_of.solved(group)]
+    reached = group.loc[rows_of.solved(group), ["family", "label", "fingerprint"]]
     count = reached.groupby(["family", "label"])["fingerprint"].nunique().reset_index(name="count")
     most = count.groupby("family")["count"].max()
     leading = count[count["count"] == count["family"].map(most)].sort_values(["family", "label"])
