@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from cpbench.analysis import histories
-from cpbench.report import figures
+from cpbench.report import figures, legend
 from cpbench.report.text import code, counted, plain, seconds, table
 
 if TYPE_CHECKING:
@@ -65,16 +65,9 @@ def figure(found: pd.DataFrame, problems: int, title: str) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    curves: dict[str, pd.DataFrame] = {
-        str(label): own[own["seconds"] < math.inf] for label, own in found.groupby("label", sort=True)
-    }
-    drawn = sorted(
-        (label for label, own in curves.items() if len(own)),
-        key=lambda label: (float(curves[label]["error"].min()), float(curves[label]["seconds"].max()), label),
-    )
-    places = {label: place for place, label in enumerate(drawn[: figures.EMPHASISED])}
+    drawn = sum(1 for _, own in found.groupby("label") if (own["seconds"] < math.inf).any())
     with matplotlib.rc_context(figures.STYLE):
-        height = max(4.2, 1.5 + figures.LINE * (min(len(drawn), figures.LEGEND_LINES) + 2))
+        height = max(4.2, 1.5 + legend.LINE * (min(drawn, legend.LINES) + 2))
         made = Figure(figsize=(9.2, height), dpi=150)
         FigureCanvasAgg(made)
         bottom = 1.0 / height
@@ -82,20 +75,37 @@ def figure(found: pd.DataFrame, problems: int, title: str) -> Figure:
         axes = made.add_axes((0.09, box[0], 0.535, box[1]))
         beside = made.add_axes((0.685, box[0], 0.31, box[1]))
         made.text(0.09, 1 - 0.24 / height, title, fontsize=10.5, fontweight="bold", va="center")
-        for label in reversed(drawn):
-            own = curves[label]
-            axes.plot(own["seconds"], own["error"], drawstyle="steps-post", **_look(places.get(label)), zorder=3)
-        _dress(axes)
-        axes.set_ylabel("judged error" if problems == 1 else "judged error, on half of the problems")
-        if not drawn:
-            axes.text(0.5, 0.5, "no error was reached on half of the problems", transform=axes.transAxes, ha="center")
-        _legend(beside, drawn, places, curves)
+        curves_axes(axes, beside, found, problems)
         text = textwrap.fill(guide(problems), 136)
         made.text(0.065, 0.10 / height, text, fontsize=7.8, color="#444444", va="bottom", linespacing=1.35)
     return made
 
 
-def _dress(axes: Axes) -> None:
+def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int) -> None:
+    """Curves of `analysis.histories.work_precision` into `axes` and their legend, lowest end first, into `beside`."""
+    curves: dict[str, pd.DataFrame] = {
+        str(label): own[own["seconds"] < math.inf] for label, own in found.groupby("label", sort=True)
+    }
+    drawn = sorted(
+        (label for label, own in curves.items() if len(own)),
+        key=lambda label: (float(curves[label]["error"].min()), float(curves[label]["seconds"].max()), label),
+    )
+    places = {label: place for place, label in enumerate(drawn[: legend.EMPHASISED])}
+    for label in reversed(drawn):
+        own, place = curves[label], places.get(label)
+        marks: dict[str, Any] = {} if place is None else {"markevery": 8}
+        axes.plot(own["seconds"], own["error"], drawstyle="steps-post", **legend.look(place), **marks, zorder=3)
+    dress(axes)
+    axes.set_ylabel("judged error" if problems == 1 else "judged error, on half of the problems")
+    if not drawn:
+        figures.nothing(axes, "no error was reached on half of the problems")
+    lines = [
+        legend.Line(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label)) for label in drawn
+    ]
+    legend.beside(beside, "least error   lowest end first", lines, indent=0.05)
+
+
+def dress(axes: Axes) -> None:
     """Scales, ticks and grid."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
@@ -111,30 +121,6 @@ def _dress(axes: Axes) -> None:
     axes.grid(True, color="#E4E4E4", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.set_xlabel("time, log scale; conversion, set-up and carrying back included")
-
-
-def _look(place: int | None) -> dict[str, Any]:
-    if place is None:
-        return {"color": figures.GREY, "linewidth": 0.9}
-    look = {"color": figures.PALETTE[place], "marker": figures.MARKERS[place], "markevery": 8}
-    return {**look, "linewidth": 1.7, "markersize": 4.2}
-
-
-def _legend(axes: Axes, drawn: list[str], places: Mapping[str, int], curves: Mapping[str, pd.DataFrame]) -> None:
-    """One line a curve with its least error, in the order of the ends."""
-    axes.set_axis_off()
-    lines = axes.figure.get_figheight() * axes.get_position().height / figures.LINE  # type: ignore[union-attr]
-    axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(lines, 0.0)
-    axes.text(0.0, 0.0, "least error   lowest end first", fontsize=7.8, color="#444444", va="center")
-    for line, label in enumerate(drawn[: figures.LEGEND_LINES], start=1):
-        look = {**_look(places.get(label)), "markevery": [1]}
-        axes.plot([0.17, 0.215, 0.26], [line, line, line], **look)
-        axes.text(0.14, line, f"{curves[label]['error'].min():.0e}", fontsize=8, va="center", ha="right")
-        axes.text(0.29, line, figures.shorten(label), fontsize=8, va="center")
-    if len(drawn) > figures.LEGEND_LINES:
-        more = f"and {len(drawn) - figures.LEGEND_LINES} more in grey"
-        axes.text(0.0, figures.LEGEND_LINES + 1.2, more, fontsize=7.2, color="#666666", va="center")
 
 
 def _cell(own: pd.DataFrame, error: float, problems: int) -> str:

@@ -12,7 +12,7 @@ from synthetic_results import suite
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
-from cpbench.report import figures
+from cpbench.report import figures, legend
 
 INF = math.inf
 
@@ -61,7 +61,7 @@ def test_axes_and_curves() -> None:
 def test_colours_markers_and_dashes_tell_curves_apart() -> None:
     profile, kinds = profile_of(45, 22)
     lines = figures.profile_figure(profile, "t", kinds).axes[0].get_lines()
-    coloured = [line for line in lines if line.get_color() != figures.GREY]
+    coloured = [line for line in lines if line.get_color() != legend.GREY]
     assert len(coloured) == figures.EMPHASISED
     assert (
         len({line.get_color() for line in coloured}) == len({line.get_marker() for line in coloured}) == len(coloured)

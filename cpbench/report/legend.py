@@ -1,0 +1,71 @@
+"""Legends beside a figure: one line a curve in the order of the curves' ends, with a number that matters."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
+"""Okabe and Ito's colours (told apart with every common colour blindness), without the yellow that white swallows."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+GREY = "#A6A6A6"
+EMPHASISED = len(PALETTE)
+"""Curves drawn in colour and with a marker; further ones are grey."""
+LINES = 32
+"""The most curves that are named; the grey ones beyond are counted."""
+LINE = 0.19
+"""Height of a line [in]."""
+DASHES: Any = (0, (4, 2))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve's line: `place` in the palette (None: grey), `dashed`, and the number in front of its label."""
+
+    label: str
+    number: str
+    place: int | None
+    dashed: bool = False
+
+
+def look(place: int | None, dashed: bool = False) -> dict[str, Any]:
+    """How a curve is drawn: colour and marker of its place, grey and thin without one."""
+    dashes = DASHES if dashed else "-"
+    if place is None:
+        return {"color": GREY, "linewidth": 0.9, "linestyle": dashes}
+    marker = {"marker": MARKERS[place], "markersize": 4.2}
+    return {"color": PALETTE[place], "linewidth": 1.7, "linestyle": dashes, **marker}
+
+
+def height(curves: int, notes: int = 0) -> float:
+    """Inches that a legend of so many curves takes."""
+    return LINE * (min(curves, LINES) + notes + 1.5)
+
+
+def beside(axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[str] = (), indent: float = 0.0) -> None:
+    """Fill an empty axes with the legend; `indent` is the room for longer numbers, as a share of the width."""
+    axes.set_axis_off()
+    fit = axes.figure.get_figheight() * axes.get_position().height / LINE  # type: ignore[union-attr]
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(fit, 0.0)
+    axes.text(0.0, 0.0, head, fontsize=7.8, color="#444444", va="center")
+    grey = [line for line in lines if line.place is None]
+    unnamed = {line.label for line in grey[max(0, LINES - len(lines) + len(grey)) :]}
+    named = [line for line in lines if line.label not in unnamed]
+    for at, line in enumerate(named, start=1):
+        ends = [indent + x for x in (0.12, 0.165, 0.21)]
+        axes.plot(ends, [at] * 3, **look(line.place, line.dashed), markevery=[1])
+        ink = "#666666" if line.place is None else "#111111"
+        axes.text(0.085 + indent, at, line.number, fontsize=8, color=ink, va="center", ha="right")
+        axes.text(0.24 + indent, at, line.label, fontsize=8, color=ink, va="center")
+    told = [f"and {len(unnamed)} more in grey"] if unnamed else []
+    for note in notes:
+        told += textwrap.wrap(note, 48)
+    room = max(1, int((fit - len(named) - 1.4) / 0.85) + 1)
+    for k, text in enumerate(told if len(told) <= room else [*told[: room - 1], "…"]):
+        axes.text(0.0, len(named) + 1.4 + k * 0.85, text, fontsize=7.2, color="#666666", va="center")
