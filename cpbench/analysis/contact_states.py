@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cpbench.errors import PointError, ProblemError
 from cpbench.formulations.afc import AnisotropicFrictionContact
-from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.base import Contacts, Point, Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.matrices import Dense, Vector, norm
 
@@ -40,6 +40,16 @@ class ContactStates:
     mu: Dense
     share: Dense
     state: NDArray[np.str_]
+
+    @property
+    def against(self) -> Dense:
+        """Where r_T/(μ r_N) should be while sliding, −(μ∘u_T) over its length; 0 without sliding; (nc, d − 1).
+
+        With different μ along the two tangents r_T is not against u_T, but this holds (associated slip).
+        """
+        slide = self.mu * self.u[:, 1:]
+        speed = np.linalg.norm(slide, axis=1, keepdims=True)
+        return -slide / np.where(speed > 0, speed, 1.0)
 
     def count(self, state: State) -> int:
         """How many contacts are in this state."""
@@ -81,6 +91,15 @@ def _coefficients(problem: ContactProblem, d: int) -> Dense:
         return problem.friction
     mu: Vector = problem.mu
     return np.repeat(mu[:, None], d - 1, axis=1)
+
+
+def forces(states: ContactStates, contacts: Contacts) -> Dense:
+    """Reactions in the axes of the scene, on the first body of each contact: Σ_i r_i times row i of the frame.
+
+    Shape (nc, 3) [N s].
+    """
+    frame = np.asarray(contacts.frame)[:, : states.r.shape[1]]
+    return np.asarray(np.einsum("ci,cik->ck", states.r, frame))
 
 
 def most_rubbing(states: ContactStates) -> int:

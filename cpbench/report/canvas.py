@@ -123,7 +123,7 @@ def _caption(drawn: Drawing) -> None:
     """Make room above and below what is there, whose axes have fixed places."""
     figure = drawn.figure
     width, height = figure.get_size_inches()
-    lines, title = wrapped(drawn.guide, int(width * 20.5)), wrapped(drawn.title, int(width * 14))
+    lines, title = wrapped(drawn.guide, int(width * 19.5)), wrapped(drawn.title, int(width * 14))
     above = _TITLE + 0.15 * (len(title) - 1)
     below = _LINE * len(lines) + 0.12
     whole = height + above + below
