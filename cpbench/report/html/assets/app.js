@@ -120,7 +120,9 @@ const App = (() => {
       for (const entry of entries) {
         if (!entry.isIntersecting) continue;
         for (const a of links.values()) a.removeAttribute("aria-current");
-        links.get(entry.target.id)?.setAttribute("aria-current", "true");
+        const link = links.get(entry.target.id);
+        link?.setAttribute("aria-current", "true");
+        link?.closest("nav").scrollTo({ left: link.offsetLeft - 120 });
       }
     }, { rootMargin: "-20% 0px -70% 0px" });
     document.querySelectorAll("main > section[id]").forEach((section) => watcher.observe(section));
@@ -146,6 +148,6 @@ const App = (() => {
     document.documentElement.dataset.ready = "true";
   }
 
-  return { start, changed, choose, context: null, get state() { return state; }, get data() { return data; } };
+  return { start, update, choose, context: null, get state() { return state; }, get data() { return data; } };
 })();
 App.start();

@@ -3,7 +3,7 @@
 const Charts = (() => {
   const SLOTS = 7;
   const COLOURS = Array.from({ length: SLOTS }, (_, k) => `var(--s${k})`);
-  const DASHES = [[1, 0], [7, 3], [2, 2], [9, 3, 2, 3], [4, 2], [12, 4], [1, 3]];
+  const DASHES = [[1, 0], [7, 3], [2, 2], [9, 3, 2, 3], [4, 2], [12, 4], [5, 2, 1, 2, 1, 2]];
   const SHAPES = ["circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right"];
   const SECONDS = "datum.value >= 1 ? format(datum.value, '~g') + ' s' : datum.value >= 1e-3 ? " +
     "format(datum.value * 1e3, '~g') + ' ms' : format(datum.value * 1e6, '~g') + ' µs'";
@@ -86,7 +86,7 @@ const Charts = (() => {
 
   /* Draws into an element; gives what `focus` of. */
   async function draw(element, spec) {
-    const whole = { width: "container", autosize: { type: typeof spec.height === "number" ? "fit" : "fit-x", contains: "padding" }, config: CONFIG, ...spec };
+    const whole = { width: "container", autosize: { type: "fit-x", contains: "padding" }, config: CONFIG, ...spec };
     const { view } = await window.vegaEmbed(element, whole, {
       mode: "vega-lite", renderer: "svg", actions: false, ast: true, defaultStyle: false,
     });
@@ -95,6 +95,6 @@ const Charts = (() => {
 
   return Object.freeze({
     SLOTS, COLOURS, DASHES, SHAPES, SECONDS, TINY, unitText, logTicks, powers, logScale, corners, lines, draw, slotColour,
-    slotShape, inFocus,
+    slotDash, slotShape, inFocus,
   });
 })();

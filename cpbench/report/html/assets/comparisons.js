@@ -36,7 +36,7 @@ const Comparisons = (() => {
         const { wins, ties, losses } = Engine.record(matrix, metric.floor, r, c);
         const share = wins / n, chosen = (r === a && c === b) ? "chosen" : null;
         return h("td", {
-          class: chosen, style: `background: color-mix(in srgb, var(--accent) ${Math.round(55 * share)}%, transparent)`,
+          class: chosen, style: `background: color-mix(in srgb, var(--accent) ${Math.round(35 * share)}%, transparent)`,
           title: `${name(r)} ahead of ${name(c)} on ${wins}, level on ${ties}, behind on ${losses} of ${n}`,
           onclick: () => choose(context, r, c),
         }, String(wins));
@@ -83,7 +83,9 @@ const Comparisons = (() => {
       });
       if (!points.length) return { empty: `Neither ${name[0]} nor ${name[1]} solves any of the chosen problems.` };
       const finite = points.flatMap(({ x, y }) => [x, y]).filter((v) => v > 0 && v < Infinity);
-      const low = Math.min(...finite) / 1.4, most = Math.max(...finite), edge = most * 3, high = most * 5;
+      const low = Math.min(...finite) / 1.4, most = Math.max(...finite), alone = (s) => points.filter((p) => p[s] === Infinity).length;
+      const failures = alone("x") + alone("y") > 0, edge = failures ? most * 2.5 : most * 1.4, high = failures ? most * 4 : edge;
+      const beyond = failures ? [{ v: edge, text: "not solved" }] : [], faint = { strokeDash: [3, 3], opacity: 0.4 };
       const outcome = ({ x, y }) => (x === Infinity ? `only ${name[1]}` : y === Infinity ? `only ${name[0]}` : "both");
       const values = points.map((p) => ({
         ...p, x: Math.min(p.x, edge), y: Math.min(p.y, edge), kind: p.x === Infinity || p.y === Infinity ? "one" : "both",
@@ -91,13 +93,15 @@ const Comparisons = (() => {
       }));
       const axis = (title) => ({ title, values: Charts.logTicks(low, most * 1.2), labelExpr: Charts.unitText(metric) });
       const scale = Charts.logScale(low, high);
-      const record = Engine.record(matrix, metric.floor, a, b), alone = (s) => points.filter((p) => p[s] === Infinity).length;
+      const record = Engine.record(matrix, metric.floor, a, b);
       const spec = {
-        height: 420,
+        height: 440,
         layer: [
           { data: { values: [{ x: low, y: low }, { x: edge, y: edge }] }, mark: { type: "line", color: "currentColor", opacity: 0.45, strokeWidth: 1 }, encoding: { x: { field: "x", type: "quantitative", scale }, y: { field: "y", type: "quantitative", scale } } },
-          { data: { values: [{ v: edge }] }, mark: { type: "rule", strokeDash: [3, 3], opacity: 0.4 }, encoding: { x: { field: "v", type: "quantitative" } } },
-          { data: { values: [{ v: edge }] }, mark: { type: "rule", strokeDash: [3, 3], opacity: 0.4 }, encoding: { y: { field: "v", type: "quantitative" } } },
+          { data: { values: beyond }, mark: { type: "rule", ...faint }, encoding: { x: { field: "v", type: "quantitative" } } },
+          { data: { values: beyond }, mark: { type: "rule", ...faint }, encoding: { y: { field: "v", type: "quantitative" } } },
+          { data: { values: beyond }, mark: { type: "text", align: "left", baseline: "bottom", dx: 4, dy: -4, opacity: 0.75 }, encoding: { x: { value: 0 }, y: { field: "v", type: "quantitative" }, text: { field: "text" } } },
+          { data: { values: beyond }, mark: { type: "text", angle: 270, align: "left", baseline: "bottom", dx: 4, dy: -4, opacity: 0.75 }, encoding: { x: { field: "v", type: "quantitative" }, y: { value: "height" }, text: { field: "text" } } },
           { data: { values }, mark: { type: "point", filled: true, size: 42, opacity: 0.7, clip: false },
             encoding: {
               x: { field: "x", type: "quantitative", scale, axis: axis(name[0]) }, y: { field: "y", type: "quantitative", scale, axis: axis(name[1]) },
@@ -110,7 +114,7 @@ const Comparisons = (() => {
       return {
         spec, summary: `${name[0]} is ahead on ${record.wins}, ${name[1]} on ${record.losses}.`,
         numbers: `${name[0]} ahead on ${record.wins}, level on ${record.ties}, behind on ${record.losses}, neither on ${record.neither} of N = ${matrix.problems.length}.`,
-        guide: `A point is a problem, its place the ${context.metricName} of the two; above the diagonal ${name[0]} is ahead. Triangles on the dashed lines were solved by one of them only (${alone("y")} by ${name[0]}, ${alone("x")} by ${name[1]}).`,
+        guide: `A point is a problem, its place the ${context.metricName} of the two; above the diagonal ${name[0]} is ahead.${failures ? ` Triangles on the dashed lines were solved by one of them only (${alone("y")} by ${name[0]}, ${alone("x")} by ${name[1]}).` : ""}`,
         table: () => ({ head: ["problem", name[0], name[1], "solved by"], right: [1, 2], rows: points.map((p) => [p.problem, Dom.cost(metric, p.x), Dom.cost(metric, p.y), outcome(p)]) }),
       };
     },

@@ -76,7 +76,7 @@ const Figures = (() => {
     }
     box.chart.setAttribute("role", "img");
     box.chart.setAttribute("aria-label", `${box.kind.title}. ${made.summary ?? ""} The same numbers are in the table below.`);
-    const surface = h("div");
+    const surface = h("div", { "aria-hidden": "true" }); // the box around it has the role and the name
     box.chart.append(surface);
     const view = await Charts.draw(surface, made.spec);
     if (box.chart.contains(surface)) box.view = view; else view.finalize();

@@ -51,7 +51,7 @@
       const spec = {
         height: 360, params: [{ name: "focus", value: "" }],
         layer: [
-          { data: { values: fitted }, mark: { type: "line", strokeWidth: 1.6, clip: true }, encoding: { x, y, color: Charts.slotColour, detail: { field: "label" }, opacity: Charts.inFocus(0.85) } },
+          { data: { values: fitted }, mark: { type: "line", strokeWidth: 1.6, clip: true }, encoding: { x, y, color: Charts.slotColour, strokeDash: Charts.slotDash, detail: { field: "label" }, opacity: Charts.inFocus(0.85) } },
           { data: { values: points }, mark: { type: "point", filled: true, size: 34 },
             encoding: { x, y, color: Charts.slotColour, shape: Charts.slotShape, opacity: Charts.inFocus(0.75), tooltip: [{ field: "label", title: "solver" }, { field: "problem", title: "problem" }, { field: "x", title: symbol }, { field: "yText", title: context.metricName }] } },
         ],

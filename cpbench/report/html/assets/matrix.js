@@ -82,7 +82,7 @@ const Matrix = (() => {
         let done = 0;
         for (const p of problems) { const r = table.row[p * width + s]; if (r >= 0 && Engine.solved(columns, r, state.tolerance, facts.status)) done++; }
         const share = done / problems.length, told = `${family || "(none)"}, ${context.name(s)}: ${done} of ${problems.length} solved`;
-        const cell = h("td", { class: "wide", tabindex: "-1", role: "gridcell", title: told, "aria-label": told, style: `background: color-mix(in srgb, var(--accent) ${Math.round(45 * share)}%, transparent)` }, String(Math.round(100 * share)));
+        const cell = h("td", { class: "wide", tabindex: "-1", role: "gridcell", title: told, "aria-label": told, style: `background: color-mix(in srgb, var(--accent) ${Math.round(35 * share)}%, transparent)` }, String(Math.round(100 * share)));
         cell.addEventListener("click", () => Pair.list(context, family, s, problems));
         return cell;
       })));

@@ -16,7 +16,7 @@
       const y = { field: "label", type: "nominal", sort: null, title: null, axis: { ticks: false, domain: false, labelPadding: 8 } };
       const scale = { domain: [0, 1] };
       const spec = {
-        height: { step: 21 }, data: { values },
+        height: 21 * values.length, data: { values },
         layer: [
           { mark: { type: "rule", strokeWidth: 5, opacity: 0.28, color: "var(--accent)" }, encoding: { y, x: { field: "low", type: "quantitative", scale }, x2: { field: "high" } } },
           { mark: { type: "point", filled: true, size: 52, color: "var(--accent)", opacity: 1 },

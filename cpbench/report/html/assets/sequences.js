@@ -64,7 +64,7 @@
       const values = known.slice(0, 24).map((k) => ({ label: `${gains.label[k]} (${gains.start[k]})`, v: gains.common[k], low: gains.common_low[k] ?? gains.common[k], high: gains.common_high[k] ?? gains.common[k] }));
       const low = Math.min(0.5, ...values.map((v) => v.low)) / 1.1, high = Math.max(2, ...values.map((v) => v.high)) * 1.1, scale = Charts.logScale(low, high);
       const y = { field: "label", type: "nominal", sort: null, title: null, axis: { ticks: false, domain: false, labelPadding: 8 } };
-      const spec = { height: { step: 21 }, layer: [
+      const spec = { height: 21 * values.length, layer: [
         { data: { values: [{ v: 1 }] }, mark: { type: "rule", opacity: 0.5 }, encoding: { x: { field: "v", type: "quantitative", scale } } },
         { data: { values }, mark: { type: "rule", strokeWidth: 5, opacity: 0.28, color: "var(--accent)" }, encoding: { y, x: { field: "low", type: "quantitative", scale }, x2: { field: "high" } } },
         { data: { values }, mark: { type: "point", filled: true, size: 52, opacity: 1, color: "var(--accent)" }, encoding: { y, x: { field: "v", type: "quantitative", scale, axis: { title: "time of the warm solve over the cold one", values: Charts.logTicks(low, high), labelExpr: Charts.TINY } } } },
@@ -95,7 +95,7 @@
       const found = Engine.deadlines(times, deadline, order).sort((a, b) => a.misses - b.misses || a.label - b.label);
       const values = found.slice(0, 16).map((r) => ({ label: context.name(r.label), share: r.share, low: r.low, high: r.high, told: `${r.misses} of ${times.problems.length}` }));
       const y = { field: "label", type: "nominal", sort: null, title: null, axis: { ticks: false, domain: false, labelPadding: 8 } }, scale = { domain: [0, 1] };
-      const spec = { height: { step: 21 }, data: { values }, layer: [
+      const spec = { height: 21 * values.length, data: { values }, layer: [
         { mark: { type: "rule", strokeWidth: 5, opacity: 0.28, color: "var(--accent)" }, encoding: { y, x: { field: "low", type: "quantitative", scale }, x2: { field: "high" } } },
         { mark: { type: "point", filled: true, size: 52, color: "var(--accent)", opacity: 1 }, encoding: { y, x: { field: "share", type: "quantitative", scale, axis: { title: `fraction of problems not solved within ${Dom.seconds(deadline)}`, format: "%", tickCount: 5 } }, tooltip: [{ field: "label", title: "solver" }, { field: "told", title: "misses" }] } },
       ] };
