@@ -113,7 +113,7 @@ def _tell_left(what: str, counts: Mapping[str, int]) -> None:
 
 def _tell_times(bundle: Bundle, name: str) -> None:
     """Times beside each other, as `cpbench compare` tells them; they decide nothing here."""
-    from cpbench.analysis.comparison import Side
+    from cpbench.analysis.comparison import Settings, Side
     from cpbench.analysis.comparison import compare as compare_runs
     from cpbench.report.comparison import words
     from cpbench.report.text import counted, cut, one_line
@@ -123,12 +123,13 @@ def _tell_times(bundle: Bundle, name: str) -> None:
     with Store(bundle.again) as store:
         here = Side("here", store.table(), store.meta(), store.machines())
     try:
-        found = compare_runs(there, here)
+        # the ratio of two machines is what is asked for here: it tells how fast this one is, and decides nothing
+        found = compare_runs(there, here, Settings(same_machine=True))
     except CpbenchError:
         return  # no pair in common, which is told with the statuses
     timed = [suite for suite in found.suites if suite.timed]
     if timed:
-        click.echo("time here over there, geometric mean of each label; decides nothing:")
+        click.echo("time here over there, geometric mean of each label (decides nothing, machines differ):")
     for suite in timed:
         click.echo(f"  {one_line(suite.label)}: {words.times_of(suite)} ({counted(suite.timed, 'pair')})")
     for note in found.notes:

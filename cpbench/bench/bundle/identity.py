@@ -31,6 +31,8 @@ ANYBODY = frozenset((
 SHORTEST = 3
 """Letters of the shortest name that is looked for."""
 _HOME = re.compile(r"(?:/home/|/Users/|\\Users\\)([^/\\\s'\":]+)")
+_REMOTE = re.compile(r"(?:\w+://)?(?:(?P<login>[^@/]+)@)?(?P<server>[\w.-]+)(?::\d+)?[:/](?P<path>.+)")
+_COMMON = ("github.com", "gitlab.com", "bitbucket.org", "codeberg.org", "huggingface.co", "git.sr.ht")
 _PATIENCE = 10.0
 
 
@@ -114,9 +116,24 @@ def _repositories(folders: Iterable[str]) -> tuple[set[str], set[str]]:
             if key.startswith("user."):
                 people |= {value, value.partition("@")[0]}
             else:
-                remotes |= {value, value.removesuffix(".git")}
-                people |= set(re.split(r"[/:@]+", value.removesuffix(".git"))[:-1])
+                server, accounts = _remote(value)
+                remotes |= {value, value.removesuffix(".git"), server}
+                people |= accounts
     return remotes, people
+
+
+def _remote(address: str) -> tuple[str, set[str]]:
+    """Server of a remote, '' for one that everybody uses, and the accounts in its path.
+
+    >>> _remote("git@github.com:ann/mine.git"), _remote("https://ann:key@git.here.org/group/ann/mine")
+    (('', {'ann'}), ('git.here.org', {'ann', 'group', 'key'}))
+    """
+    found = _REMOTE.fullmatch(address.removesuffix(".git"))
+    if found is None:
+        return "", set()  # a path
+    server = found["server"]
+    accounts = {*found["path"].strip("/").split("/")[:-1], *(found["login"] or "").split(":")}
+    return ("" if server in _COMMON else server), accounts - {"", "git"}
 
 
 def _git(folder: str, *arguments: str) -> list[str]:

@@ -17,9 +17,13 @@ from cpbench.bench.bundle.problems import Place, Unit
 from cpbench.bench.bundle.scrub import Scrub, searched
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, UnknownName
+from cpbench.solvers.base import solvers
 
 PLAN, GUIDE, REPORT = "plan.toml", "REPRODUCE.md", "report"
+TEXTS = (".md", ".csv", ".html", ".json", ".svg", ".tex", ".bib")
 MACHINE, VERSIONS = "machine.json", "versions.txt"
+OWN = ("cpbench.solvers.native.", "cpbench.solvers.adapters.")
+"""Modules of the solvers that everybody has who has cpbench."""
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 
 Reporter = Callable[[Path, Path, str], object]
@@ -69,6 +73,7 @@ def make(source: Path, target: Path, asked: Asked = Asked()) -> Made:
             title = "Results" if scrub is not None else source.stem
             asked.report(folder / results.NAME, folder / REPORT, title)
         if scrub is not None:
+            _scrub_texts(folder / REPORT, scrub)
             leaks.require_none(folder, searched(scrub.who, scrub.renames))
         archive.pack(folder, target, about)
     withheld = [place for place in _unique(places) if place.withheld]
@@ -97,15 +102,14 @@ def _require_target(target: Path, asked: Asked) -> None:
 def _scrub(store: Store, rows: Sequence[Mapping[str, Any]], found: Plugins, asked: Asked) -> Scrub | None:
     if not asked.anonymous:
         return None
-    sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
-    own = {str(sheet["name"]) for sheet in sheets.values() if not sheet.get("plugin") and sheet.get("name")}
+    foreign = _foreign(store, rows)
     names = {str(row["solver"]).partition("@")[0] for row in rows}
     renames: dict[str, str] = {}
     for old, new in asked.renames:
-        if old in names & own:
+        if old in names - foreign:
             raise CpbenchError(f"--rename {old}={new}: {old} is cpbench's own, and is found by no other name")
         if old not in names and old not in found.sources:
-            raise UnknownName("name for --rename: no solver of the results and no plugin has", old, names - own)
+            raise UnknownName("name for --rename: no solver of the results and no plugin has", old, names & foreign)
         if old in names and (not _NAME.fullmatch(new) or new in names):
             raise CpbenchError(
                 f"--rename {old}={new}: {new or 'nothing'} is no free name of a solver: letters, digits, . + -"
@@ -116,15 +120,31 @@ def _scrub(store: Store, rows: Sequence[Mapping[str, Any]], found: Plugins, aske
     return Scrub(identity.Identity(who.hosts, who.people, who.paths, who.remotes, values), renames)
 
 
+def _foreign(store: Store, rows: Sequence[Mapping[str, Any]]) -> set[str]:
+    """Solvers of the rows that are not cpbench's own: from plugins, installed packages, tables of programs."""
+    sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
+    told = {str(sheet.get("name")) for sheet in sheets.values() if sheet.get("plugin")}
+    own = {solver.spec.name for solver in solvers if type(solver).__module__.startswith(OWN)}
+    return {name for name in {str(row["solver"]) for row in rows} if name in told or name not in own}
+
+
 def _anonymous(found: Plugins, scrub: Scrub) -> Plugins:
     """Names and texts of the plugins without what tells whose they are."""
     return Plugins(
         loaded=[scrub.name(name) for name in found.loaded],
+        names={origin: scrub.name(name) for origin, name in found.names.items()},
         texts={scrub.name(name): scrub.code(source) for name, source in found.texts.items()},
         absent=[scrub.text(text) for text in found.absent],
         tables=found.tables,
         folders=found.folders,
     )
+
+
+def _scrub_texts(folder: Path, scrub: Scrub) -> None:
+    """What a report adds of its own to the rows: citations, definitions."""
+    for path in sorted(path for path in folder.rglob("*") if path.suffix in TEXTS):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(scrub.name(text), encoding="utf-8")
 
 
 # ---------------------------------------------------------------------------------------------- the files
@@ -141,11 +161,9 @@ def _write(
 ) -> dict[str, Any]:
     """Results, plan, machine, versions and the guide; what `BUNDLE.json` says beside the files."""
     meta = store.meta()
-    sheets: Mapping[str, Mapping[str, Any]] = meta.get("solvers") or {}
-    foreign = {str(sheet["name"]) for sheet in sheets.values() if sheet.get("plugin") and sheet.get("name")}
     settings = plan_of_rows.settings(meta, rows)
     kept = {"sets": [], **settings, "output": "", "report": None, "shard": [1, 1], "tunings": []}
-    new = results.write(store, rows, places, folder / results.NAME, kept, foreign, scrub)
+    new = results.write(store, rows, places, folder / results.NAME, kept, _foreign(store, rows), found.names, scrub)
     ours = [row for row in new if not row["origin"] and row["status"] != "not_run"]
     recorded = any(True for _ in store.histories())
     text = plan_of_rows.text(settings, plan_of_rows.sets(ours, recorded, {}), guide.HEADING)

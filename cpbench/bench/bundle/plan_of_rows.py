@@ -63,6 +63,8 @@ def text(settings: Mapping[str, Any], parts: Iterable[Mapping[str, Any]], headin
     for part in parts:
         lines += ["", "[[set]]"]
         for key, value in part.items():
+            if key == "name" and not value:
+                continue
             if key in ("problems", "solvers"):
                 lines += [f"{key} = [", *(f"    {plan_text.value(item)}," for item in value), "]"]
             else:

@@ -37,13 +37,14 @@ class Plugins:
     ----------
     loaded : names in the bundle, in the order in which they are loaded. texts : name -> text, scripts too.
     absent : what belongs to them and is not in the bundle, in words. tables : the tables of declared solvers.
-    folders : those the files lie in.
+    names : where each file was -> what it is in the bundle. folders : those the files lie in.
     """
 
     loaded: list[str] = field(default_factory=list)
     texts: dict[str, str] = field(default_factory=dict)
     absent: list[str] = field(default_factory=list)
     tables: dict[str, dict[str, Any]] = field(default_factory=dict)
+    names: dict[str, str] = field(default_factory=dict)
     folders: list[Path] = field(default_factory=list)
 
     @property
@@ -60,15 +61,19 @@ def gather(store: Store, rows: Sequence[Mapping[str, Any]], *, anonymous: bool) 
     named = [*_in_command(str(store.meta().get("command", ""))), *os.environ.get(PLUGIN_FILES, "").split(os.pathsep)]
     found = Plugins()
     files: dict[Path, None] = {}
+    origins: dict[Path, list[str]] = {}
     for text in dict.fromkeys(filter(None, [*named, *told])):
         path = _located(text, store)
         if path is None:
             found.absent.append(f"{text if not anonymous else Path(text).name}, which is not there any more")
         else:
             files[path] = None
+            origins.setdefault(path, []).append(text)
     for path in sorted(files, key=lambda path: (path.suffix == ".toml", str(path))):
         found.folders.append(path.parent)
+        before = len(found.loaded)
         _add(found, path, needed, anonymous)
+        found.names |= {text: name for text in origins[path] for name in found.loaded[before:]}
     _add_variants(found, sheets, needed, anonymous)
     return found
 

@@ -30,7 +30,8 @@ from cpbench.storage.hdf5_writer import new_file
 FOLDER = "problems"
 FORBIDS = re.compile(
     r"\b(?:no|not|non|without)\b[\s-]*(?:\w+\s+){0,3}(?:re-?)?(?:distribut|publi|shar)\w*|proprietary|confidential"
-    r"|all rights reserved|no licen[cs]e|internal use|(?:do not|don't) (?:share|distribute|publish)",
+    r"|\b(?:re-?)?(?:distribut|publi|shar)\w*\s+(?:\w+\s+){0,2}(?:not|forbidden|prohibited)\b"
+    r"|all rights reserved|no licen[cs]e\b|internal use",
     re.IGNORECASE,
 )
 """Licences that do not let a file be handed on."""
@@ -69,16 +70,18 @@ def unit(row: Mapping[str, Any]) -> Unit:
     return str(row["fingerprint"]), str(row["address"]) if row["sequence"] else ""
 
 
-def shipped(folder: Path) -> dict[str, str]:
-    """Addresses of the built-in problems by fingerprint, from the sheets beside them."""
-    found: dict[str, str] = {}
+def shipped(folder: Path) -> dict[str, Place]:
+    """The built-in problems by fingerprint, from the sheets beside them."""
+    found: dict[str, Place] = {}
     for sheet in sorted(folder.glob("*/*.toml")):
-        told = tomllib.loads(sheet.read_text(encoding="utf-8"))
+        told = _sheet(sheet)
+        about = {key: str(told[key]) for key in ("node", "licence", "source", "citation")}
         pack = f"{BUILTIN}/{sheet.parent.name}/{sheet.stem}.h5"
         several = len(told["problem"]) > 1
         for problem in told["problem"]:
             address = f"{pack}{SEPARATOR}{problem['name']}" if several else pack
-            found.setdefault(problem["fingerprint"], address)
+            place = Place(address, problem["fingerprint"], problem["name"], **about)
+            found.setdefault(place.fingerprint, place)
     return found
 
 
@@ -86,7 +89,7 @@ def gather(
     store: Store,
     rows: Sequence[Mapping[str, Any]],
     folder: Path,
-    builtin: Mapping[str, str],
+    builtin: Mapping[str, Place],
     withhold: Sequence[str] = (),
     scrub: Scrub | None = None,
 ) -> dict[Unit, Place]:
@@ -103,8 +106,7 @@ def gather(
         if key in found:
             continue
         if not row["sequence"] and key[0] in builtin:
-            source = f"cpbench generate, and built in: {builtin[key[0]]}"
-            found[key] = Place(builtin[key[0]], key[0], str(row["problem"]), str(row["node"]), source=source)
+            found[key] = builtin[key[0]]
             continue
         place = _place(row, scrub, used, scenes)
         found[key] = _written(row, place, store, folder, formats.get(str(row["address"])), withhold, scrub)
@@ -152,17 +154,31 @@ def _written(
         problem = storage.load(address, format=format)
     except CpbenchError:
         return replace(place, withheld="its file could not be read when the bundle was made")
-    info = problem.info
-    about = replace(place, licence=told(info.licence), source=told(info.source), citation=told(info.citation))
+    info, licence = problem.info, problem.info.licence or _licence_beside(address)
+    about = replace(place, licence=told(licence), source=told(info.source), citation=told(info.citation))
     if problem.fingerprint != place.fingerprint:
         return replace(about, withheld="its file was changed after the run")
-    if FORBIDS.search(info.licence):
+    if FORBIDS.search(licence):
         return replace(about, withheld=f"its licence does not let it be handed on: {about.licence}")
     names = (problem.name, info.family, str(row["problem"]), str(row["address"]))
     if any(fnmatch.fnmatchcase(name, pattern) for name in names for pattern in withhold):
         return replace(about, withheld="whoever made the bundle kept it")
     save(problem, address, folder / place.address, scrub)
     return about
+
+
+def _licence_beside(address: str) -> str:
+    """The licence in the sheet of a collection, `pack.toml` beside `pack.h5`; '' where there is none."""
+    sheet = split_address(address)[0].with_suffix(".toml")
+    return str(_sheet(sheet).get("licence", "")) if sheet.is_file() else ""
+
+
+def _sheet(path: Path) -> dict[str, Any]:
+    """What a sheet says; nothing where it is none."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
 
 
 def located(address: str, results: Path) -> str:

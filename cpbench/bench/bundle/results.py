@@ -73,9 +73,9 @@ def _anonymous(row: Mapping[str, Any], scrub: Scrub, own: bool) -> dict[str, Any
     names = {
         name: scrub.name(str(row[name])) for name in ("problem", "family", "set", "solver", "sequence") if row[name]
     }
-    told = {name: scrub.text(str(row[name])) for name in ("message", "options", "version", "claim") if row[name]}
-    if not own:
-        told["message"] = ""
+    told = {name: scrub.code(str(row[name])) for name in ("options", "version", "claim") if row[name]}
+    if row["message"]:
+        told["message"] = scrub.text(str(row["message"])) if own else ""
     return {
         **names,
         **told,
@@ -92,9 +92,13 @@ def write(
     target: Path,
     plan: Mapping[str, Any],
     foreign: Iterable[str],
+    names: Mapping[str, str],
     scrub: Scrub | None,
 ) -> list[dict[str, Any]]:
-    """Write the results file of a bundle; its rows. `foreign` : solvers that are not cpbench's own."""
+    """Write the results file of a bundle; its rows.
+
+    `foreign` : solvers that are not cpbench's own. `names` : of plugin files in the bundle, by where they were.
+    """
     others = set(foreign)
     keys: dict[str, str] = {}
     new: list[dict[str, Any]] = []
@@ -104,7 +108,7 @@ def write(
         keys[str(row["key"])] = made["key"]
         new.append(made)
     with Store(target, create=True) as made_store:
-        made_store.set_meta(**_meta(store, plan, scrub))
+        made_store.set_meta(**_meta(store, plan, names, scrub))
         for host, about in store.machines().items():
             name = host if scrub is None else scrub.host(host)
             made_store.note_machine(name, about if scrub is None else _machine(about, scrub))
@@ -121,25 +125,32 @@ def write(
     return new
 
 
-def _meta(store: Store, plan: Mapping[str, Any], scrub: Scrub | None) -> dict[str, Any]:
+def _meta(store: Store, plan: Mapping[str, Any], names: Mapping[str, str], scrub: Scrub | None) -> dict[str, Any]:
     meta = store.meta()
+    sheets = {label: _placed(sheet, names) for label, sheet in (meta.get("solvers") or {}).items()}
     own: dict[str, Any] = {"command": "cpbench run --plan plan.toml"}
     if scrub is None:
         kept = {name: value for name, value in meta.items() if name not in _TABLES}
-        return {**kept, "command": meta.get("command", own["command"]), "formats": {}}
+        return {**kept, "command": meta.get("command", own["command"]), "formats": {}, "solvers": sheets}
     kept = {name: scrub.deep(meta[name]) for name in _META if name in meta}
-    sheets = {scrub.name(label): _sheet(sheet, scrub) for label, sheet in (meta.get("solvers") or {}).items()}
+    sheets = {scrub.name(label): _sheet(sheet, scrub) for label, sheet in sheets.items()}
     own |= {"machine": _machine(meta.get("machine") or {}, scrub), "solvers": sheets, "formats": {}, "plan": plan}
     if meta.get("mixed"):
         own["mixed"] = [f"{len(meta['mixed'])} differences between files that were merged"]
     return {**kept, **own}
 
 
+def _placed(sheet: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    """What is told of a solver, with its plugin where it is in the bundle."""
+    plugin = str(sheet.get("plugin") or "")
+    return {**sheet, "plugin": names.get(plugin, plugin)}
+
+
 def _sheet(sheet: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
     """What is told of a solver; of a plugin nothing but what it solves and how."""
     told: dict[str, Any] = scrub.deep(sheet)
     if sheet.get("plugin"):
-        told |= {"plugin": "plugins", "citation": "", "summary": "", "written": told.get("name", "")}
+        told |= {"citation": "", "summary": "", "written": told.get("name", "")}
     return told
 
 

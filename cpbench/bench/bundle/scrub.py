@@ -53,7 +53,7 @@ class Scrub:
         return self.name(_MAIL.sub(PERSON, self._values(bare)))
 
     def code(self, text: str) -> str:
-        """A text that a program reads: paths are replaced where they begin as those of machines do."""
+        """A text that a program reads: paths are replaced where they begin as those of machines do, values stay."""
         return self.name(_MAIL.sub(PERSON, _PLAIN_PATH.sub(PATH, self._literal(text))))
 
     def deep(self, value: Any, how: Callable[[str], str] | None = None) -> Any:
