@@ -93,6 +93,20 @@ def _coefficients(problem: ContactProblem, d: int) -> Dense:
     return np.repeat(mu[:, None], d - 1, axis=1)
 
 
+def angle_between(a: Vector, b: Vector) -> float:
+    """∠(a, b) [deg], NaN where one of them is 0.
+
+    >>> round(angle_between(np.array([1.0, 0.0, 0.0]), np.array([1.0, 1.0, 0.0])), 9)
+    45.0
+    """
+    size = norm(a) * norm(b)
+    if size == 0:
+        return float("nan")
+    # the half-angle formula keeps its digits near 0° and 180°, where the arc cosine loses half of them
+    x, y = a / norm(a), b / norm(b)
+    return float(np.degrees(2.0 * np.arctan2(norm(x - y), norm(x + y))))
+
+
 def forces(states: ContactStates, contacts: Contacts) -> Dense:
     """Reactions in the axes of the scene, on the first body of each contact: Σ_i r_i times row i of the frame.
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench.analysis.contact_states import ContactStates, contact_states, most_rubbing
+from cpbench.analysis.contact_states import ContactStates, State, angle_between, contact_states, most_rubbing
 from cpbench.cones import de_saxce
 from cpbench.conversions.base import make
+from cpbench.conversions.facets import wrong_knobs
 from cpbench.errors import NotApplicable, ProblemError
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 CIRCULAR = ("fc", "fcm", "gfc")
 TOP = 1.25
 """Height at which the cone is cut, over r_N."""
+NARROW = 0.6
+"""Least half width of the picture, in the same unit."""
 
 
 @figure_kind(
@@ -46,15 +49,21 @@ def draw(problem: Problem | None = None, point: Point | None = None, *, contact:
             "cone", f"draws three-dimensional contacts of {', '.join(CIRCULAR)}; this is {_what(problem)}"
         )
     states = None if point is None else contact_states(problem, point)
+    wrong = wrong_knobs(facets, 0.0)
+    if wrong is not None:
+        raise NotApplicable("cone", wrong)
     place = chosen(problem, states, contact)
     mu = float(problem.mu[place])
-    r, u = (np.zeros(3), np.zeros(3)) if states is None else (states.r[place], states.u[place])
-    unit = r[0] if r[0] > 0 else 1.0
     figure = canvas.page(canvas.COLUMN, 2.7)
     axes: Any = figure.add_axes((-0.15, -0.23, 1.3, 1.45), projection="3d", computed_zorder=False)
     _cone(axes, mu, facets)
-    said = "It has no answer." if states is None else _vectors(axes, r / unit, u, mu, str(states.state[place]))
-    _view(axes, r, mu)
+    said = "It has no answer." if states is None else _vectors(axes, states, place)
+    along = np.array([1.0, 0.0])
+    if states is not None and states.state[place] != str(State.OPEN):
+        along = states.r[place, 1:]
+    elif states is not None:
+        along = -states.u[place, 1:]
+    _view(axes, along, mu / np.cos(np.pi / facets))
     named = canvas.literal(problem.name or problem.node)
     where = named if problem.nc == 1 else f"{named}, contact {place}"
     guide = (
@@ -70,9 +79,9 @@ def example() -> FrictionContact:
 
 
 def chosen(problem: ContactProblem, states: ContactStates | None, contact: int) -> int:
-    """The contact that was asked for; raises ProblemError when there is none of that number."""
+    """The contact that was asked for, or one worth seeing; raises ProblemError when there is none of that number."""
     if contact == -1 and problem.nc:
-        return 0 if states is None else most_rubbing(states)
+        return int(np.argmax(problem.mu > 0)) if states is None else most_rubbing(states)
     if not 0 <= contact < problem.nc:
         raise ProblemError(problem.node, f"there is no contact {contact}; there are {problem.nc}, counted from 0")
     return contact
@@ -104,53 +113,61 @@ def _cone(axes: Axes3D, mu: float, facets: int) -> None:
             axes.plot([0, x], [0, y], [0, TOP], color=canvas.INK, linewidth=0.35, linestyle=look, alpha=0.6, zorder=3)
 
 
-def _vectors(axes: Axes3D, r: Vector, u: Vector, mu: float, state: str) -> str:
-    """r over r_N; u and û scaled together; what the guide says of them."""
+def _vectors(axes: Axes3D, states: ContactStates, place: int) -> str:
+    """r over r_N; u and û in a scale of their own; what the guide says of them."""
+    r, u, mu = states.r[place], states.u[place], float(states.mu[place, 0])
     hat = de_saxce(u[None, :], np.array([mu]))[0]
-    far = max(norm(u), norm(hat))
-    reach = 0.95 * max(TOP * mu, 0.6)
-    if r[0] > 0:
-        _arrow(axes, np.zeros(3), r, canvas.BLUE, r"$r$")
-    if far > 0 and state != "stick":
-        u, hat = reach * u / far, reach * hat / far
-        _arrow(axes, np.zeros(3), u, canvas.RED, r"$u$")
-        if norm(hat - u) > 1e-6 * reach:
-            _arrow(axes, np.zeros(3), hat, canvas.GREEN, r"$\hat{u}$")
-            ends = np.array([u, hat])
-            axes.plot(ends[:, 1], ends[:, 2], ends[:, 0], color=canvas.GREEN, linewidth=1, linestyle=":", zorder=9)
-            x, y, z = 0.5 * (u + hat)[[1, 2, 0]]
-            words = r"$\mu|u_\mathrm{T}|e_\mathrm{N}$  "
-            axes.text(x, y, z, words, color=canvas.GREEN, fontsize=7, ha="right", va="center", zorder=12)
-            if r[0] > 0:
-                one, other = 0.12 * r / norm(r), 0.12 * hat / norm(hat)
-                corner = np.array([one, one + other, other])
-                axes.plot(corner[:, 1], corner[:, 2], corner[:, 0], color=canvas.INK, linewidth=0.8, zorder=11)
-    return {
-        "open": "The contact is open: no reaction, $u$ leaves.",
-        "stick": "The contact sticks: $r$ inside, $u = 0$.",
-        "slip": r"The contact slips: $r$ is on the cone, against $u_\mathrm{T}$; De Saxcé's $\hat{u} = u + "
-        r"\mu|u_\mathrm{T}|e_\mathrm{N}$ is in the dual cone, at a right angle to $r$ (velocities in a scale of "
-        "their own).",
-    }[state]
+    state = State(str(states.state[place]))
+    if state is not State.OPEN:
+        _arrow(axes, r / r[0], canvas.BLUE, r"$r$")
+    if state is State.STICK:
+        inside = r"$r$ inside, $u = 0$" if mu > 0 else r"without friction the cone is its axis"
+        return f"The contact does not slide: {inside}."
+    far = max(norm(u), norm(hat)) / (0.95 * max(TOP * mu, NARROW))
+    u, hat = u / far, hat / far
+    _arrow(axes, u, canvas.RED, r"$u$")
+    if state is State.OPEN:
+        return "The contact is open: no reaction, $u$ leaves."
+    if mu == 0:
+        return "The contact slides without friction: the cone is its axis."
+    _arrow(axes, hat, canvas.GREEN, r"$\hat{u}$")
+    lift = np.array([u, hat])
+    axes.plot(lift[:, 1], lift[:, 2], lift[:, 0], color=canvas.GREEN, linewidth=1, linestyle=":", zorder=9)
+    x, y, z = 0.5 * (u + hat)[[1, 2, 0]]
+    words = r"$\mu|u_\mathrm{T}|e_\mathrm{N}$  "
+    axes.text(x, y, z, words, color=canvas.GREEN, fontsize=7, ha="right", va="center", zorder=12)
+    angle = angle_between(r, hat)
+    if abs(angle - 90.0) < 0.5:
+        one, other = 0.12 * r / norm(r), 0.12 * hat / norm(hat)
+        corner = np.array([one, one + other, other])
+        axes.plot(corner[:, 1], corner[:, 2], corner[:, 0], color=canvas.INK, linewidth=0.8, zorder=11)
+    return (
+        rf"The contact slips: $|r_\mathrm{{T}}|$ = {norm(states.share[place]):.4g} $\mu r_\mathrm{{N}}$, "
+        rf"{angle_between(r[1:], -u[1:]):.1f}° from $-u_\mathrm{{T}}$; De Saxcé's "
+        rf"$\hat{{u}} = u + \mu|u_\mathrm{{T}}|e_\mathrm{{N}}$ is at {angle:.1f}° to $r$ (velocities in their own "
+        "scale)."
+    )
 
 
-def _arrow(axes: Axes3D, start: Vector, end: Vector, colour: str, label: str) -> None:
-    """An arrow between points (N, T1, T2), which are drawn as (T1, T2, N)."""
-    (x, y, z), (a, b, c) = start[[1, 2, 0]], (end - start)[[1, 2, 0]]
-    axes.quiver(x, y, z, a, b, c, color=colour, linewidth=2.0, arrow_length_ratio=0.13, zorder=10)
+def _arrow(axes: Axes3D, end: Vector, colour: str, label: str) -> None:
+    """An arrow from the tip of the cone; (N, T1, T2) are drawn as (T1, T2, N)."""
+    a, b, c = end[[1, 2, 0]]
+    axes.quiver(0, 0, 0, a, b, c, color=colour, linewidth=2.0, arrow_length_ratio=0.13, zorder=10)
     tip = 1.1 * np.array([a, b, c])
     axes.text(tip[0], tip[1], tip[2], label, color=colour, fontsize=11, ha="center", va="center", zorder=12)
 
 
-def _view(axes: Axes3D, r: Vector, mu: float) -> None:
+def _view(axes: Axes3D, along: Vector, mu: float) -> None:
     """Equal axes, seen nearly across the plane of r and u, so that the right angle is one."""
-    reach = 1.08 * max(TOP * mu, 0.6)
+    reach, height = 1.08 * max(TOP * mu, NARROW), TOP * 1.07
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
     axes.set_zlim(-0.05, TOP * 1.02)
-    axes.set_box_aspect((2 * reach, 2 * reach, TOP * 1.07))
+    diagonal = norm(np.array([2 * reach, 2 * reach, height]))
+    zoom: Any = min(1.0, 0.47 * diagonal / height)  # the stubs want an int
+    axes.set_box_aspect((2 * reach, 2 * reach, height), zoom=zoom)
     axes.set_axis_off()
-    across = np.degrees(np.arctan2(r[2], r[1])) if norm(r[1:]) > 0 else 0.0
+    across = np.degrees(np.arctan2(along[1], along[0]))
     axes.view_init(elev=17, azim=across - 68)
     for end, label in (((1, 0, 0), r"$\mathrm{T}_1$"), ((0, 1, 0), r"$\mathrm{T}_2$"), ((0, 0, 1), r"$\mathrm{N}$")):
         length = TOP * 1.1 if end[2] else reach * 1.05

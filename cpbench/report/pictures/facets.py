@@ -34,7 +34,7 @@ LOOKS: dict[str, dict[str, Any]] = {"inner": {"linestyle": "-"}, "outer": {"line
     "facets",
     problem=Need.OPTIONAL,
     facets="Numbers of facets ν.",
-    contact="Number of the contact in FILE, from 0 (default: the first).",
+    contact="Number of the contact in FILE, from 0 (default: the first with friction).",
 )
 def draw(
     problem: Problem | None = None,
@@ -126,7 +126,6 @@ def _errors(upper: Axes, lower: Axes, slides: Sequence[FacetedSlide]) -> None:
         axes.grid(True, color="#ECECEC", linewidth=0.6)
         axes.set_axisbelow(True)
     upper.tick_params(labelbottom=False)
-    upper.yaxis.set_minor_locator(NullLocator())
     upper.set_ylabel("friction wrong by")
     upper.text(
         0.97, 0.93, r"outer ◇  too large, $1/\cos(\pi/\nu) - 1$", ha="right", va="top", transform=upper.transAxes
@@ -135,9 +134,17 @@ def _errors(upper: Axes, lower: Axes, slides: Sequence[FacetedSlide]) -> None:
     lower.set_xlabel("ν, number of facets")
     lower.set_ylabel(r"slip angle")
     lower.text(0.97, 0.92, "180°/ν", ha="right", va="top", transform=lower.transAxes)
-    ticks = [
-        t for t in (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 90.0) if suprema["angle"][-1] / 2 < t < 2 * suprema["angle"][0]
-    ]
-    lower.yaxis.set_major_locator(FixedLocator(ticks))
-    lower.yaxis.set_minor_locator(NullLocator())
-    lower.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}°"))
+    for axes, unit, factor in ((upper, " %", 100.0), (lower, "°", 1.0)):
+        axes.yaxis.set_major_locator(FixedLocator(_ticks(*axes.get_ylim())))
+        axes.yaxis.set_minor_locator(NullLocator())
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _, u=unit, f=factor: f"{f * value:g}{u}"))
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """At least three round numbers of a logarithmic axis where it has them, and no more than need be."""
+    found: list[float] = []
+    for steps in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)):
+        found = [s * 10.0**k for k in range(-9, 4) for s in steps if low <= s * 10.0**k <= high]
+        if len(found) >= 3:
+            break
+    return found

@@ -1,0 +1,516 @@
+"""Figures of problems: their data against planted states, formulas and independent arithmetic, and each through the
+command line with what it cannot draw."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from click.testing import CliRunner, Result
+
+from cpbench import storage
+from cpbench.analysis import ncp_functions as ncp
+from cpbench.analysis.active_sets import Side, active_set
+from cpbench.analysis.coarse import coarsened
+from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
+from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
+from cpbench.analysis.facet_errors import bounds, faceted_slide
+from cpbench.cli import cli
+from cpbench.cli.plot_command import ROOMS
+from cpbench.errors import CpbenchError, NotApplicable, PointError, ProblemError
+from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact, LCPPoint, QPPoint
+from cpbench.report import canvas
+from cpbench.report.figure_kinds import Drawing, Need, find, summaries
+
+PICTURES = "cpbench.report.pictures"
+PLANTED = "builtin/fc/contact-planted-3d.h5"
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, list(map(str, arguments)))
+
+
+def refused(*arguments: object) -> str:
+    """What the command line says of bad input."""
+    done = run(*arguments)
+    assert done.exit_code != 0
+    assert isinstance(done.exception, (CpbenchError, SystemExit)), done.exception
+    return str(done.exception) + done.output
+
+
+def builtin(address: str) -> tuple[object, object]:
+    from cpbench.generators.collection import builtin_folder
+
+    where = str(builtin_folder() / address)
+    found = storage.solution(where)
+    assert found is not None
+    return storage.load(where), found[0]
+
+
+def drawn(kind: str, *given: object, **options: object) -> Drawing:
+    with canvas.drawing():
+        return find(PICTURES, kind).draw(*given, **options)
+
+
+def lcp(M: list[list[float]], q: list[float]) -> LCP:
+    return LCP(M=np.array(M, dtype=float), q=np.array(q, dtype=float), name="plane")
+
+
+# --- contacts -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("address", "expected"),
+    [("one-open", State.OPEN), ("one-slide", State.SLIP), ("one-fast", State.SLIP), ("one-stick", State.STICK)],
+)
+def test_states_of_planted_single_contacts(address: str, expected: State) -> None:
+    problem, point = builtin(f"fc/contact-planted-3d.h5::{address}")
+    states = contact_states(problem, point)
+    assert states.state.tolist() == [str(expected)]
+    size = np.linalg.norm(states.share[0])
+    assert {State.OPEN: size == 0, State.SLIP: abs(size - 1) < 1e-12, State.STICK: size < 1}[expected]
+
+
+@pytest.mark.parametrize("address", ["bodies-8", "bodies-20"])
+def test_states_are_those_that_were_planted(address: str) -> None:
+    """The generator writes how many contacts of each state it planted."""
+    problem, point = builtin(f"gfc/contact-global.h5::{address}")
+    planted = problem.info.properties["states"]
+    states = contact_states(problem, point)
+    assert {
+        "open": states.count(State.OPEN),
+        "slide": states.count(State.SLIP),
+        "stick": states.count(State.STICK),
+    } == (planted)
+
+
+def test_states_do_not_change_with_units() -> None:
+    """Newton seconds to kilonewton seconds and metres to millimetres: r·s, u·t, W·t/s."""
+    problem, point = builtin("fc/contact-planted-3d.h5::full-rank-30")
+    s, t = 1e-3, 1e3
+    other = FrictionContact(W=problem.W * (t / s), q=problem.q * t, mu=problem.mu)
+    before, after = contact_states(problem, point), contact_states(other, FCPoint(r=point.r * s))
+    assert before.state.tolist() == after.state.tolist()
+    assert len(set(before.state.tolist())) == 3
+
+
+def test_sliding_with_two_coefficients_is_against_the_scaled_velocity() -> None:
+    problem, point = builtin("afc/anisotropic.h5::planted-10")
+    states = contact_states(problem, point)
+    slips = states.state == "slip"
+    assert slips.any()
+    np.testing.assert_allclose(states.share[slips], states.against[slips], atol=1e-9)
+
+
+def test_moments_are_left_out_of_rolling_contacts() -> None:
+    problem, point = builtin("rfc/rolling.h5::planted-12")
+    states = contact_states(problem, point)
+    assert states.r.shape == (12, 3)
+    np.testing.assert_array_equal(states.r, point.r.reshape(12, 5)[:, :3])
+
+
+def test_a_state_needs_finite_numbers_and_contacts() -> None:
+    problem, _ = builtin("fc/contact-planted-3d.h5::one-slide")
+    with pytest.raises(PointError, match="not finite"):
+        contact_states(problem, FCPoint(r=np.full(3, np.nan)))
+    with pytest.raises(ProblemError, match="has no contacts"):
+        contact_states(lcp([[1, 0], [0, 1]], [-1, -1]), LCPPoint(np.ones(2)))
+
+
+def test_forces_turn_with_the_frame() -> None:
+    """Normal up and tangents along y, x: a force (N, T1, T2) = (3, 1, 2) is (2, 1, 3) in the scene."""
+    frame = np.array([[[0.0, 0, 1], [0, 1, 0], [1, 0, 0]]])
+    contacts = Contacts(id=[7], bodies=[[0, 1]], position=np.zeros((1, 3)), frame=frame)
+    problem = FrictionContact(W=np.eye(3), q=np.zeros(3), mu=np.array([1.0]), contacts=contacts)
+    states = contact_states(problem, FCPoint(r=np.array([3.0, 1.0, 2.0])))
+    np.testing.assert_array_equal(forces(states, contacts), [[2.0, 1.0, 3.0]])
+
+
+def test_the_contact_that_is_shown_rubs_most() -> None:
+    problem, point = builtin("gfc/contact-global.h5::bodies-20")
+    states = contact_states(problem, point)
+    work = [-float(r[1:] @ u[1:]) for r, u in zip(states.r, states.u, strict=True)]
+    assert work[most_rubbing(states)] == max(work) > 0
+
+
+def scene() -> tuple[FrictionContact, FCPoint]:
+    """Three contacts at known places with normals up: stick, slip, open."""
+    W = np.eye(9)
+    q = np.array([-2.0, 0, 0, -1, -3, 0, 1, 0, 0])
+    r = np.array([2.0, 0, 0, 1, 0.5, 0, 0, 0, 0])
+    frame = np.tile(np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), (3, 1, 1))
+    place = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0.5]])
+    contacts = Contacts(id=[0, 1, 2], bodies=[[0, 1]] * 3, position=place, frame=frame)
+    return FrictionContact(W=W, q=q, mu=np.full(3, 0.5), contacts=contacts, name="scene"), FCPoint(r=r)
+
+
+def test_contacts_are_drawn_at_their_places() -> None:
+    problem, point = scene()
+    axes = drawn("contact", problem, point).figure.axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x$ [m]", "$z$ [m]")
+    dots = [c.get_offsets().tolist() for c in axes.collections if type(c).__name__ == "PathCollection"]
+    assert sorted(itertools.chain(*dots)) == [[0.0, 0.0], [1.0, 0.0], [2.0, 0.5]]
+    arrows = [c for c in axes.collections if type(c).__name__ == "Quiver"]
+    drawn_forces = sorted((float(c.U[0]), float(c.V[0])) for c in arrows)
+    unit = 0.2 * 2.0 / 2.0  # a fifth of the width of the scene for the largest force
+    np.testing.assert_allclose(drawn_forces, [(0.0, 2 * unit), (0.5 * unit, unit)], atol=1e-15)
+
+
+def test_counts_stand_in_the_figure() -> None:
+    said = [text.get_text() for text in drawn("contact", *scene()).figure.texts]
+    assert said == ["● 1 stick", "▲ 1 slip", "○ 1 open"]
+
+
+def test_a_disk_where_there_are_no_positions() -> None:
+    problem, point = builtin("fc/contact-planted-3d.h5::full-rank-30")
+    figure = drawn("contact", problem, point).figure
+    states = contact_states(problem, point)
+    dots = np.vstack([c.get_offsets() for c in figure.axes[0].collections if type(c).__name__ == "PathCollection"])
+    assert len(dots) == states.count(State.STICK) + states.count(State.SLIP)
+    assert np.linalg.norm(dots, axis=1).max() <= 1 + 1e-12
+    assert "no positions" in drawn("contact", problem, point).guide
+
+
+# --- cone and facets ------------------------------------------------------------------------------------------------
+
+
+def test_the_example_of_the_cone_slides_by_the_law() -> None:
+    """W = I: r_T is the projection of −q_T on the disk, û is at a right angle to r."""
+    from cpbench.report.pictures.cone import example
+    from cpbench.solvers.base import solve
+
+    problem = example()
+    point = solve(problem, "nsgs").point
+    q_T = problem.q[1:]
+    np.testing.assert_allclose(point.r, [1.0, *(-0.6 * q_T / np.linalg.norm(q_T))], atol=1e-6)
+    guide = drawn("cone").guide
+    assert "is at 90.0° to $r$" in guide
+    assert "0.0° from" in guide
+
+
+def test_a_wrong_reaction_is_drawn_with_its_angle() -> None:
+    from cpbench.report.pictures.cone import example
+
+    problem = example()
+    wrong = FCPoint(r=np.array([1.0, -0.6, 0.0]))
+    u = problem.q + wrong.r
+    hat = u + np.array([0.6 * np.linalg.norm(u[1:]), 0, 0])
+    angle = math.degrees(math.acos(wrong.r @ hat / np.linalg.norm(wrong.r) / np.linalg.norm(hat)))
+    assert abs(angle - 90) > 5
+    assert f"is at {angle:.1f}° to $r$" in drawn("cone", problem, wrong).guide
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1e-9, 30.0, 90.0, 180.0 - 1e-9, 180.0])
+def test_angles_keep_their_digits(degrees: float) -> None:
+    turn = math.radians(degrees)
+    assert angle_between(np.array([2.0, 0.0]), np.array([math.cos(turn), math.sin(turn)])) == pytest.approx(
+        degrees, abs=1e-12
+    )
+    assert math.isnan(angle_between(np.zeros(2), np.ones(2)))
+
+
+@pytest.mark.parametrize(("facets", "angle"), [(4, 44.5), (8, 22.0), (16, 11.0), (64, 2.75)])
+def test_slip_angles_of_inner_facets(facets: int, angle: float) -> None:
+    """The figures of the lecture page; at directions every half degree, where both neighbours tie left out."""
+    slide = faceted_slide("inner", facets)
+    assert slide.largest_slip_angle == pytest.approx(angle, abs=0.01)
+    grid = np.arange(0.0, 180.0, 0.5)
+    nearest = np.abs((grid + 180.0 / facets) % (360.0 / facets) - 180.0 / facets)
+    tie = np.isclose(nearest, 180.0 / facets)
+    assert nearest[~tie].max() == angle
+    np.testing.assert_allclose(slide.slip_angle[~tie], nearest[~tie], atol=0.01)
+
+
+@pytest.mark.parametrize("side", ["inner", "outer"])
+@pytest.mark.parametrize("facets", [4, 6, 10])
+def test_resistance_is_the_support_function_of_the_polygon(side: str, facets: int) -> None:
+    """Over a polygon with corners c the friction at full sliding is max cᵀt: the corners made here, not by the edge."""
+    slide = faceted_slide(side, facets, mu=0.7, step=7.5)
+    start, radius = (0.0, 1.0) if side == "inner" else (math.pi / facets, 1 / math.cos(math.pi / facets))
+    turn = start + 2 * math.pi / facets * np.arange(facets)
+    t = np.radians(slide.direction)
+    expected = (radius * np.cos(t[:, None] - turn[None, :])).max(axis=1)
+    np.testing.assert_allclose(slide.resistance, expected, atol=1e-4)
+    assert slide.radius_error <= bounds(np.array(float(facets)))[side] * (1 + 1e-4)
+
+
+def test_facets_are_drawn_from_what_was_measured() -> None:
+    figure = drawn("facets", facets=(4, 8)).figure
+    _, upper, lower = figure.axes
+    marks = {line.get_marker(): line.get_ydata() for line in upper.lines if line.get_linestyle() == "None"}
+    half = math.pi / np.array([4, 8])
+    np.testing.assert_allclose(marks["o"], 1 - np.cos(half), atol=1e-4)
+    np.testing.assert_allclose(marks["D"], 1 / np.cos(half) - 1, atol=1e-4)
+    angles = {line.get_marker(): line.get_ydata() for line in lower.lines if line.get_linestyle() == "None"}
+    np.testing.assert_allclose(angles["o"], [44.5, 22.0], atol=0.01)
+
+
+def test_a_contact_without_friction_has_no_facets() -> None:
+    with pytest.raises(ProblemError, match="mu = 0"):
+        faceted_slide("inner", 4, mu=0.0)
+
+
+# --- LCP ------------------------------------------------------------------------------------------------------------
+
+
+def brute(M: np.ndarray, q: np.ndarray) -> list[np.ndarray]:
+    """Solutions with a nonsingular M_αα, by trying every α."""
+    found: list[np.ndarray] = []
+    for active in ((), (0,), (1,), (0, 1)):
+        z = np.zeros(2)
+        F = list(active)
+        if F:
+            if abs(np.linalg.det(M[np.ix_(F, F)])) < 1e-12:
+                continue
+            z[F] = np.linalg.solve(M[np.ix_(F, F)], -q[F])
+        if z.min() >= -1e-9 and (M @ z + q).min() >= -1e-9 and all(np.abs(z - y).max() > 1e-7 for y in found):
+            found.append(z)
+    return found
+
+
+def test_cones_hold_q_where_there_is_a_solution(rng: np.random.Generator) -> None:
+    counts = set()
+    for _ in range(60):
+        M, q = rng.standard_normal((2, 2)), rng.standard_normal(2)
+        found, expected = solutions(complementary_cones(lcp(M, q))), brute(M, q)
+        assert len(found) == len(expected)
+        for z in expected:
+            assert min(np.abs(z - y).max() for y in found) < 1e-9
+        counts.add(len(found))
+    assert {0, 1, 2} <= counts
+
+
+def test_p_matrices_have_one_solution_and_lemke_finds_it(rng: np.random.Generator) -> None:
+    for _ in range(20):
+        A = rng.standard_normal((2, 2))
+        problem = lcp(A @ A.T + 0.1 * np.eye(2), rng.standard_normal(2))
+        assert is_p_matrix(problem)
+        (z,) = solutions(complementary_cones(problem))
+        path = lemke_path(problem)
+        assert not path.ray
+        assert np.abs((path.z[-1] if len(path.z) else np.zeros(2)) - z).max() < 1e-9
+
+
+def test_every_pivot_of_lemke_is_almost_complementary(rng: np.random.Generator) -> None:
+    """z ≥ 0, w = Mz + q + z₀e ≥ 0, z_i w_i = 0 for both (at the end z₀ = 0, before it is basic and one pair both 0)."""
+    longest = 0
+    for _ in range(40):
+        M, q = rng.standard_normal((2, 2)), -np.abs(rng.standard_normal(2))
+        path = lemke_path(lcp(M, q))
+        for k, (z, cover) in enumerate(zip(path.z, path.cover, strict=True)):
+            w = M @ z + q + cover
+            assert min(z.min(), w.min(), cover) >= -1e-9
+            assert np.abs(z * w).max() < 1e-9
+            assert (cover > 0) == (path.ray or k < len(path.cover) - 1)
+        longest = max(longest, len(path.cover))
+    assert longest >= 3
+
+
+def test_a_ray_is_told_and_q_above_zero_needs_no_pivot() -> None:
+    path = lemke_path(lcp([[-1, 0], [0, -1]], [-1, -2]))
+    assert path.ray
+    assert path.cover.tolist() == [2.0]
+    assert not len(lemke_path(lcp([[2, 1], [0, 1]], [1, 0.5])).cover)
+
+
+def test_flat_cones_are_told() -> None:
+    flat = [cone.active for cone in complementary_cones(lcp([[1, -1], [-1, 1]], [-2, 1])) if cone.degenerate]
+    assert flat == [(0, 1)]
+
+
+@pytest.mark.parametrize(
+    ("M", "q"),
+    [
+        ([[2, 1], [1, 2]], [-5, -6]),
+        ([[1, 2], [3, 1]], [-1, -1]),
+        ([[-1, 0], [0, -1]], [-1, -2]),
+        ([[1, -1], [-1, 1]], [-2, 1]),
+        ([[0, 1], [-1, 0]], [-1, 2]),
+        ([[0, 0], [0, 0]], [-1, 0]),
+        ([[0, 0], [0, 0]], [0, 0]),
+        ([[1e8, 0], [0, 1e-8]], [-1e-6, -1]),
+    ],
+)
+def test_the_plane_is_drawn_whatever_the_matrix(M: list[list[float]], q: list[float], tmp_path: Path) -> None:
+    drawing = drawn("lcp-cones", lcp(M, q))
+    circles = [line for line in drawing.figure.axes[1].lines if line.get_markersize() == 8]
+    assert len(circles) == len(solutions(complementary_cones(lcp(M, q))))
+    with canvas.drawing():
+        canvas.write(drawing, tmp_path / "x.svg")
+    ET.parse(tmp_path / "x.svg")
+
+
+# --- NCP functions --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("weight", [0.1, 0.5, 0.9])
+def test_ncp_functions_vanish_exactly_on_the_two_half_axes(weight: float) -> None:
+    side = np.linspace(-3, 3, 61)
+    w, z = np.meshgrid(side, side)
+    wanted = (np.minimum(w, z) == 0) & (np.maximum(w, z) >= 0)
+    for function in ncp.functions(weight):
+        np.testing.assert_array_equal(np.abs(function.psi(w, z)) < 1e-12, wanted, err_msg=function.equation)
+
+
+def test_the_printed_38_is_no_ncp_function() -> None:
+    """MATH.md: zero at w = −1, z = 2 − √3."""
+    assert abs(ncp.smooth_as_printed(np.array(-1.0), np.array(2 - math.sqrt(3)))) < 1e-15
+    assert abs(ncp.smooth(np.array(-1.0), np.array(2 - math.sqrt(3)))) > 0.1
+
+
+def test_zero_sets_are_the_half_axes_in_the_figure() -> None:
+    for axes in drawn("ncp-functions").figure.axes:
+        zero = next(c for c in axes.collections if len(getattr(c, "levels", ())) == 1)
+        corners = np.vstack([path.vertices for path in zero.get_paths() if len(path.vertices)])
+        assert np.abs(corners.min(axis=1)).max() < 0.02
+        assert corners.max() == 2.0
+
+
+# --- active sets and structure --------------------------------------------------------------------------------------
+
+
+def test_active_set_of_an_lcp_with_every_case() -> None:
+    problem = LCP(M=np.eye(5), q=np.array([-1.0, 1.0, 0.0, 1.0, -3.0]))
+    (pairs,) = active_set(problem, LCPPoint(np.array([1.0, 0.0, 0.0, 2.0, 1.0])))
+    assert pairs.side.tolist() == ["first", "second", "neither", "both", "negative"]
+    assert sum(pairs.count(side) for side in Side) == 5
+
+
+def test_active_set_of_planted_answers_is_complementary() -> None:
+    for address in ("lcp/lcp-planted.h5::degenerate-40", "mlcp/mlcp-planted.h5::monotone-40-60"):
+        (pairs,) = active_set(*builtin(address))
+        assert pairs.count(Side.BOTH) == pairs.count(Side.NEGATIVE) == 0
+        assert (pairs.count(Side.NEITHER) > 0) == ("degenerate" in address)
+
+
+def test_active_set_of_a_box_has_both_bounds() -> None:
+    """min ½‖z − (−2, 0.5, 3)‖² over 0 ≤ z ≤ 1: lower, between, upper."""
+    problem = QP.build(np.eye(3), np.array([2.0, -0.5, -3.0]), lb=np.zeros(3), ub=np.ones(3))
+    point = QPPoint(z=np.array([0.0, 0.5, 1.0]), lam=np.zeros(0), mu=np.zeros(0), nu=np.array([2.0, 0.0, -2.0]))
+    assert problem.residuals(point).error < 1e-15
+    lower, upper = active_set(problem, point)
+    assert (lower.second, upper.second) == ("z − lb", "ub − z")
+    assert lower.side.tolist() == ["first", "second", "second"]
+    assert upper.side.tolist() == ["second", "second", "first"]
+
+
+def test_cells_keep_the_largest_entry(rng: np.random.Generator) -> None:
+    M = rng.standard_normal((57, 41)) * (rng.random((57, 41)) < 0.1)
+    for cells in (7, 20, 100):
+        made = coarsened(sp.csr_array(M), cells, 3)
+        assert max(made.largest.shape) <= cells
+        assert made.step == 1 or made.step % 3 == 0
+        for i, j in itertools.product(*map(range, made.largest.shape)):
+            block = M[i * made.step : (i + 1) * made.step, j * made.step : (j + 1) * made.step]
+            assert made.largest[i, j] == np.abs(block).max()
+
+
+def test_structure_has_a_panel_a_matrix_in_its_place() -> None:
+    problem, _ = builtin("mlcp/mlcp-planted.h5::monotone-40-60")
+    figure = drawn("sparsity", problem).figure
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == ["$A$  40 × 40", "$C$  40 × 60", "$D$  60 × 40", "$B$  60 × 60"]
+    shades = figure.axes[0].images[0].get_array()
+    np.testing.assert_array_equal(np.asarray(shades) == 1.0, np.asarray(problem.A) == 0)
+
+
+# --- the command ----------------------------------------------------------------------------------------------------
+
+
+def test_every_kind_tells_what_it_shows() -> None:
+    told = summaries(PICTURES)
+    assert set(told) == {"cone", "facets", "contact", "lcp-cones", "ncp-functions", "active-set", "sparsity"}
+    said = run("plot", "--help").output
+    assert all(name in said and line.endswith(".") for name, line in told.items())
+    assert PICTURES in ROOMS
+
+
+@pytest.mark.parametrize("suffix", canvas.SUFFIXES)
+def test_the_same_bytes_twice(suffix: str, tmp_path: Path) -> None:
+    one, two = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    for path in (one, two):
+        assert run("plot", "contact", f"{PLANTED}::full-rank-6", "-o", path).exit_code == 0
+    assert one.read_bytes() == two.read_bytes()
+    assert str(tmp_path).encode() not in one.read_bytes()
+
+
+def test_an_answer_of_ones_own(tmp_path: Path) -> None:
+    np.save(tmp_path / "r.npy", np.zeros(18))
+    done = run("plot", "contact", f"{PLANTED}::full-rank-6", "--answer", tmp_path / "r.npy", "-o", tmp_path / "x.svg")
+    assert done.exit_code == 0, done.output
+    np.save(tmp_path / "r.npy", np.zeros(17))
+    said = refused(
+        "plot", "contact", f"{PLANTED}::full-rank-6", "--answer", tmp_path / "r.npy", "-o", tmp_path / "x.svg"
+    )
+    assert "17 numbers, expected 18" in said
+
+
+def test_names_are_text(tmp_path: Path) -> None:
+    problem = lcp([[2, 1], [1, 2]], [-1, -1])
+    storage.save(LCP(M=problem.M, q=problem.q, name=r"$\frac{a}{b <script>x_1$"), tmp_path / "p.h5")
+    assert run("plot", "lcp-cones", tmp_path / "p.h5", "-o", tmp_path / "x.svg").exit_code == 0
+    title = ET.parse(tmp_path / "x.svg").getroot().find(".//{http://purl.org/dc/elements/1.1/}title")
+    assert title is not None
+    assert "<script>" in (title.text or "")
+    assert b"<script" not in (tmp_path / "x.svg").read_bytes()
+
+
+def test_bare_figures_are_smaller(tmp_path: Path) -> None:
+    heights = {}
+    for flag in ((), ("--bare",)):
+        assert run("plot", "cone", *flag, "-o", tmp_path / "x.svg").exit_code == 0
+        heights[flag] = float(ET.parse(tmp_path / "x.svg").getroot().attrib["height"].removesuffix("pt"))
+    assert heights[("--bare",)] == pytest.approx(72 * 2.7)
+    assert heights[()] > heights[("--bare",)]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("conee",), "did you mean cone"),
+        (("cone", "builtin/rfc/rolling.h5::planted-12"), "this is rfc of dimension 5"),
+        (("cone", "builtin/fc/contact-planted-2d.h5::full-rank-2d-5"), "this is fc of dimension 2"),
+        (("cone", "builtin/lcp/lcp-classics.h5::munson1"), "this is lcp"),
+        (("cone", "--contact", "3"), "there is no contact 3; there are 1"),
+        (("cone", "--facets", "5"), "opposite pairs"),
+        (("cone", "--answer", "r.npy"), "give its FILE too"),
+        (("facets", f"{PLANTED}::frictionless-10"), "mu = 0"),
+        (("facets", "builtin/lcp/lcp-classics.h5::munson1"), "this is lcp"),
+        (("facets", "--facets", "4,7"), "7"),
+        (("contact",), "Missing argument 'FILE'"),
+        (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "zz"), "one of xy, xz, yz"),
+        (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "xy"), "no positions"),
+        (("contact", "builtin/lcp/lcp-planted.h5::spd-20"), "has no contacts"),
+        (("lcp-cones", "builtin/lcp/lcp-classics.h5::murty-10"), "n = 2, this lcp has n = 10"),
+        (("lcp-cones", f"{PLANTED}::one-open"), "this is fc"),
+        (("ncp-functions", "--weight", "1"), "between 0 and 1"),
+        (("active-set", "builtin/lcp/american-put.h5::american-put-100"), "give an answer with --answer FILE"),
+        (("active-set", f"{PLANTED}::one-open"), "not of fc"),
+        (("active-set", "builtin/lcp/lcp-planted.h5::spd-20", "--tolerance", "2"), "between 0 and 1"),
+        (("sparsity",), "Missing argument 'FILE'"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    output = tmp_path / "x.svg"
+    assert said in refused("plot", *arguments, "-o", output)
+    assert not output.exists()
+
+
+def test_outputs_that_cannot_be_written(tmp_path: Path) -> None:
+    assert "unknown suffix '.jpg'" in refused("plot", "cone", "-o", tmp_path / "x.jpg")
+    assert "unknown suffix ''" in refused("plot", "cone", "-o", tmp_path / "x")
+    assert "cannot be written" in refused("plot", "cone", "-o", tmp_path / "none" / "x.svg")
+    assert "Missing option '-o'" in refused("plot", "cone")
+
+
+def test_kinds_that_need_an_answer_say_so() -> None:
+    needs = {name: find(PICTURES, name).answer for name in summaries(PICTURES)}
+    assert {name for name, need in needs.items() if need is Need.REQUIRED} == {"contact", "active-set"}
+    free, least = QP.build(np.eye(2), np.ones(2)), QPPoint(z=-np.ones(2), lam=[], mu=[], nu=np.zeros(2))
+    with pytest.raises(NotApplicable, match="no inequality"):
+        drawn("active-set", free, least)
