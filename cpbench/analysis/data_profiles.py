@@ -34,6 +34,11 @@ class DataProfile:
         """The largest budget that still solves a problem, 0 when there is none: every curve is flat beyond it."""
         return max((float(c.ratios[-1]) for c in self.curves if c.solved), default=0.0)
 
+    @property
+    def least(self) -> float:
+        """The smallest budget above 0 that solves a problem, 0 when there is none: every curve is flat up to it."""
+        return min((float(c.ratios[c.ratios > 0][0]) for c in self.curves if (c.ratios > 0).any()), default=0.0)
+
     def within(self, budget: float) -> pd.Series[float]:
         """The fraction of problems each label solves within a budget.
 

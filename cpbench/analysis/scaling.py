@@ -32,6 +32,7 @@ import pandas as pd
 from scipy import optimize, special, stats
 
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.summary import size_ranges
 from cpbench.verification import Status
 
 SPAN, POINTS, FAMILIES = 4.0, 5, 8
@@ -93,12 +94,7 @@ def scaling(
     >>> round(scaling(longer, "n")["slope"].item(), 2)
     1.0
     """
-    x = sizes_of(group, symbol, features)
-    timed = rows_of.with_time(group)
-    stopped = (group["status"] == str(Status.TIMEOUT)).to_numpy()
-    seconds = np.where(stopped, group["seconds"].to_numpy(dtype=float), timed["time"].to_numpy(dtype=float))
-    known = np.isfinite(seconds) & (seconds > 0)
-    sized = np.isfinite(x) & (x > 0)
+    x, seconds, stopped, known, sized = _measured(group, symbol, features)
     label, labels = pd.factorize(group["label"], sort=True)
     family, _ = pd.factorize(group["family"].where(group["family"] != "", group["fingerprint"]))
     records: list[dict[str, Any]] = []
@@ -126,6 +122,50 @@ def scaling(
                 record |= {"family_low": line.group_low, "family_high": line.group_high}
         records.append(record)
     return pd.DataFrame(records, columns=list(COLUMNS))
+
+
+def line(record: pd.Series[Any]) -> tuple[Floats, Floats]:
+    """Both ends (size, seconds) of the line of a row of `scaling` that has one.
+
+    >>> ends = line(pd.Series({"intercept": math.log(2.0), "slope": 1.0, "least": 1.0, "largest": 8.0}))
+    >>> ends[0].tolist(), ends[1].round(9).tolist()
+    ([1.0, 8.0], [2.0, 16.0])
+    """
+    sizes = np.array([record["least"], record["largest"]], dtype=float)
+    return sizes, np.exp(float(record["intercept"]) + float(record["slope"]) * np.log(sizes))
+
+
+def widest(group: pd.DataFrame) -> str:
+    """The dimension whose largest value is the most times its least one; the first by name among equals; '' of none.
+
+    >>> widest(pd.DataFrame({"sizes": ['{"m": 3, "n": 1}', '{"m": 6, "n": 9}']}))
+    'n'
+    """
+    ratios = {s: b / a for s, (a, b) in size_ranges(group).items() if a > 0}
+    return max(sorted(ratios), key=ratios.__getitem__, default="")
+
+
+def dimensions(group: pd.DataFrame) -> list[str]:
+    """The dimensions that some problem of the group has."""
+    return list(size_ranges(group))
+
+
+def points(group: pd.DataFrame, symbol: str) -> pd.DataFrame:
+    """What `scaling` fits, one row a pair: label, x, seconds, and whether that is a limit at which it was `stopped`."""
+    x, seconds, stopped, known, sized = _measured(group, symbol, None)
+    found = pd.DataFrame({"label": group["label"].to_numpy(), "x": x, "seconds": seconds, "stopped": stopped})
+    return found[known & sized].reset_index(drop=True)
+
+
+def _measured(
+    group: pd.DataFrame, symbol: str, features: pd.DataFrame | None
+) -> tuple[Floats, Floats, Bools, Bools, Bools]:
+    """Of each row: size, seconds to the answer or (`stopped`) the limit, whether these and the size are known."""
+    x = sizes_of(group, symbol, features)
+    timed = rows_of.with_time(group)
+    stopped = (group["status"] == str(Status.TIMEOUT)).to_numpy(dtype=bool)
+    seconds = np.where(stopped, group["seconds"].to_numpy(dtype=float), timed["time"].to_numpy(dtype=float))
+    return x, seconds, stopped, np.isfinite(seconds) & (seconds > 0), np.isfinite(x) & (x > 0)
 
 
 def sizes_of(group: pd.DataFrame, symbol: str, features: pd.DataFrame | None = None) -> Floats:

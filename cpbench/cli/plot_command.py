@@ -8,8 +8,11 @@ from typing import Any
 
 import click
 
-ROOMS = {"cpbench.report.pictures": "cpbench.cli.plot_problem"}
-"""Where kinds of figures live, and the module whose `command_of` makes a command of a kind."""
+ROOMS = {
+    "cpbench.report.plots": ("cpbench.cli.plot_run", "Of runs"),
+    "cpbench.report.pictures": ("cpbench.cli.plot_problem", "Of problems"),
+}
+"""Rooms of kinds of figures: the module whose `command_of` makes a command of one, and the heading in the help."""
 
 
 @cache
@@ -32,12 +35,13 @@ class Kinds(click.Group):
         from cpbench.report.figure_kinds import find
 
         room = _kinds()[cmd_name][0]
-        made: click.Command = importlib.import_module(ROOMS[room]).command_of(find(room, cmd_name))
+        made: click.Command = importlib.import_module(ROOMS[room][0]).command_of(find(room, cmd_name))
         return made
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Kinds of problems" if len(ROOMS) == 1 else "Kinds"):
-            formatter.write_dl([(name, told) for name, (_, told) in _kinds().items()])
+        for room, (_, heading) in ROOMS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, told) for name, (own, told) in _kinds().items() if own == room])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and args[0] not in _kinds():
@@ -51,5 +55,5 @@ command = Kinds(
     "plot",
     help="Draw a single figure, as SVG, PNG or PDF.\n\n`cpbench plot KIND --help` has the options of a kind.",
     context_settings={"help_option_names": ["-h", "--help"]},
-    subcommand_metavar="KIND [FILE] -o FIGURE",
+    subcommand_metavar="KIND [RESULTS|FILE] -o FIGURE",
 )

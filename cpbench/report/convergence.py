@@ -106,20 +106,9 @@ def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int) ->
 
 
 def dress(axes: Axes) -> None:
-    """Scales, ticks and grid."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
-
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    low, high = axes.get_xlim()
-    few = high < 100 * low  # decades alone would be one tick or none
-    axes.xaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0) if few else (1.0,)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: seconds(value)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0e}"))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.grid(True, color="#E4E4E4", linewidth=0.6)
-    axes.set_axisbelow(True)
+    """Scales, ticks and grid of errors against times."""
+    figures.log_axis(axes, "x", seconds)
+    figures.log_axis(axes, "y", lambda value: f"{value:.0e}")
     axes.set_xlabel("time, log scale; conversion, set-up and carrying back included")
 
 

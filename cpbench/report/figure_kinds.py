@@ -1,8 +1,8 @@
 """The kinds of single figures that `cpbench plot` draws: a module each, found by its name and imported when asked for.
 
-A kind `lcp-cones` is the module `lcp_cones` of a room (`report/pictures` for problems), with one function registered
-here. Its options are the keyword arguments of that function, with their defaults; the first line of the module's
-docstring tells what it shows.
+A kind `lcp-cones` is the module `lcp_cones` of a room (`report/pictures` for problems, `report/plots` for runs), with
+one function registered here. Its options are the keyword arguments of that function, with their defaults; the first
+line of the module's docstring tells what it shows.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ class FigureKind:
 
     Attributes
     ----------
-    draw : draw(problem, point, **options) -> Drawing in `report/pictures`; raises CpbenchError on what it cannot draw.
+    draw : draw(problem, point, **options) -> Drawing in `report/pictures`, draw(run, choice, **options) in
+        `report/plots`; raises CpbenchError on what it cannot draw.
     problem, answer : whether `problem` and `point` may be None.
     helps : option -> what it means.
     """
@@ -71,7 +72,7 @@ figure_kinds: Registry[FigureKind] = Registry("figure")
 
 
 def figure_kind(
-    name: str, *, problem: Need = Need.REQUIRED, answer: Need = Need.NONE, **helps: str
+    name: str, /, *, problem: Need = Need.REQUIRED, answer: Need = Need.NONE, **helps: str
 ) -> Callable[[F], F]:
     """Decorator of the function that draws the kind `name`; `helps` has a line for each of its options."""
 

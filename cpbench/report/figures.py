@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import textwrap
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from cpbench.analysis.profiles import Curve, Profile
 from cpbench.formulations.base import Kind
@@ -26,6 +26,7 @@ MARKS = {str(Kind.APPROXIMATE): "≈", str(Kind.RELAXATION): "⊇", str(Kind.NEC
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)
 PANELS = 4
 """Panels a row."""
+ACROSS = "τ: time over the time of the fastest, log scale (failures are at ∞, beyond the right end)"
 LABEL_LENGTH = 30
 STYLE = {
     "text.parse_math": False,  # a label is text, whatever dollar signs it has
@@ -39,12 +40,14 @@ STYLE = {
 }
 
 
-def profile_guide(problems: int) -> str:
+def profile_guide(problems: int, cost: str = "time", least: str = "the fastest") -> str:
     """How to read a performance profile, in one sentence."""
+    who = "the fastest solver" if least == "the fastest" else least
+    ahead = "it was the fastest" if least == "the fastest" else "it needed least"
     return (
         f"The height of a curve at τ is the fraction of the {counted(problems, 'problem')} that the solver solved "
-        "within τ times the time of the fastest solver of that problem: at the left end the fraction where it was the "
-        "fastest, at the right end the fraction it solved at all."
+        f"within τ times the {cost} of {who} of that problem: at the left end the fraction where {ahead}, "
+        "at the right end the fraction it solved at all."
     )
 
 
@@ -75,11 +78,13 @@ def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Fi
 
 
 def profile_axes(
-    axes: Axes, beside: Axes, profile: Profile, kinds: Mapping[str, str], cost: str = "time", least: str = "the fastest"
+    axes: Axes, beside: Axes, profile: Profile, kinds: Mapping[str, str], across: str = "", most: int = LINES
 ) -> dict[str, int]:
     """Curves into `axes` and their legend into `beside`; gives the place in the palette of the labels in colour.
 
-    `cost` and `least` are the words for what was spent, and for who spent least.
+    Parameters
+    ----------
+    across : label of the axis of τ, where the cost is not the time. most : lines of the legend.
     """
     curves = [c for c in profile.by_height() if c.solved]
     places = dict(zip(profile.leading(EMPHASISED), range(EMPHASISED), strict=False))
@@ -91,9 +96,7 @@ def profile_axes(
         marks: dict[str, Any] = {} if place is None else {"markevery": (0, max(1, len(tau) // 6)), "clip_on": False}
         axes.plot(tau, height, drawstyle="steps-post", **legend.look(place, dashed), **marks, zorder=layer)
     _frame(axes, upto, 12)
-    axes.set_xlabel(
-        f"τ: {cost} over the {cost} of {least}, log scale (failures are at ∞, beyond the right end)", fontsize=8.5
-    )
+    axes.set_xlabel(across or ACROSS, fontsize=8.5)
     axes.set_ylabel(f"fraction of the {counted(profile.problems, 'problem')} solved")
     if not curves:
         nothing(axes, "no problem was solved")
@@ -102,6 +105,7 @@ def profile_axes(
         "solved   highest right end first",
         [line_of(curve, places, kinds) for curve in curves],
         notes(profile.curves, kinds),
+        most=most,
     )
     return places
 
@@ -119,6 +123,22 @@ def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
     signs = ", ".join(f"{mark} {kind}" for kind, mark in MARKS.items() if kind in found)
     told = "solved none: " + ", ".join(marked(label, kinds) for label in idle) if idle else ""
     return [text for text in (signs, told) if text]
+
+
+def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str]) -> None:
+    """A logarithmic axis with a grid; ticks at decades, or more often where there are few of them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    low, high = axis.get_view_interval()
+    subs = (1.0,) if high >= 100 * low else (1.0, 2.0, 5.0) if high >= 8 * low else tuple(map(float, range(1, 10)))
+    axis.set_major_locator(LogLocator(10.0, subs=subs))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: text(value)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_minor_formatter(NullFormatter())
+    axes.grid(True, color="#E4E4E4", linewidth=0.6)
+    axes.set_axisbelow(True)
 
 
 def nothing(axes: Axes, why: str) -> None:

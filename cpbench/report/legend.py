@@ -42,20 +42,27 @@ def look(place: int | None, dashed: bool = False) -> dict[str, Any]:
     return {"color": PALETTE[place], "linewidth": 1.7, "linestyle": dashes, **marker}
 
 
-def height(curves: int, notes: int = 0) -> float:
+def height(curves: int, notes: int = 0, most: int = LINES) -> float:
     """Inches that a legend of so many curves takes."""
-    return LINE * (min(curves, LINES) + notes + 1.5)
+    return LINE * (min(curves, most) + notes + 1.5)
 
 
-def beside(axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[str] = (), indent: float = 0.0) -> None:
-    """Fill an empty axes with the legend; `indent` is the room for longer numbers, as a share of the width."""
+def beside(
+    axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[str] = (), indent: float = 0.0, most: int = LINES
+) -> None:
+    """Fill an empty axes with the legend.
+
+    Parameters
+    ----------
+    indent : room for longer numbers, as a share of the width. most : lines that are named.
+    """
     axes.set_axis_off()
     fit = axes.figure.get_figheight() * axes.get_position().height / LINE  # type: ignore[union-attr]
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(fit, 0.0)
     axes.text(0.0, 0.0, head, fontsize=7.8, color="#444444", va="center")
     grey = [line for line in lines if line.place is None]
-    unnamed = {line.label for line in grey[max(0, LINES - len(lines) + len(grey)) :]}
+    unnamed = {line.label for line in grey[max(0, most - len(lines) + len(grey)) :]}
     named = [line for line in lines if line.label not in unnamed]
     for at, line in enumerate(named, start=1):
         ends = [indent + x for x in (0.12, 0.165, 0.21)]

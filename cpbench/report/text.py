@@ -108,6 +108,16 @@ def listed(labels: Sequence[str], most: int = 6) -> str:
     return f"{shown} and {len(labels) - most} more" if len(labels) > most else shown
 
 
+def listed_plainly(labels: Sequence[str], most: int = 4) -> str:
+    """Labels in running text, the rest counted.
+
+    >>> listed_plainly(["a", "b", "c"], 2)
+    'a, b and 1 more'
+    """
+    shown = ", ".join(one_line(label) for label in labels[:most])
+    return f"{shown} and {len(labels) - most} more" if len(labels) > most else shown
+
+
 def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     """The command that runs one row of a table again; `sheet` says where a solver that is not cpbench's comes from.
 

@@ -1,0 +1,184 @@
+"""The rows that a figure of a run is about: one group of a results file, and the solvers that were asked for.
+
+What is left open is settled where there is one value only, and asked for where there are several; the number of
+problems N is that of the group, whichever solvers are shown.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import attended
+from cpbench.analysis.metrics import Measured, measured, metric
+from cpbench.analysis.tolerances import judged_at
+from cpbench.errors import CpbenchError, UnknownName
+from cpbench.report.run import Run
+from cpbench.report.text import counted, listed_plainly, one_line, seconds
+
+FIELDS = {"node": "formulations", "set": "sets", "start": "starts", "measure": "measures", "threads": "thread counts"}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was asked for; '' (0, NaN) is whatever there is. `solvers` and `families` may have * and ?."""
+
+    node: str = ""
+    solvers: tuple[str, ...] = ()
+    families: tuple[str, ...] = ()
+    tolerance: float = math.nan
+    start: str = ""
+    set: str = ""
+    measure: str = ""
+    threads: int = 0
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Rows of the solvers shown, of `problems` problems of a formulation at one tolerance.
+
+    Attributes
+    ----------
+    kinds : route kind of each label. asked : the tolerance at which was solved, another where `tolerance` was applied
+    to the answers afterwards.
+    """
+
+    rows: pd.DataFrame
+    histories: pd.DataFrame
+    node: str
+    tolerance: float
+    asked: float
+    problems: int
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        return rows_of.label_kinds(self.rows)
+
+    def measured(self, name: str) -> tuple[Measured, str]:
+        """A metric of the ranked labels, and a sentence on who is left out, '' when nobody is."""
+        ranked = self.rows[rows_of.ranked(self.rows)]
+        found = measured(ranked, metric(name, self.rows))
+        told: list[str] = []
+        if found.left_out:
+            told.append(f"no {found.metric.name} of {listed_plainly(list(found.left_out))}")
+        elsewhere = sorted(set(self.rows["label"]) - set(ranked["label"]))
+        if elsewhere:
+            told.append(f"{listed_plainly(elsewhere)} answered elsewhere")
+        return found, f" Left out: {'; '.join(told)}." if told else ""
+
+    def scope(self, *more: str) -> str:
+        """What, how many, tolerance: the title's end."""
+        of = counted(self.problems, "problem")
+        return ", ".join([f"{one_line(self.node)}: {of}", f"tolerance {self.tolerance:g}", *more])
+
+    def conditions(self) -> str:
+        """N, tolerance, limit, start and what counts as solved: the end of every guide."""
+        most = rows_of.limit(self.rows)
+        starts = ", ".join(sorted({one_line(start) for start in self.rows["start"]} - {""}))
+        judged = f"{self.tolerance:g}" + ("" if self.asked == self.tolerance else f" (asked for: {self.asked:g})")
+        limit = f"{seconds(most)} a solve" if math.isfinite(most) else "none"
+        return (
+            f"N = {counted(self.problems, 'problem')} of {one_line(self.node)}; tolerance {judged}; limit {limit}; "
+            f"start {starts or 'not recorded'}. Solved: the error that we measure on the problem asked for is at most "
+            "the tolerance, whatever the solver says."
+        )
+
+
+def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
+    """The rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed.
+
+    `every_start` : rows of all starts are wanted together.
+    """
+    rows = run.rows
+    if not len(rows):
+        raise CpbenchError("the results have no rows; make some with: cpbench run PROBLEMS -o RESULTS")
+    if choice.families:
+        known = {str(family) for family in rows["family"]} - {""}
+        rows = rows[rows["family"].isin(_matching(known, choice.families, "family"))]
+    for field, told in FIELDS.items():
+        if field == "start" and every_start and not choice.start:
+            continue
+        rows = _one_of(rows, field, str(getattr(choice, field) or ""), told)
+    rows, asked = _at(rows, choice.tolerance)
+    rows = attended(rows)
+    problems = int(rows["fingerprint"].nunique())
+    node, tolerance = str(rows["node"].iloc[0]), float(rows["tolerance"].iloc[0])
+    if choice.solvers:
+        names = {str(label) for label in rows["label"]}
+        solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
+        matching = _matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
+        rows = rows[rows["label"].isin(matching) | rows["solver"].isin(matching)]
+    return Chosen(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems)
+
+
+def leading(chosen: Chosen, values: pd.DataFrame, most: int) -> list[str]:
+    """The labels to draw where not all fit: those of largest area under the profile."""
+    from cpbench.analysis.profiles import performance_profile
+
+    return performance_profile(values, chosen.problems).leading(most)
+
+
+def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
+    """`A,B` as two labels that are there; a comma within brackets is part of one. Raises CpbenchError, UnknownName."""
+    labels = [part.strip() for part in re.split(r",(?![^\[]*\])", text)]
+    if len(labels) != 2 or not all(labels) or labels[0] == labels[1]:
+        raise CpbenchError(f"--against {text}: takes two different labels, as --against nsgs,lemke@inner8")
+    for label in labels:
+        if label not in known:
+            raise UnknownName("solver of the results", label, known)
+    return labels[0], labels[1]
+
+
+def _matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
+    """The names that a pattern stands for; brackets are part of a label."""
+    found: set[str] = set()
+    for pattern in patterns:
+        own = {name for name in known if name == pattern or fnmatchcase(name, pattern.replace("[", "[[]"))}
+        if not own:
+            raise UnknownName(what, pattern, known)
+        found |= own
+    return found
+
+
+def _one_of(rows: pd.DataFrame, field: str, wanted: str, told: str) -> pd.DataFrame:
+    """The rows of the wanted value of a field, or of the only one."""
+    values = rows[field].map(_spelled)
+    known = sorted(set(values))
+    if wanted:
+        if wanted not in known:
+            raise UnknownName(told.removesuffix("s"), wanted, known)
+        return rows[values == wanted]
+    if len(known) > 1:
+        sizes = rows["fingerprint"].groupby(values).nunique()
+        shown = ", ".join(f"{value or '(none)'} ({counted(int(sizes[value]), 'problem')})" for value in known)
+        raise CpbenchError(f"the results have {len(known)} {told}: choose one with --{field}: {shown}")
+    return rows
+
+
+def _spelled(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _at(rows: pd.DataFrame, tolerance: float) -> tuple[pd.DataFrame, float]:
+    """The rows at a tolerance and the one that was asked for; answers to another are judged again."""
+    known = sorted(set(rows["tolerance"]))
+    if math.isnan(tolerance):
+        if len(known) > 1:
+            shown = ", ".join(f"{value:g}" for value in known)
+            raise CpbenchError(f"the results have {len(known)} tolerances: choose one with --tolerance: {shown}")
+        return rows, float(known[0])
+    near = [value for value in known if math.isclose(value, tolerance, rel_tol=1e-9)]
+    if near:
+        return rows[rows["tolerance"] == near[0]], float(near[0])
+    if len(known) > 1:
+        raise CpbenchError(
+            f"--tolerance {tolerance:g}: nothing was solved at it; there are {', '.join(f'{v:g}' for v in known)}"
+        )
+    return judged_at(rows, tolerance), float(known[0])

@@ -1,0 +1,80 @@
+"""Convergence on one problem: the error of every kept iterate, as we judge it, against time.
+
+Needs a run with --history; --problem names the problem where there are several, --told adds what the solver said of
+its own iterates.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from cpbench.analysis import histories
+from cpbench.analysis import table as rows_of
+from cpbench.errors import CpbenchError, UnknownName
+from cpbench.report import canvas, figures, legend, run_canvas
+from cpbench.report import convergence as curves
+from cpbench.report.chosen import Choice, choose
+from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.report.plots.precision import require_histories
+from cpbench.report.run import Run
+from cpbench.report.text import counted, cut, one_line
+
+FLOOR = 1e-17
+"""Errors of 0 are drawn here."""
+
+
+@figure_kind(
+    "convergence",
+    problem=Need.NONE,
+    name="Name of the problem.",
+    told="Dotted: the residual that the solver told of the iterate.",
+)
+def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Drawing:
+    """One curve a solver with a history of the problem."""
+    chosen = choose(run, choice)
+    require_histories(chosen)
+    own, problem = _of_one(chosen.rows, chosen.histories, name)
+    found = histories.charged(own, chosen.histories)
+    found = found[found["error"] < math.inf]
+    paths = {str(label): path for label, path in found.groupby("label")}
+    ends = sorted(paths, key=lambda label: (float(paths[label]["error"].min()), label))
+    places = {label: place for place, label in enumerate(ends[: legend.EMPHASISED])}
+    figure, axes, beside = run_canvas.with_legend(len(ends), notes=2)
+    for label in reversed(ends):
+        path, place = paths[label], places.get(label)
+        marks = {} if place is None else {"markevery": max(1, len(path) // 8)}
+        axes.plot(path["seconds"], path["error"].clip(lower=FLOOR), **legend.look(place), **marks, zorder=3)
+        if told and place is not None:
+            colour = legend.PALETTE[place]
+            axes.plot(path["seconds"], path["told"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
+    axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
+    curves.dress(axes)
+    axes.set_xlabel("time, conversion and set-up included, log scale")
+    axes.set_ylabel("judged error of the iterate")
+    lines = [
+        legend.Line(figures.shorten(label), f"{paths[label]['error'].min():.0e}", places.get(label)) for label in ends
+    ]
+    legend.beside(beside, "least error   lowest first", lines, ["dashed: the tolerance"], 0.05, run_canvas.LINES)
+    guide = (
+        f"Each mark and corner is an iterate of a solve of {problem}: when it was there, and its error as we judge "
+        "it on the problem asked for; iterates are kept at growing intervals, so that a time is an upper bound."
+        + (" Dotted: the solver's own residual, on its own scale." if told else "")
+    )
+    title = f"Convergence on {cut(problem, 40)} ({one_line(chosen.node)}), {counted(len(ends), 'solver')}"
+    return run_canvas.drawn(figure, f"{title}, tolerance {chosen.tolerance:g}", guide, chosen)
+
+
+def _of_one(rows: pd.DataFrame, paths: pd.DataFrame, name: str) -> tuple[pd.DataFrame, str]:
+    """The rows of one problem: the one named, or the only one with histories."""
+    recorded = rows[rows["key"].isin(paths["key"])]
+    names = rows_of.problem_names(recorded)
+    known = sorted({str(known) for known in names})
+    if not name and len(known) > 1:
+        shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
+        raise CpbenchError(f"iterates were kept of {len(known)} problems: name one with --name: {shown}")
+    wanted = name or known[0]
+    if wanted not in known:
+        raise UnknownName("problem of the results", wanted, known)
+    return recorded[names == wanted], wanted

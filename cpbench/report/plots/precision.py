@@ -1,0 +1,35 @@
+"""Work-precision: the median time to each error over a group of problems, from recorded iterates.
+
+Needs a run with --history, which keeps the iterates of solvers that can tell them.
+"""
+
+from __future__ import annotations
+
+from cpbench.analysis import histories
+from cpbench.errors import CpbenchError
+from cpbench.report import convergence, run_canvas
+from cpbench.report.chosen import Choice, Chosen, choose
+from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.report.run import Run
+from cpbench.report.text import listed_plainly
+
+
+@figure_kind("precision", problem=Need.NONE)
+def draw(run: Run, choice: Choice) -> Drawing:
+    """One curve a solver with histories, the one that gets furthest in the first colour."""
+    chosen = choose(run, choice)
+    require_histories(chosen)
+    found = histories.work_precision(chosen.rows, chosen.histories)
+    figure, axes, beside = run_canvas.with_legend(found["label"].nunique(), notes=1)
+    convergence.curves_axes(axes, beside, found, chosen.problems)
+    axes.set_xlabel("time, conversion and set-up included, log scale")
+    without = sorted(set(chosen.rows["label"]) - set(found["label"]))
+    left_out = f" No history of {listed_plainly(without)}." if without else ""
+    guide = f"{convergence.guide(chosen.problems)}{left_out}"
+    return run_canvas.drawn(figure, f"Error against time, {chosen.scope()}", guide, chosen)
+
+
+def require_histories(chosen: Chosen) -> None:
+    """Raises CpbenchError when no iterate of these rows was kept."""
+    if not chosen.rows["key"].isin(chosen.histories["key"]).any():
+        raise CpbenchError("no iterates were kept of these rows: run with --history, for solvers that tell theirs")

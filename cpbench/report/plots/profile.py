@@ -1,0 +1,60 @@
+"""Performance profile: the fraction of problems solved within τ times the least cost.
+
+`cpbench plot profile RESULTS --node lcp -o profile.svg` draws the times; --metric takes what else was counted, --bands
+adds 95 % bootstrap bands that draw families again.
+"""
+
+from __future__ import annotations
+
+from cpbench.analysis import bands as around
+from cpbench.analysis import bootstrap, pairwise
+from cpbench.analysis.profiles import performance_profile
+from cpbench.report import figures, legend, run_canvas
+from cpbench.report.chosen import Choice, choose
+from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.report.run import Run
+from cpbench.report.text import counted, listed_plainly
+
+BANDS = 3
+"""The most curves that get a band: more of them cover each other."""
+
+
+@figure_kind(
+    "profile",
+    problem=Need.NONE,
+    metric="Cost: time, solve, cpu, memory, iterations, counter:NAME.",
+    bands=f"Bootstrap bands around the {BANDS} leading curves.",
+)
+def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False) -> Drawing:
+    """The profile of the solvers shown, against the best of them."""
+    chosen = choose(run, choice)
+    found, left_out = chosen.measured(metric)
+    profile = performance_profile(found.values, chosen.problems, found.metric.floor)
+    figure, axes, beside = run_canvas.with_legend(len(profile.curves))
+    cost = run_canvas.word(found.metric)
+    least = "the fastest" if found.metric.unit == "s" else "who needed least"
+    across = f"τ: {cost} over that of {least}; failures are at ∞"
+    places = figures.profile_axes(axes, beside, profile, chosen.kinds, across, run_canvas.LINES)
+    banded = ""
+    if bands and places:
+        families = bootstrap.families_of(chosen.rows)
+        floor = found.metric.floor or 0.0
+        made = around.profile_bands(found.values, families, floor=floor)
+        upto = figures.right_end(profile)
+        for label, place in list(places.items())[:BANDS]:
+            tau = [*made.low.index, upto]
+            low, high = ([*end[label], end[label].iloc[-1]] for end in (made.low, made.high))
+            axes.fill_between(tau, low, high, step="post", color=legend.PALETTE[place], alpha=0.16, linewidth=0)
+        few = "; with so few a rough guess" if made.few else ""
+        banded = (
+            f" Bands: 95 % at each τ by itself, {counted(made.families, 'family', 'families')} drawn again "
+            f"{made.replicates} times{few}."
+        )
+    swapped = pairwise.reversals(found.values, profile.leading(legend.EMPHASISED), floor=found.metric.floor)
+    caution = ""
+    if swapped:
+        shown = listed_plainly([f"{one} above {other}" for one, other in swapped], 3)
+        caution = f" The order at τ = 2 is others' doing for {shown}: alone they change places."
+    floor_told = f" Less than {run_canvas.amount(profile.floor, found.metric)} counts as that." if profile.floor else ""
+    guide = figures.profile_guide(chosen.problems, cost, least) + floor_told + banded + caution + left_out
+    return run_canvas.drawn(figure, f"Performance profile of {chosen.scope()}", guide, chosen)

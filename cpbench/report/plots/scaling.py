@@ -1,0 +1,89 @@
+"""Time against size: every problem of a solver, with the power law that fits them.
+
+A panel a solver, the leading ones; --size names the dimension (default: the one that varies most). Problems that were
+stopped at the limit take part in the fit as longer than that, and are drawn as open triangles.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from cpbench.analysis import scaling
+from cpbench.errors import CpbenchError, UnknownName
+from cpbench.report import canvas, figures, legend, run_canvas
+from cpbench.report.chosen import Choice, choose
+from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench.report.run import Run
+from cpbench.report.text import number, one_line, seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PANELS, ACROSS = 12, 4
+"""The most panels, and how many stand in a row."""
+
+
+@figure_kind("scaling", problem=Need.NONE, size="Dimension: n, m, nc, ... (default: the one that varies most).")
+def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
+    """Panels of the solvers with most solved problems, by slope."""
+    chosen = choose(run, choice)
+    symbol = size or scaling.widest(chosen.rows)
+    points = scaling.points(chosen.rows, symbol)
+    if not len(points):
+        known = scaling.dimensions(chosen.rows)
+        if size and size not in known:
+            raise UnknownName("dimension", size, known)
+        raise CpbenchError(
+            f"nothing was solved or stopped at the limit that has a size {symbol or '(none is recorded)'}"
+        )
+    fitted = scaling.scaling(chosen.rows, symbol).sort_values(["solved", "label"], ascending=[False, True])
+    shown = fitted[fitted["solved"] > 0].head(PANELS).sort_values(["slope", "label"])
+    rows = max(1, -(-len(shown) // ACROSS))
+    height = 1.5 * rows + 0.45
+    figure = canvas.page(canvas.PAGE, height)
+    wide, high = 0.9 / ACROSS, (height - 0.45) / height / rows
+    low, top = float(points["seconds"].min()) / 2, float(points["seconds"].max()) * 2
+    for k, (_, record) in enumerate(shown.iterrows()):
+        row, column = divmod(k, ACROSS)
+        box = (0.085 + column * wide, 1 - (row + 1) * high + 0.02, wide * 0.88, high - 0.42 / height)
+        axes = figure.add_axes(box)
+        axes.set_xlim(float(points["x"].min()) / 1.3, float(points["x"].max()) * 1.3)
+        axes.set_ylim(low, top)
+        _panel(axes, points, record)
+        if column:
+            axes.tick_params(labelleft=False)
+        if k + ACROSS < len(shown):
+            axes.tick_params(labelbottom=False)
+        else:
+            axes.set_xlabel(symbol)
+    figure.text(0.012, 0.5, "time, log scale", rotation=90, fontsize=8, va="center", ha="center")
+    more = int((fitted["solved"] > 0).sum()) - len(shown)
+    guide = (
+        f"Each panel is a solver: a dot a problem it solved, a triangle one on which it was stopped at the limit, grey "
+        f"dots those of all others. The line is the power law time ~ {symbol}^b that fits both, with b and its 95 % "
+        "interval, problems taken as independent; other failures say nothing of time and are left out."
+        + (f" {more} more solvers, which solved fewer, are not shown." if more else "")
+    )
+    return run_canvas.drawn(figure, f"Time against {symbol}, {chosen.scope()}", guide, chosen)
+
+
+def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
+    """Dots, triangles, line and slope of one solver."""
+    axes.plot(points["x"], points["seconds"], linestyle="none", marker=".", markersize=2.5, color="#D4D4D4", zorder=1)
+    own = points[points["label"] == record["label"]]
+    done, stopped = own[~own["stopped"]], own[own["stopped"]]
+    colour = legend.PALETTE[0]
+    axes.plot(done["x"], done["seconds"], linestyle="none", marker="o", markersize=3.2, color=colour, zorder=3)
+    open_look = {"markerfacecolor": "white", "markeredgecolor": legend.PALETTE[1], "markersize": 4.5}
+    axes.plot(stopped["x"], stopped["seconds"], linestyle="none", marker="^", **open_look, zorder=3)
+    figures.log_axis(axes, "x", number)
+    figures.log_axis(axes, "y", seconds)
+    told = "no slope: " + ("few sizes" if "factor" in record["reason"] else "few solved")
+    if not record["reason"]:
+        axes.plot(*scaling.line(record), color=canvas.INK, linewidth=1.1, zorder=4)
+        told = f"b = {record['slope']:.2f} [{record['low']:.2f}, {record['high']:.2f}]"
+    axes.set_title(figures.shorten(one_line(record["label"]), 24), fontsize=7.5, loc="left", pad=12)
+    axes.text(0.0, 1.03, told, transform=axes.transAxes, fontsize=6.5, color="#444444", va="bottom")
+    axes.tick_params(labelsize=6)

@@ -1,0 +1,76 @@
+"""Paper for single figures of runs: plain text everywhere, a legend beside the curves, numbers with their units."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from cpbench.analysis.metrics import Metric
+from cpbench.report import canvas, legend
+from cpbench.report.chosen import Chosen
+from cpbench.report.figure_kinds import Drawing
+from cpbench.report.text import number, one_line, seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LINES = 20
+"""The most lines of a legend beside curves."""
+_ABOVE, _BELOW = 0.08, 0.48
+"""Margins above and below the axes [in]."""
+
+
+@contextmanager
+def drawing() -> Generator[None]:
+    """The style of these figures: as `canvas.drawing`, but a label is text whatever dollar signs it has."""
+    import matplotlib
+
+    with matplotlib.rc_context({**canvas.STYLE, "text.parse_math": False}):
+        yield
+
+
+def with_legend(curves: int, least: float = 2.9, notes: int = 3) -> tuple[Figure, Axes, Axes]:
+    """A figure two columns wide with axes for so many curves, and axes beside it for their legend."""
+    height = max(least, legend.height(curves, notes, LINES) + 0.3)
+    figure = canvas.page(canvas.PAGE, height)
+    up, high = _BELOW / height, 1 - (_BELOW + _ABOVE) / height
+    return figure, figure.add_axes((0.095, up, 0.475, high)), figure.add_axes((0.6, up, 0.395, high))
+
+
+def drawn(figure: Figure, title: str, guide: str, chosen: Chosen) -> Drawing:
+    """The figure with its words, to which what it is based on is added; no character of them starts a formula."""
+    whole = f"{guide} {chosen.conditions()}"
+    return Drawing(figure, one_line(title).replace("$", r"\$"), one_line(whole).replace("$", r"\$"))
+
+
+def amount(value: float, metric: Metric) -> str:
+    """A cost with its unit.
+
+    >>> from cpbench.analysis.metrics import METRICS
+    >>> amount(0.02, METRICS["time"]), amount(3 * 2.0**20, METRICS["memory"]), amount(40.0, METRICS["iterations"])
+    ('20 ms', '3 MiB', '40')
+    """
+    if metric.unit == "s":
+        return seconds(value)
+    if metric.unit == "byte":
+        return f"{value / 2**20:.3g} MiB" if value < 2**30 else f"{value / 2**30:.3g} GiB"
+    return f"{value:g}" if value < 1e5 else number(value)
+
+
+def word(metric: Metric) -> str:
+    """What a metric is called in a sentence.
+
+    >>> from cpbench.analysis.metrics import METRICS, metric
+    >>> word(METRICS["solve"]), word(metric("counter:pivots")), word(METRICS["time"])
+    ('time of the solve alone', 'number of pivots', 'time')
+    """
+    known = {
+        "time": "time",
+        "solve": "time of the solve alone",
+        "cpu": "processor time",
+        "reported": "time by its own account",
+        "memory": "memory",
+    }
+    return known.get(metric.name, f"number of {metric.name.removeprefix('counter:')}")
