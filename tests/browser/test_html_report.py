@@ -47,7 +47,7 @@ def results(seed: int = 3) -> pd.DataFrame:
     in_sequence = rows["problem"].str.startswith("murty")
     rows["sequence"] = np.where(in_sequence, "fall", "")
     rows["step"] = np.where(in_sequence, rows["problem"].str[-2:].astype(int), 0)
-    warm = rows[in_sequence].assign(start="previous", key=rows["key"] + "/warm")
+    warm = rows[in_sequence].assign(start="previous", started="previous", key=rows["key"] + "/warm")
     warm["solve"] *= rng.uniform(0.3, 1.2, len(warm))
     hostile = [
         row(f"murty-{EVIL}", label, status, 0.01, family=f"'\"><img src=x onerror=alert(2)>{EVIL}", message=EVIL,
@@ -146,7 +146,8 @@ def test_opens_offline_and_draws_every_figure(written: Path, opened: Opened) -> 
             f"[data-figure='{name}'] :is(svg.marks, table, .empty)", state="attached", timeout=20_000
         )
     drawn = page.evaluate("[...Figures.boxes].filter(([, b]) => b.chart.querySelector('svg.marks')).map(([n]) => n)")
-    wanted = {"ranking", "profile", "budget", "scatter", "precision", "convergence", "scaling", "sequence", "deadlines"}
+    wanted = {"ranking", "profile", "budget", "scatter", "precision", "convergence", "scaling", "sequence"}
+    wanted |= {"deadlines", "warm"}
     assert wanted <= set(drawn)
     guides = page.evaluate(
         "[...Figures.boxes.values()].filter((b) => !b.chart.querySelector('.empty')).map((b) => b.caption.textContent)"

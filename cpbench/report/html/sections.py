@@ -10,6 +10,7 @@ from typing import Any
 
 from cpbench.analysis import attendance, failures, reliability, summary
 from cpbench.analysis import table as rows_of
+from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, code, element, prose, table, text
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, each, group_name_text, tunings
@@ -109,6 +110,13 @@ def _overview(run: Run) -> Iterator[Markup]:
         yield element("p", "No pair was planned: no solver is reached from the problems that were read.")
         return
     yield from _publishing(run)
+    if len(rows) > WHOLE:
+        told = (
+            f"{len(rows)} rows are too many to keep every fact of every pair on this page. Costs and verdicts of all "
+            "of them are here, to seven digits, so that each figure is computed from all; messages, residuals and "
+            f"commands are those of at most {KEPT} failures, and the matrix is one of families."
+        )
+        yield element("p", told, class_="note")
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:
         told = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."

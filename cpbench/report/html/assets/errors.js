@@ -33,14 +33,15 @@
       const found = Engine.workPrecision(paths, new Set(context.problems), context.shown, context.group.tolerance);
       const drawn = found.filter((r) => Number.isFinite(r.seconds) && r.seconds > 0);
       if (!drawn.length) return { empty: "No error was reached on half of the chosen problems." };
-      const values = drawn.map((r) => ({ label: context.name(r.label), slot: context.slots.get(r.label) ?? -1, x: r.seconds, y: r.error }));
+      const labels = [...new Set(drawn.map((r) => r.label))], slots = Figures.looks(context, labels);
+      const values = drawn.map((r) => ({ label: context.name(r.label), slot: slots.get(r.label) ?? -1, x: r.seconds, y: r.error }));
       const span = (key) => [Math.min(...values.map((v) => v[key])), Math.max(...values.map((v) => v[key]))];
       const [x0, x1] = span("x"), [y0, y1] = span("y");
       const spec = Charts.lines({ values, x: log("time", x0 / 1.2, x1 * 1.2, Charts.SECONDS), y: log("judged error, on half of the problems", y0 / 1.6, y1 * 1.6, Charts.TINY) });
-      const labels = [...new Set(drawn.map((r) => r.label))], levels = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10];
+      const levels = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10];
       const told = levels.filter((e) => found.some((r) => r.error <= e));
       return {
-        spec, labels, numbers: `N = ${Dom.counted(context.problems.length, "problem")}.`,
+        spec, labels, slots, numbers: `N = ${Dom.counted(context.problems.length, "problem")}.`,
         guide: "A curve passes ε at the median, over the problems, of the times to the first kept iterate whose error, as we judge it, was at most ε; it ends where fewer than half of the problems got further. Iterates are kept at growing intervals, so that a time is an upper bound.",
         table: () => ({ head: ["solver", ...told.map((e) => `to ${e}`)], right: told.map((_, k) => k + 1), rows: labels.map((s) => [context.name(s), ...told.map((e) => Dom.seconds(found.find((r) => r.label === s && r.error <= e * 1.0001)?.seconds ?? NaN))]) }),
       };
@@ -64,16 +65,17 @@
       const values = [];
       paths.error.forEach((error, k) => {
         if (paths.problem[k] !== problem || !context.shown.has(paths.label[k]) || !(error > 0) || !(paths.seconds[k] > 0)) return;
-        values.push({ label: context.name(paths.label[k]), place: paths.label[k], slot: context.slots.get(paths.label[k]) ?? -1, x: paths.seconds[k], y: error });
+        values.push({ label: context.name(paths.label[k]), place: paths.label[k], x: paths.seconds[k], y: error });
       });
       if (!values.length) return { empty: "None of the chosen solvers kept iterates on this problem." };
+      const labels = [...new Set(values.map((v) => v.place))], slots = Figures.looks(context, labels);
+      for (const v of values) v.slot = slots.get(v.place) ?? -1;
       const span = (key) => [Math.min(...values.map((v) => v[key])), Math.max(...values.map((v) => v[key]))];
       const [x0, x1] = span("x"), [y0, y1] = span("y"), tolerance = context.state.tolerance ?? context.group.tolerance;
       const extra = [{ data: { values: [{ t: tolerance }] }, mark: { type: "rule", strokeDash: [4, 3], opacity: 0.5 }, encoding: { y: { field: "t", type: "quantitative" } } }];
       const spec = Charts.lines({ values, extra, x: log("time", x0 / 1.2, x1 * 1.2, Charts.SECONDS), y: log("judged error", Math.min(y0, tolerance) / 2, y1 * 2, Charts.TINY) });
-      const labels = [...new Set(values.map((v) => v.place))];
       return {
-        spec, labels, numbers: `Dashed: the tolerance, ${Dom.number(tolerance)}.`,
+        spec, labels, slots, numbers: `Dashed: the tolerance, ${Dom.number(tolerance)}.`,
         guide: "A curve shows the error, as we judge it, of the best iterate that the solver had after that time.",
         table: () => ({ head: ["solver", "least error", "after"], right: [1, 2], rows: labels.map((s) => { const last = values.filter((v) => v.place === s).at(-1); return [context.name(s), Dom.number(last.y), Dom.seconds(last.x)]; }) }),
       };

@@ -59,7 +59,7 @@ const Figures = (() => {
     const made = box.kind.build(context);
     box.view?.finalize();
     box.view = null;
-    box.chips.replaceChildren(...(made.labels ? chips(context, made.labels) : []));
+    box.chips.replaceChildren(...(made.labels ? chips(context, made.labels, made.slots ?? context.slots) : []));
     box.caption.replaceChildren(...(made.guide ? [h("span", { class: "numbers" }, made.numbers ?? ""), made.numbers ? " " : "", made.guide] : []));
     box.fold.replaceChildren(...(made.table ? [Dom.folded("As a table", () => Dom.table({ caption: box.kind.title, ...made.table() }))] : []));
     box.chart.replaceChildren();
@@ -97,16 +97,25 @@ const Figures = (() => {
     return svg("svg", { class: "swatch", viewBox: "0 0 26 12", "aria-hidden": "true" }, svg("line", line));
   }
 
+  /* The looks of the labels of a figure with few: their own, and for those without one what no other here has. */
+  function looks(context, labels) {
+    const found = new Map(labels.filter((s) => context.slots.has(s)).map((s) => [s, context.slots.get(s)]));
+    if (labels.length > Charts.SLOTS) return found;
+    const free = [...Charts.COLOURS.keys()].filter((k) => ![...found.values()].includes(k));
+    for (const s of labels) if (!found.has(s)) found.set(s, free.shift());
+    return found;
+  }
+
   /* The names of curves with their look; the grey ones are counted. */
-  function chips(context, labels) {
-    const coloured = labels.filter((label) => context.slots.has(label));
+  function chips(context, labels, slots) {
+    const coloured = labels.filter((label) => slots.has(label));
     const grey = labels.length - coloured.length;
     const found = coloured.map((label) => h("li", {
       onmouseenter: () => focus(context.name(label)), onmouseleave: () => focus(""),
-    }, swatch(context.slots.get(label)), h("span", {}, context.name(label), ...context.marks(label))));
+    }, swatch(slots.get(label)), h("span", {}, context.name(label), ...context.marks(label))));
     if (grey) found.push(h("li", {}, swatch(-1), `${grey} more in grey`));
     return found;
   }
 
-  return Object.freeze({ register, mount, update, focus, swatch, boxes });
+  return Object.freeze({ register, mount, update, focus, looks, swatch, boxes });
 })();

@@ -94,8 +94,9 @@ const Matrix = (() => {
 
   Figures.register({
     id: "matrix", title: "Problems by solvers",
-    controls: (changed) => h("div", { class: "controls" }, h("label", { style: "grid-auto-flow: column; align-items: center; justify-content: start; gap: .5rem" },
-      h("input", { type: "checkbox", onchange: (e) => { onlyFailures = e.target.checked; changed(); } }), h("span", {}, "only problems that some shown solver did not solve"))),
+    adjust(context) { this.box.hidden = !context.facts.whole; },
+    controls(changed) { this.box = h("div", { class: "controls" }, h("label", { style: "grid-auto-flow: column; align-items: center; justify-content: start; gap: .5rem" },
+      h("input", { type: "checkbox", onchange: (e) => { onlyFailures = e.target.checked; changed(); } }), h("span", {}, "only problems that some shown solver did not solve"))); return this.box; },
     build: (context) => (context.problems.length && context.shown.size ? (context.facts.whole ? pairs(context) : families(context)) : { empty: "Nothing is left of the chosen problems and solvers: loosen the filters." }),
   });
 
