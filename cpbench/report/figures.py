@@ -5,6 +5,7 @@ The object interface with the Agg canvas is used throughout: no pyplot, no globa
 
 from __future__ import annotations
 
+import math
 import textwrap
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -125,15 +126,17 @@ def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
     return [text for text in (signs, told) if text]
 
 
-def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str]) -> None:
-    """A logarithmic axis with a grid; ticks at decades, or more often where there are few of them."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str], end: float = math.inf) -> None:
+    """A logarithmic axis with a grid; ticks, none beyond `end`, at decades, or more often where these are few."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     low, high = axis.get_view_interval()
     subs = (1.0,) if high >= 100 * low else (1.0, 2.0, 5.0) if high >= 8 * low else tuple(map(float, range(1, 10)))
     axis.set_major_locator(LogLocator(10.0, subs=subs))
+    if end < high:
+        axis.set_major_locator(FixedLocator([tick for tick in axis.get_majorticklocs() if low <= tick <= end]))
     axis.set_major_formatter(FuncFormatter(lambda value, _: text(value)))
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())

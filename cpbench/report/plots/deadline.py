@@ -46,7 +46,7 @@ def draw(run: Run, choice: Choice, *, deadline: float = math.nan) -> Drawing:
     low, high = min(finite) / 1.6, max(finite) * 1.6
     never = high * (high / low) ** 0.05
     axes.set_xlim(low, high * (high / low) ** 0.1)
-    figures.log_axis(axes, "x", lambda value: seconds(value) if value < high else "")
+    figures.log_axis(axes, "x", seconds, high)
     axes.axvspan(high, high * (high / low) ** 0.1, color="#EDEDED", linewidth=0)
     axes.axvline(deadline, color=canvas.INK, linewidth=1.0, linestyle=(0, (5, 3)), zorder=2)
     for y, (_, row) in enumerate(shown.iterrows()):
@@ -75,8 +75,9 @@ def draw(run: Run, choice: Choice, *, deadline: float = math.nan) -> Drawing:
     rest = len(order) - len(shown)
     guide = (
         "Marks: the times within which half, 95 %, 99 % and all of the problems were solved; what was not solved is "
-        f"never there. Dashed: the deadline of {seconds(deadline)}; missed is the share of problems not solved by then, with "
-        "Wilson's 95 % interval, which takes them for independent; in a row: most consecutive misses in a "
-        "recorded sequence." + (f" {rest} solvers that missed more or solved none are not shown." if rest else "")
+        f"never there. Dashed: the deadline of {seconds(deadline)}; missed is the share of problems not solved by then, "
+        "with Wilson's 95 % interval, which takes them for independent; in a row: most consecutive misses in a "
+        "recorded sequence."
     )
+    guide += f" {rest} solvers that missed more or solved none are not shown." if rest else ""
     return run_canvas.drawn(figure, f"Deadline of {seconds(deadline)}, {chosen.scope()}", guide, chosen)

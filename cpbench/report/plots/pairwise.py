@@ -66,8 +66,8 @@ def _scatter(axes: Axes, both: pd.DataFrame, one: str, other: str, metric: Metri
     lost = math.sqrt(span) * high
     axes.set_xlim(low, high * span)
     axes.set_ylim(low, high * span)
-    figures.log_axis(axes, "x", lambda value: run_canvas.amount(value, metric) if value < high else "")
-    figures.log_axis(axes, "y", lambda value: run_canvas.amount(value, metric) if value < high else "")
+    figures.log_axis(axes, "x", lambda value: run_canvas.amount(value, metric), high)
+    figures.log_axis(axes, "y", lambda value: run_canvas.amount(value, metric), high)
     for band in (axes.axhspan, axes.axvspan):
         band(high, high * span, color="#EDEDED", linewidth=0, zorder=0)
     axes.plot([low, high], [low, high], color=canvas.INK, linewidth=0.9, zorder=2)
