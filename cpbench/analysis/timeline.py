@@ -33,7 +33,7 @@ UNKNOWN = "unknown"
 @dataclass(frozen=True)
 class Run:
     """A results file: its rows, the version of cpbench, what its machines are by host, and what its reference solves
-    took [s]. `machine` and `date` stand for rows that do not tell their own."""
+    took [s], which are of a kind (`solved`). `machine` and `date` stand for rows that do not tell their own."""
 
     name: str
     table: pd.DataFrame
@@ -42,6 +42,7 @@ class Run:
     machine: Mapping[str, Any] = field(default_factory=dict)
     date: str = ""
     references: Sequence[float | None] = ()
+    solved: str = ""
 
     @property
     def reference(self) -> float:
@@ -85,7 +86,9 @@ def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
     points["common"] = points["common"].fillna(0).astype(int)
     names = dict(enumerate(run.name for run in runs))
     told = dict(enumerate(run.reference for run in runs))
+    kind = dict(enumerate(run.solved for run in runs))
     reference = points["run"].map(told) / points["base_run"].map(told)
+    reference = reference.where(points["run"].map(kind) == points["base_run"].map(kind))
     whole = points.assign(
         file=points["run"].map(names),
         base=points["base_run"].map(names),

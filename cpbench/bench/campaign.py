@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from cpbench.bench import machine
+from cpbench.bench import machine, reference
 from cpbench.bench.block import befores
 from cpbench.bench.lane import FELL_BACK, Lane
 from cpbench.bench.planning.assembly import Assembly
@@ -70,6 +70,7 @@ def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> Non
         machine=machine.describe(),
         versions=machine.versions(),
         jobs=asked.jobs,
+        reference=reference.NAME,
         builtin=asked.builtin,
         formats=_formats(before.get("formats", {}), assembly.read),
         plan=asked.effective(assembly.found),

@@ -82,6 +82,7 @@ def _run(path: Path) -> Run | None:
         meta.get("machine") or {},
         str(meta.get("date") or ""),
         [solve["seconds"] for solve in meta["references"]],
+        str(meta.get("reference") or ""),
     )
 
 

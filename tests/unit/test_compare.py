@@ -418,6 +418,9 @@ def test_the_reference_solves_of_two_runs_widen_the_margin() -> None:
     assert loud.noise.delta == pytest.approx(0.2)
     assert loud.verdict != Verdict.REGRESSED
     assert any("reference solve differs by a factor 1.2" in note for note in loud.notes)
+    other = compare(Side("b", base.table, still, HERE), Side("n", new.table, {**moved, "reference": "another"}, HERE))
+    assert math.isnan(other.noise.drift)
+    assert any("no equal reference solves" in note for note in other.notes)
 
 
 def test_two_labels_of_equal_code_tell_the_noise() -> None:

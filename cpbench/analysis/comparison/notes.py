@@ -65,7 +65,7 @@ def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -
     if below:
         notes.append(f"{below} pairs take less than {FLOOR:g} s on both sides: below the floor, times of calls")
     if not interleaved and math.isnan(told.drift):
-        notes.append("no reference solves: nobody knows how much the machine drifted from one run to the other")
+        notes.append("no equal reference solves: nobody knows how much the machine drifted between the two runs")
     elif not interleaved and told.drift > 1 + told.margin:
         notes.append(
             f"the reference solve differs by a factor {told.drift:.3g} between the two runs: changes of times within "

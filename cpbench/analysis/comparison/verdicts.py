@@ -7,6 +7,7 @@ the noise. Counters and a significant change of time that point in opposite dire
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -179,6 +180,8 @@ def _one_machine(own: pd.DataFrame, base: Side, new: Side, settings: Settings, i
 
 def _noise(base: Side, new: Side, settings: Settings, interleaved: bool, equal: pd.DataFrame | None) -> Noise:
     drift, spread = noise.drift([new.references] if interleaved else [base.references, new.references])
+    if base.meta.get("reference") != new.meta.get("reference"):
+        drift = math.nan  # another solve, which tells nothing of the machine
     told = Noise(settings.margin, drift, spread)
     if equal is None:
         return told
