@@ -123,7 +123,7 @@ def _caption(drawn: Drawing) -> None:
     """Make room above and below what is there, whose axes have fixed places."""
     figure = drawn.figure
     width, height = figure.get_size_inches()
-    lines, title = wrapped(drawn.guide, int(width * 19.5)), wrapped(drawn.title, int(width * 14))
+    lines, title = wrapped(drawn.guide, int(width * 19.5)), wrapped(drawn.title, int(width * 12.5))
     above = _TITLE + 0.15 * (len(title) - 1)
     below = _LINE * len(lines) + 0.12
     whole = height + above + below
@@ -140,20 +140,27 @@ def _caption(drawn: Drawing) -> None:
 
 
 def wrapped(text: str, length: int) -> list[str]:
-    """Lines of about `length` characters; a formula is never broken, and counts by what it shows.
+    """Lines of about `length` characters; a formula is never broken, and counts by what it shows. A name that is too
+    long for a line is.
 
     >>> wrapped(r"where $w z < 0$ and so on", 14)
     ['where $w z < 0$', 'and so on']
     """
     lines = [""]
     shown = 0
-    for word in re.findall(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+", text):
+    whole = re.findall(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+", text)
+    for word in (piece for one in whole for piece in _pieces(one, length)):
         size = len(re.sub(r"(?<!\\)\$|\\mathrm|\\,|[{}^_]", "", re.sub(r"\\(?!mathrm)[a-z]+ ?", "x", word)))
         if lines[-1] and shown + 1 + size > length:
             lines.append("")
         lines[-1] = f"{lines[-1]} {word}" if lines[-1] else word
         shown = size if lines[-1] == word else shown + 1 + size
     return lines
+
+
+def _pieces(word: str, length: int) -> list[str]:
+    """A word without formulas in parts of at most `length` characters."""
+    return [word] if "$" in word else [word[k : k + length] for k in range(0, len(word), length)]
 
 
 def joined(parts: Sequence[str], last: str = "and") -> str:

@@ -176,6 +176,18 @@ def test_a_disk_where_there_are_no_positions() -> None:
     assert "no positions" in drawn("contact", problem, point).guide
 
 
+@pytest.mark.parametrize("address", ["contact-planted-3d.h5::full-rank-30", "contact-planted-2d.h5::full-rank-2d-40"])
+def test_wrong_answers_stay_in_the_picture(address: str, rng: np.random.Generator) -> None:
+    problem, _ = builtin(f"fc/{address}")
+    wrong = FCPoint(r=rng.standard_normal(problem.q.size))
+    assert np.abs(contact_states(problem, wrong).share).max() > 2
+    drawing = drawn("contact", problem, wrong)
+    axes = drawing.figure.axes[0]
+    dots = np.vstack([c.get_offsets() for c in axes.collections if type(c).__name__ == "PathCollection"])
+    assert np.abs(dots[:, 0]).max() < axes.get_xlim()[1] < 3
+    assert "Outside are " in drawing.guide
+
+
 # --- cone and facets ------------------------------------------------------------------------------------------------
 
 
@@ -458,6 +470,13 @@ def test_names_are_text(tmp_path: Path) -> None:
     assert title is not None
     assert "<script>" in (title.text or "")
     assert b"<script" not in (tmp_path / "x.svg").read_bytes()
+
+
+def test_long_names_are_broken_and_formulas_are_not() -> None:
+    name = "x" * 60
+    assert all(len(line) <= 40 for line in canvas.wrapped(f"Friction cone: {name}", 40))
+    formula = r"$r_\mathrm{T} / \mu r_\mathrm{N} \leq 1$"
+    assert any(formula in line for line in canvas.wrapped(f"{name} and {formula} and {name}", 20))
 
 
 def test_bare_figures_are_smaller(tmp_path: Path) -> None:

@@ -30,6 +30,8 @@ TOP = 1.25
 """Height at which the cone is cut, over r_N."""
 NARROW = 0.6
 """Least half width of the picture, in the same unit."""
+BELOW = 0.25
+"""How far a velocity into the obstacle may point below the tip, which only a wrong answer has."""
 
 
 @figure_kind(
@@ -119,11 +121,11 @@ def _vectors(axes: Axes3D, states: ContactStates, place: int) -> str:
     hat = de_saxce(u[None, :], np.array([mu]))[0]
     state = State(str(states.state[place]))
     if state is not State.OPEN:
-        _arrow(axes, r / r[0], canvas.BLUE, r"$r$")
+        _arrow(axes, r / max(r[0], norm(r[1:]) / (TOP * max(mu, NARROW))), canvas.BLUE, r"$r$")
     if state is State.STICK:
         inside = r"$r$ inside, $u = 0$" if mu > 0 else r"without friction the cone is its axis"
         return f"The contact does not slide: {inside}."
-    far = max(norm(u), norm(hat)) / (0.95 * max(TOP * mu, NARROW))
+    far = max(max(norm(u), norm(hat)) / (0.95 * max(TOP * mu, NARROW)), -u[0] / BELOW)
     u, hat = u / far, hat / far
     _arrow(axes, u, canvas.RED, r"$u$")
     if state is State.OPEN:

@@ -34,6 +34,8 @@ SIGNS = {State.STICK: "●", State.SLIP: "▲", State.OPEN: "○"}
 INKS = {State.STICK: canvas.BLUE, State.SLIP: canvas.RED, State.OPEN: "#666666"}
 LONGEST = 0.2
 """Length of the largest force over the width of the scene."""
+FARTHEST = 2.0
+"""Reactions farther outside the disk (of wrong answers) are drawn on the edge of the picture."""
 VIEWS = ("xy", "xz", "yz")
 
 
@@ -120,7 +122,7 @@ def _disk(figure: Figure, states: ContactStates) -> str:
     many = 1.0 if len(states.r) <= 100 else 0.45
     for state in (State.STICK, State.SLIP):
         own = states.state == str(state)
-        share = states.share[own]
+        share = _kept_in(states.share[own])
         if state is State.SLIP:
             axes.quiver(
                 *share.T, *(0.14 * states.against[own]).T, color=canvas.RED, angles="xy", scale_units="xy", scale=1.0,
@@ -128,7 +130,7 @@ def _disk(figure: Figure, states: ContactStates) -> str:
             )  # fmt: skip
         look = {**LOOKS[state], "s": LOOKS[state]["s"] * (1.0 if many == 1.0 else 0.5)}
         axes.scatter(*share.T, zorder=4, alpha=many, **look)
-    far = max(1.22, 1.08 * float(np.abs(states.share).max(initial=0.0)))
+    far = max(1.22, 1.08 * min(FARTHEST, float(np.abs(states.share).max(initial=0.0))))
     axes.set_xlim(-far, far)
     axes.set_ylim(-far, far)
     axes.set_aspect("equal")
@@ -139,8 +141,21 @@ def _disk(figure: Figure, states: ContactStates) -> str:
     return (
         r"Each contact that pushes, at $r_\mathrm{T}/\mu r_\mathrm{N}$: inside the disk it sticks, on the rim it "
         r"slips; an arrow has the direction of $-\mu u_\mathrm{T}$, straight outwards by Coulomb's law. Open contacts "
-        "are left out, those without friction are in the middle; the file has no positions."
+        f"are left out, those without friction are in the middle; the file has no positions.{_outside(states)}"
     )
+
+
+def _kept_in(share: Dense) -> Dense:
+    """What is farther out than FARTHEST, brought there."""
+    size = np.linalg.norm(share, axis=1, keepdims=True)
+    return share * np.minimum(1.0, FARTHEST / np.maximum(size, FARTHEST))
+
+
+def _outside(states: ContactStates) -> str:
+    """What the guide says of reactions that no contact may have, nothing of an admissible answer."""
+    size = np.linalg.norm(states.share, axis=1)
+    beyond = int((size > 1.01).sum())
+    return f" Outside are {counted(beyond, 'reaction')}, up to {canvas.number(float(size.max()))}." if beyond else ""
 
 
 def _strip(figure: Figure, states: ContactStates) -> str:
@@ -149,8 +164,8 @@ def _strip(figure: Figure, states: ContactStates) -> str:
     axes.axvspan(-1.0, 1.0, color="#F0F0F0", zorder=0)
     for state in (State.STICK, State.SLIP):
         own = states.state == str(state)
-        axes.scatter(states.share[own, 0], states.r[own, 0], zorder=4, **LOOKS[state])
-    far = max(1.15, 1.08 * float(np.abs(states.share).max(initial=0.0)))
+        axes.scatter(_kept_in(states.share[own])[:, 0], states.r[own, 0], zorder=4, **LOOKS[state])
+    far = max(1.15, 1.08 * min(FARTHEST, float(np.abs(states.share).max(initial=0.0))))
     axes.set_xlim(-far, far)
     axes.set_ylim(bottom=0.0)
     axes.set_xticks([-1, 0, 1])
@@ -158,5 +173,5 @@ def _strip(figure: Figure, states: ContactStates) -> str:
     axes.set_ylabel(r"$r_\mathrm{N}$ [N s]")
     return (
         r"Each contact that pushes, at $r_\mathrm{T}/\mu r_\mathrm{N}$ and $r_\mathrm{N}$: inside the grey strip it "
-        "sticks, on its edges it slips. Open contacts are left out; the file has no positions."
+        f"sticks, on its edges it slips. Open contacts are left out; the file has no positions.{_outside(states)}"
     )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 ROSES = 3
 """Numbers of facets that the polar panel shows, the smallest ones; more would hide one another."""
-SHADES = (canvas.RED, canvas.BLUE, canvas.GREEN)
+SHADES = (canvas.RED, canvas.BLUE, canvas.INK)
 LOOKS: dict[str, dict[str, Any]] = {"inner": {"linestyle": "-"}, "outer": {"linestyle": (0, (3, 1.5))}}
 
 

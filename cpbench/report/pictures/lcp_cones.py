@@ -168,7 +168,7 @@ def _within(foot: Vector, along: Vector, low: float, high: float) -> Dense:
 
 def _free(candidates: Dense, taken: list[Vector]) -> Vector:
     """The candidate farthest from everything that is there; words are wider than high."""
-    between = (candidates[:, None, :] - np.array(taken)[None, :, :]) / (2.2, 1.0)
+    between = (candidates[:, None, :] - np.array(taken)[None, :, :]) / (3.0, 1.0)
     apart = np.linalg.norm(between, axis=2).min(axis=1)
     return candidates[int(np.argmax(apart))]
 
