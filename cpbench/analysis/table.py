@@ -9,18 +9,19 @@ known by its fingerprint (the problem's mathematics) and its label (solver, opti
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis.codes import Integers, by_appearance, codes, order
 from cpbench.errors import StoreError
 from cpbench.formulations.base import Kind
 from cpbench.verification import VERIFIED, Status
 
 Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
-Integers: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
@@ -32,6 +33,8 @@ NUMBERS = (
     "setup", "solve", "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr", "signal", "code",
     "jobs", "attempts", "loadavg", "reported",
 )  # fmt: skip
+ROW = ("key", "problem", "fingerprint", "label")
+"""What tells a row from all others."""
 NO_ANSWER = "no answer in the folder"
 """Message of an imported row whose problem nobody answered."""
 STATUSES = tuple(str(s) for s in Status)
@@ -52,27 +55,31 @@ class Group:
     measure: str = ""
 
 
-def normalised(table: pd.DataFrame) -> pd.DataFrame:
+def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFrame:
     """A copy with every column present, text never missing, numbers numeric, error and rows in a fixed order.
 
-    >>> normalised(pd.DataFrame({"problem": ["b", "a"], "status": ["solved", None]}))["status"].tolist()
-    ['not_run', 'solved']
+    `columns` : what is asked for, where that is not everything; what tells rows apart comes with it.
+
+    >>> rows = pd.DataFrame({"problem": ["b", "a"], "status": ["solved", None], "label": "s"})
+    >>> normalised(rows)["status"].tolist(), list(normalised(rows, ["status"]))
+    (['not_run', 'solved'], ['key', 'problem', 'fingerprint', 'label', 'status'])
     """
-    columns: dict[str, pd.Series] = {str(name): table[name].copy() for name in table if name not in (*TEXT, *NUMBERS)}
+    wanted = {*columns, *ROW} if columns else {*TEXT, *NUMBERS, *table}
+    known = {str(name): table[name].copy() for name in table if name in wanted and name not in (*TEXT, *NUMBERS)}
     absent = pd.Series(np.nan, index=table.index)
-    for name in TEXT:
-        columns[name] = _text(table.get(name, absent))
-    for name in NUMBERS:
-        columns[name] = _numbers(table.get(name, absent))
-    columns["status"] = columns["status"].replace("", str(Status.NOT_RUN))
-    columns["error"] = columns["error"].fillna(math.inf)
-    nameless = columns["fingerprint"] == ""
+    known |= {name: _text(table.get(name, absent)) for name in TEXT if name in wanted}
+    known |= {name: _numbers(table.get(name, absent)) for name in NUMBERS if name in wanted}
+    if "status" in wanted:
+        known["status"] = known["status"].replace("", str(Status.NOT_RUN))
+    if "error" in wanted:
+        known["error"] = known["error"].fillna(math.inf)
+    nameless = known["fingerprint"] == ""
     if nameless.any():
-        columns["fingerprint"] = columns["fingerprint"].where(~nameless, columns["problem"])
-    clean = pd.DataFrame(columns, index=table.index, copy=False)
-    order = _order(clean)
-    if order is not None:
-        clean = clean.take(order)
+        known["fingerprint"] = known["fingerprint"].where(~nameless, known["problem"])
+    clean = pd.DataFrame(known, index=table.index, copy=False)
+    places = order(clean)
+    if places is not None:
+        clean = clean.take(places)
     clean.index = pd.RangeIndex(len(clean))
     return clean
 
@@ -80,51 +87,14 @@ def normalised(table: pd.DataFrame) -> pd.DataFrame:
 def _text(values: pd.Series) -> pd.Series[str]:
     """Text with '' for what is missing."""
     if values.dtype == "str":  # of pandas 3; older ones hold text as objects
-        return values.fillna("") if values.hasnans else values
+        told = values.to_numpy(dtype=object)
+        missing = told != told  # NaN, which is missing text there, is not equal to itself
+        return values.mask(missing, "") if missing.any() else values
     return values.astype(object).where(values.notna(), "").astype(str)
 
 
 def _numbers(values: pd.Series) -> pd.Series[float]:
     return (values if pd.api.types.is_numeric_dtype(values) else pd.to_numeric(values)).astype(float)
-
-
-def _order(clean: pd.DataFrame) -> Integers | None:
-    """Positions of the rows by problem, fingerprint, label and key; None where they lie so already.
-
-    A results file gives its rows in order, and to find that out costs less than to sort them.
-    """
-    columns = [clean[name] for name in ("problem", "fingerprint", "label")]
-    if _in_order(*columns):
-        return None
-    places = [codes(column)[0] for column in reversed(columns)]
-    order = np.lexsort(places)
-    same = np.all([np.diff(place[order]) == 0 for place in places], axis=0)
-    return np.lexsort([codes(clean["key"])[0], *places]) if same.any() else order  # no two keys are alike
-
-
-def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Series[str]) -> bool:
-    """Whether rows ascend strictly by the three; text is compared only where it changes."""
-    place, names = pd.factorize(problem)
-    if not pd.Index(names).is_monotonic_increasing or (np.diff(place) < 0).any():
-        return False
-    told = fingerprint.to_numpy(dtype=object)
-    same = np.diff(place) == 0
-    other = np.flatnonzero(same & (told[1:] != told[:-1]))
-    if any(told[k] > told[k + 1] for k in other):
-        return False
-    same[other] = False
-    return not (same & (np.diff(codes(label)[0]) <= 0)).any()
-
-
-def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
-    """Each value's place among the distinct ones in ascending order, and these: text is compared once a name.
-
-    >>> place, names = codes(pd.Series(["b", "a", "b"]))
-    >>> place.tolist(), names.tolist()
-    ([1, 0, 1], ['a', 'b'])
-    """
-    place, names = pd.factorize(values, sort=True)
-    return np.asarray(place, dtype=np.int64), pd.Index(names)
 
 
 def solved(table: pd.DataFrame) -> pd.Series[bool]:
@@ -184,8 +154,8 @@ def problem_names(table: pd.DataFrame) -> pd.Series[str]:
     >>> problem_names(rows).tolist()
     ['a (x)', 'a (y)', 'b']
     """
-    problem, names = pd.factorize(table["problem"])
-    fingerprint, prints = pd.factorize(table["fingerprint"])
+    problem, names = by_appearance(table["problem"])
+    fingerprint, prints = by_appearance(table["fingerprint"])
     pairs = np.unique(problem * (len(prints) + 1) + fingerprint, return_index=True)[1]
     shared = (np.bincount(problem[pairs], minlength=len(names)) > 1)[problem]
     if not shared.any():
@@ -213,7 +183,7 @@ def spread(table: pd.DataFrame, values: np.ndarray[tuple[int], np.dtype[Any]], m
     >>> spread(rows, np.array([5.0, 7.0]), math.inf).to_dict("list")
     {'s': [inf, 5.0], 't': [7.0, inf]}
     """
-    fingerprint, prints = pd.factorize(table["fingerprint"])
+    fingerprint, prints = by_appearance(table["fingerprint"])
     label, labels = codes(table["label"])
     place = fingerprint * len(labels) + label
     filled = np.bincount(place, minlength=len(prints) * len(labels))
@@ -225,7 +195,7 @@ def spread(table: pd.DataFrame, values: np.ndarray[tuple[int], np.dtype[Any]], m
     names = list(zip(_names(table, fingerprint, len(prints)).tolist(), prints.tolist(), strict=True))
     order = sorted(range(len(names)), key=names.__getitem__)
     rows = wide.reshape(len(prints), len(labels))[order]
-    index = pd.Index(prints)[order].rename("fingerprint")
+    index = prints[order].rename("fingerprint")
     return pd.DataFrame(rows, index=index, columns=labels.rename("label"), copy=False)
 
 
@@ -238,7 +208,8 @@ def _names(table: pd.DataFrame, fingerprint: Integers, count: int) -> pd.Series[
     first[fingerprint[::-1]] = np.arange(len(fingerprint))[::-1]  # of equal places the last one written stays
     problem = table["problem"].to_numpy(dtype=object)
     others = np.flatnonzero(problem != problem[first][fingerprint])
-    return problem_names(table.iloc[np.concatenate((first, others))]).iloc[:count]
+    named = table[["problem", "fingerprint", "address"]].iloc[np.concatenate((first, others))]
+    return problem_names(named).iloc[:count]
 
 
 def times(table: pd.DataFrame) -> pd.DataFrame:
