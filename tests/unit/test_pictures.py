@@ -369,6 +369,15 @@ def test_ncp_functions_vanish_exactly_on_the_two_half_axes(weight: float) -> Non
         np.testing.assert_array_equal(np.abs(function.psi(w, z)) < 1e-12, wanted, err_msg=function.equation)
 
 
+@pytest.mark.parametrize(
+    ("at", "values"),
+    [((3.0, 4.0), (3.0, -2.0, -7.0, 12.0)), ((-1.0, -1.0), (-1.0, 2 + 2**0.5, 1 + 0.5**0.5, -1.0))],
+)
+def test_ncp_functions_by_hand(at: tuple[float, float], values: tuple[float, ...]) -> None:
+    w, z = map(np.array, at)
+    assert [float(f.psi(w, z)) for f in ncp.functions(0.5)] == pytest.approx(values, abs=1e-15)
+
+
 def test_the_printed_38_is_no_ncp_function() -> None:
     """MATH.md: zero at w = −1, z = 2 − √3."""
     assert abs(ncp.smooth_as_printed(np.array(-1.0), np.array(2 - math.sqrt(3)))) < 1e-15
