@@ -5,7 +5,9 @@ What is found here is what an anonymous bundle must not hold. Names that anybody
 
 from __future__ import annotations
 
+import builtins
 import getpass
+import keyword
 import os
 import platform
 import re
@@ -82,8 +84,9 @@ def store_folder(store: Store) -> str:
 
 
 def _told(names: Iterable[str]) -> tuple[str, ...]:
-    """The names that tell somebody."""
-    return tuple(sorted({n for n in names if len(n) >= SHORTEST and n.casefold() not in ANYBODY}))
+    """The names that tell somebody; one that is a word of Python (`max`) is left where it stands."""
+    words = ANYBODY | {*keyword.kwlist, *dir(builtins)}
+    return tuple(sorted({n for n in names if len(n) >= SHORTEST and not {n, n.casefold()} & words}))
 
 
 def _users() -> set[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
 import io
 import re
@@ -17,6 +18,10 @@ from cpbench.errors import CpbenchError
 
 LONG = 6
 """Bytes from which on a word is looked for in numbers too; shorter ones stand there by chance."""
+DRAWN = (".html", ".svg")
+"""Files that are full of short words of a program's own."""
+_EMBEDDED = re.compile(rb"H4sI[A-Za-z0-9+/]+=*")
+"""gzip in base64, as the data of a page are."""
 _SQLITE, _HDF5 = b"SQLite format 3\0", b"\x89HDF\r\n\x1a\n"
 
 
@@ -26,12 +31,13 @@ def require_none(folder: Path, words: Mapping[str, str]) -> None:
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         name = path.relative_to(folder).as_posix()
         for where, content in [("its name", name.encode()), *_contents(path)]:
-            text = _is_text(content)
+            text = b"\0" not in content and path.suffix not in DRAWN
             for word, kind, pattern in patterns:
-                if (text or len(word.encode()) >= LONG) and pattern.search(content):
+                if (text or len(word.encode()) >= LONG) and (found := pattern.search(content)):
+                    told = found[0].decode("utf-8", "replace")
                     raise CpbenchError(
-                        f"{name}: {where} still tells {kind}, '{word}': nothing was written; give it another name with "
-                        f"--rename '{word}=NAME', or take it out of the file"
+                        f"{name}: {where} still tells {kind}, '{told}': nothing was written; give it another name with "
+                        f"--rename '{told}=NAME', or take it out of the file"
                     )
 
 
@@ -41,15 +47,14 @@ def _pattern(word: str) -> re.Pattern[bytes]:
     return re.compile(rb"(?<![A-Za-z0-9])" + raw + rb"(?![A-Za-z0-9])", re.IGNORECASE)
 
 
-def _is_text(content: bytes) -> bool:
-    return b"\0" not in content
-
-
 def _contents(path: Path) -> Iterator[tuple[str, bytes]]:
     """The bytes of a file, and what is packed in them."""
     raw = path.read_bytes()
     yield "its content", raw
     yield from unpacked(raw, path)
+    if path.suffix == ".html":
+        for found in _EMBEDDED.finditer(raw):
+            yield from unpacked(base64.b64decode(found[0]))
 
 
 def unpacked(raw: bytes, path: Path | None = None) -> Iterator[tuple[str, bytes]]:

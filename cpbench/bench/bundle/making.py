@@ -20,7 +20,7 @@ from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.base import solvers
 
 PLAN, GUIDE, REPORT = "plan.toml", "REPRODUCE.md", "report"
-TEXTS = (".md", ".csv", ".html", ".json", ".svg", ".tex", ".bib")
+TEXTS = (".md", ".csv", ".json", ".tex", ".bib")
 MACHINE, VERSIONS = "machine.json", "versions.txt"
 OWN = ("cpbench.solvers.native.", "cpbench.solvers.adapters.")
 """Modules of the solvers that everybody has who has cpbench."""
