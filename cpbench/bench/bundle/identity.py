@@ -128,8 +128,10 @@ def _repositories(folders: Iterable[str]) -> tuple[set[str], set[str]]:
 def _remote(address: str) -> tuple[str, set[str]]:
     """Server of a remote, '' for one that everybody uses, and the accounts in its path.
 
-    >>> _remote("git@github.com:ann/mine.git"), _remote("https://ann:key@git.here.org/group/ann/mine")
-    (('', {'ann'}), ('git.here.org', {'ann', 'group', 'key'}))
+    >>> [(server, sorted(names)) for server, names in map(_remote, ["git@github.com:ann/mine.git", "git.a.org:bob/x"])]
+    [('', ['ann']), ('git.a.org', ['bob'])]
+    >>> sorted(_remote("https://ann:key@git.a.org:80/group/ann/mine")[1])
+    ['ann', 'group', 'key']
     """
     found = _REMOTE.fullmatch(address.removesuffix(".git"))
     if found is None:
