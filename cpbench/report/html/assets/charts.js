@@ -40,6 +40,21 @@ const Charts = (() => {
     return Array.from({ length: Math.floor(most / every) + 1 }, (_, k) => 2 ** (k * every)).filter((v) => v <= high * 1.001);
   }
 
+  /* Least and largest of many values. */
+  function extent(values) {
+    let low = Infinity, high = -Infinity;
+    for (const v of values) { if (v < low) low = v; if (v > high) high = v; }
+    return [low, high];
+  }
+
+  /* Few enough points for a figure: every k-th, and what to say of it. */
+  const POINTS = 3000;
+  function sampled(points) {
+    if (points.length <= POINTS) return { points, told: "" };
+    const every = Math.ceil(points.length / POINTS);
+    return { points: points.filter((_, k) => k % every === 0), told: ` Of ${points.length} points every ${every}th is drawn.` };
+  }
+
   const logScale = (low, high) => ({ type: "log", domain: [low, high], nice: false });
 
   /* Corners of a step function, thinned to what a screen shows. */
@@ -94,7 +109,7 @@ const Charts = (() => {
   }
 
   return Object.freeze({
-    SLOTS, COLOURS, DASHES, SHAPES, SECONDS, TINY, unitText, logTicks, powers, logScale, corners, lines, draw, slotColour,
+    extent, sampled, SLOTS, COLOURS, DASHES, SHAPES, SECONDS, TINY, unitText, logTicks, powers, logScale, corners, lines, draw, slotColour,
     slotDash, slotShape, inFocus,
   });
 })();

@@ -83,11 +83,11 @@ const Comparisons = (() => {
       });
       if (!points.length) return { empty: `Neither ${name[0]} nor ${name[1]} solves any of the chosen problems.` };
       const finite = points.flatMap(({ x, y }) => [x, y]).filter((v) => v > 0 && v < Infinity);
-      const low = Math.min(...finite) / 1.4, most = Math.max(...finite), alone = (s) => points.filter((p) => p[s] === Infinity).length;
+      const [least0, most] = Charts.extent(finite), low = least0 / 1.4, alone = (s) => points.filter((p) => p[s] === Infinity).length;
       const failures = alone("x") + alone("y") > 0, edge = failures ? most * 2.5 : most * 1.4, high = failures ? most * 4 : edge;
       const beyond = failures ? [{ v: edge, text: "not solved" }] : [], faint = { strokeDash: [3, 3], opacity: 0.4 };
       const outcome = ({ x, y }) => (x === Infinity ? `only ${name[1]}` : y === Infinity ? `only ${name[0]}` : "both");
-      const values = points.map((p) => ({
+      const few = Charts.sampled(points), values = few.points.map((p) => ({
         ...p, x: Math.min(p.x, edge), y: Math.min(p.y, edge), kind: p.x === Infinity || p.y === Infinity ? "one" : "both",
         xText: Dom.cost(metric, p.x), yText: Dom.cost(metric, p.y), solved: outcome(p),
       }));
@@ -114,7 +114,7 @@ const Comparisons = (() => {
       return {
         spec, summary: `${name[0]} is ahead on ${record.wins}, ${name[1]} on ${record.losses}.`,
         numbers: `${name[0]} ahead on ${record.wins}, level on ${record.ties}, behind on ${record.losses}, neither on ${record.neither} of N = ${matrix.problems.length}.`,
-        guide: `A point is a problem, its place the ${context.metricName} of the two; above the diagonal ${name[0]} is ahead.${failures ? ` Triangles on the dashed lines were solved by one of them only (${alone("y")} by ${name[0]}, ${alone("x")} by ${name[1]}).` : ""}`,
+        guide: `A point is a problem, its place the ${context.metricName} of the two; above the diagonal ${name[0]} is ahead.${failures ? ` Triangles on the dashed lines were solved by one of them only (${alone("y")} by ${name[0]}, ${alone("x")} by ${name[1]}).` : ""}${few.told}`,
         table: () => ({ head: ["problem", name[0], name[1], "solved by"], right: [1, 2], rows: points.map((p) => [p.problem, Dom.cost(metric, p.x), Dom.cost(metric, p.y), outcome(p)]) }),
       };
     },

@@ -112,12 +112,15 @@ const Engine = (() => {
   /* Mean height over log2 between 1 and `upto`. */
   function area(curve, upto) {
     if (upto <= 1) return height(curve, 1);
-    const corners = [1, ...curve.at.filter((x) => x > 1 && x < upto), upto];
-    let sum = 0;
-    for (let k = 0; k + 1 < corners.length; k++) {
-      sum += height(curve, corners[k]) * (Math.log2(corners[k + 1]) - Math.log2(corners[k]));
+    let sum = 0, before = 0, level = height(curve, 1);
+    for (let k = 0; k < curve.at.length && curve.at[k] < upto; k++) {
+      if (curve.at[k] <= 1) continue;
+      const here = Math.log2(curve.at[k]);
+      sum += level * (here - before);
+      before = here;
+      level = curve.count[k] / Math.max(curve.problems, 1);
     }
-    return sum / Math.log2(upto);
+    return (sum + level * (Math.log2(upto) - before)) / Math.log2(upto);
   }
 
   /* Labels that solve something, by area under the profile, ties in the order of labels. */
@@ -129,10 +132,10 @@ const Engine = (() => {
 
   /* How often label `one` is ahead of `other` (places in the matrix): wins, ties, losses, neither; together N. */
   function record(matrix, floor, one, other) {
-    const { values, labels, problems } = floored(matrix, floor);
+    const { values, labels, problems } = matrix, least = floor ?? 0;
     const found = { wins: 0, ties: 0, losses: 0, neither: 0 };
     for (let p = 0; p < problems.length; p++) {
-      const a = values[p * labels.length + one], b = values[p * labels.length + other];
+      const a = Math.max(values[p * labels.length + one], least), b = Math.max(values[p * labels.length + other], least);
       if (a < b) found.wins++;
       else if (b < a) found.losses++;
       else if (a === INFINITE) found.neither++;

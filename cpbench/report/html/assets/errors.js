@@ -35,7 +35,7 @@
       if (!drawn.length) return { empty: "No error was reached on half of the chosen problems." };
       const labels = [...new Set(drawn.map((r) => r.label))], slots = Figures.looks(context, labels);
       const values = drawn.map((r) => ({ label: context.name(r.label), slot: slots.get(r.label) ?? -1, x: r.seconds, y: r.error }));
-      const span = (key) => [Math.min(...values.map((v) => v[key])), Math.max(...values.map((v) => v[key]))];
+      const span = (key) => Charts.extent(values.map((v) => v[key]));
       const [x0, x1] = span("x"), [y0, y1] = span("y");
       const spec = Charts.lines({ values, x: log("time", x0 / 1.2, x1 * 1.2, Charts.SECONDS), y: log("judged error, on half of the problems", y0 / 1.6, y1 * 1.6, Charts.TINY) });
       const levels = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10];
@@ -70,7 +70,7 @@
       if (!values.length) return { empty: "None of the chosen solvers kept iterates on this problem." };
       const labels = [...new Set(values.map((v) => v.place))], slots = Figures.looks(context, labels);
       for (const v of values) v.slot = slots.get(v.place) ?? -1;
-      const span = (key) => [Math.min(...values.map((v) => v[key])), Math.max(...values.map((v) => v[key]))];
+      const span = (key) => Charts.extent(values.map((v) => v[key]));
       const [x0, x1] = span("x"), [y0, y1] = span("y"), tolerance = context.state.tolerance ?? context.group.tolerance;
       const extra = [{ data: { values: [{ t: tolerance }] }, mark: { type: "rule", strokeDash: [4, 3], opacity: 0.5 }, encoding: { y: { field: "t", type: "quantitative" } } }];
       const spec = Charts.lines({ values, extra, x: log("time", x0 / 1.2, x1 * 1.2, Charts.SECONDS), y: log("judged error", Math.min(y0, tolerance) / 2, y1 * 2, Charts.TINY) });

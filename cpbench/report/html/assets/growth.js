@@ -40,7 +40,8 @@
         });
       });
       if (!points.length) return { empty: "None of the coloured solvers solves a chosen problem." };
-      const ys = points.map((p) => p.y).filter((y) => y > 0), [x0, x1] = [range[0] / 1.15, range[1] * 1.15], [y0, y1] = [Math.min(...ys) / 1.5, Math.max(...ys) * 1.5];
+      const few = Charts.sampled(points), ys = Charts.extent(points.map((p) => p.y).filter((y) => y > 0));
+      const [x0, x1] = [range[0] / 1.15, range[1] * 1.15], [y0, y1] = [ys[0] / 1.5, ys[1] * 1.5];
       const of = (name) => (fits ? fits.label.indexOf(name) : -1);
       const fitted = metric.name === "time" ? [...context.slots].filter(([s]) => of(context.name(s)) >= 0 && context.shown.has(s)).flatMap(([s, slot]) => {
         const k = of(context.name(s)), label = context.name(s);
@@ -52,7 +53,7 @@
         height: 360, params: [{ name: "focus", value: "" }],
         layer: [
           { data: { values: fitted }, mark: { type: "line", strokeWidth: 1.6, clip: true }, encoding: { x, y, color: Charts.slotColour, strokeDash: Charts.slotDash, detail: { field: "label" }, opacity: Charts.inFocus(0.85) } },
-          { data: { values: points }, mark: { type: "point", filled: true, size: 34 },
+          { data: { values: few.points }, mark: { type: "point", filled: true, size: 34 },
             encoding: { x, y, color: Charts.slotColour, shape: Charts.slotShape, opacity: Charts.inFocus(0.75), tooltip: [{ field: "label", title: "solver" }, { field: "problem", title: "problem" }, { field: "x", title: symbol }, { field: "yText", title: context.metricName }] } },
         ],
       };
@@ -60,7 +61,7 @@
       const lines = fits ? fits.label.map((name, k) => [name, k]).filter(([name]) => shown(name)) : [];
       const answer = {
         spec, labels: [...context.slots.keys()].filter((s) => context.shown.has(s)), numbers: context.numbers,
-        guide: `A point is a problem that the solver solved; only coloured solvers are drawn.${fitted.length ? " Lines: the power law fitted to all problems of the group, a timeout counting as longer than the limit." : ""}`,
+        guide: `A point is a problem that the solver solved; only coloured solvers are drawn.${fitted.length ? " Lines: the power law fitted to all problems of the group, a timeout counting as longer than the limit." : ""}${few.told}`,
       };
       if (lines.length) answer.table = () => ({
         head: ["solver", `exponent of ${symbol}`, "95 % interval", "solved", "stopped at the limit"], right: [1, 2, 3, 4],

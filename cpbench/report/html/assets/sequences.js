@@ -32,7 +32,7 @@
         }
       }
       if (!values.length) return { empty: "None of the chosen solvers solved a step of it." };
-      const ys = values.map((v) => v.y), [y0, y1] = [Math.min(...ys) / 1.4, Math.max(...ys) * 1.4];
+      const ys = Charts.extent(values.map((v) => v.y)), [y0, y1] = [ys[0] / 1.4, ys[1] * 1.4];
       const title = what === "error" ? "judged error" : what === "iterations" ? "iterations" : context.metricName;
       const expr = what === "error" ? Charts.TINY : Charts.unitText(metric);
       const spec = Charts.lines({ values, interpolate: "linear", x: { axis: { title: "step", tickMinStep: 1 }, scale: { zero: false, nice: false } }, y: { scale: Charts.logScale(y0, y1), axis: { title, values: Charts.logTicks(y0, y1), labelExpr: expr } } });
@@ -83,7 +83,7 @@
     },
     adjust(context) {
       if (deadline === null) {
-        const all = [...context.times.values].filter(Number.isFinite).sort((a, b) => a - b);
+        const all = context.times.values.filter(Number.isFinite).sort();
         deadline = all.length ? 10 ** (Math.round(10 * Math.log10(Engine.quantile(all, 0.5))) / 10) : 1e-2;
       }
       this.show(deadline);
