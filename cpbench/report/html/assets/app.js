@@ -2,7 +2,9 @@
 /* Reads the data, keeps what is chosen, and hands every figure the context of it. */
 const App = (() => {
   const { h } = Dom;
-  let data = null, state = null, slots = new Map();
+  let data = null,
+    state = null,
+    slots = new Map();
   const tables = new Map();
 
   const tableOf = (k) => {
@@ -14,37 +16,76 @@ const App = (() => {
   const mark = (text, title) => h("span", { class: "mark", title }, text);
 
   function marksOf(code, kind) {
-    const { labels } = data.facts, found = [];
+    const { labels } = data.facts,
+      found = [];
     if (MARKS[kind]) found.push(mark(MARKS[kind], "its route promises less than an answer"));
     if (labels.tuned[code]) found.push(mark("tuned", "its options were searched for before this run"));
-    if (labels.elsewhere[code]) found.push(mark("elsewhere", "made on another machine; its times are ranked with nobody's unless that was asked for"));
+    if (labels.elsewhere[code])
+      found.push(
+        mark("elsewhere", "made on another machine; its times are ranked with nobody's unless that was asked for"),
+      );
     return found;
   }
 
   /* What the figures are made from. */
   function contextOf() {
-    const { facts, columns } = data, group = facts.groups[state.group], table = tableOf(state.group);
-    const metric = facts.metrics.find((m) => m.name === state.metric), { status } = facts;
-    const problems = Filters.problems(facts, table, state), chosen = Filters.labels(group, table, state);
+    const { facts, columns } = data,
+      group = facts.groups[state.group],
+      table = tableOf(state.group);
+    const metric = facts.metrics.find((m) => m.name === state.metric),
+      { status } = facts;
+    const problems = Filters.problems(facts, table, state),
+      chosen = Filters.labels(group, table, state);
     const matrix = Engine.costs(columns, table, problems, chosen, columns[metric.name], state.tolerance, status);
-    const times = metric.name === "time" ? matrix : Engine.costs(columns, table, problems, chosen, columns.time, state.tolerance, status);
-    const ratios = Engine.ratios(matrix, metric.floor), curves = Engine.curves(ratios), upto = Engine.widest(curves, 1);
+    const times =
+      metric.name === "time"
+        ? matrix
+        : Engine.costs(columns, table, problems, chosen, columns.time, state.tolerance, status);
+    const ratios = Engine.ratios(matrix, metric.floor),
+      curves = Engine.curves(ratios),
+      upto = Engine.widest(curves, 1);
     const areas = new Map(curves.map((c) => [c.label, c.solved ? Engine.area(c, upto) : 0]));
-    const byHeight = [...curves].sort((a, b) => b.solved - a.solved || areas.get(b.label) - areas.get(a.label) || a.label - b.label);
+    const byHeight = [...curves].sort(
+      (a, b) => b.solved - a.solved || areas.get(b.label) - areas.get(a.label) || a.label - b.label,
+    );
     slots = keepSlots(table, new Set(chosen), Engine.leading(curves));
     const places = new Map();
     for (const [code, slot] of slots) places.set(table.labels.indexOf(code), slot);
-    const names = facts.labels.name, name = (place) => names[table.labels[place]], codeOf = new Map(names.map((n, k) => [n, k]));
+    const names = facts.labels.name,
+      name = (place) => names[table.labels[place]],
+      codeOf = new Map(names.map((n, k) => [n, k]));
     const metricName = metric.name === "time" ? "time" : metric.name.replace("counter:", "");
-    const tolerance = state.tolerance ?? group.tolerance, limit = group.limit === null ? "no limit" : `limit ${Dom.seconds(group.limit)}`;
+    const tolerance = state.tolerance ?? group.tolerance,
+      limit = group.limit === null ? "no limit" : `limit ${Dom.seconds(group.limit)}`;
     const leftOut = matrix.leftOut.map(({ label }) => name(label));
-    const judged = state.tolerance === null ? "" : ` A time is that of a solve that was asked for ${Dom.number(group.tolerance)}.`;
+    const judged =
+      state.tolerance === null ? "" : ` A time is that of a solve that was asked for ${Dom.number(group.tolerance)}.`;
     return {
-      data, facts, columns, group, table, state, problems, metric, metricName, matrix, times, ratios, curves, byHeight, name, slots: places,
-      shown: new Set(chosen), order: group.display, solvedBy: new Map(curves.map((c) => [c.label, c.solved])),
+      data,
+      facts,
+      columns,
+      group,
+      table,
+      state,
+      problems,
+      metric,
+      metricName,
+      matrix,
+      times,
+      ratios,
+      curves,
+      byHeight,
+      name,
+      slots: places,
+      shown: new Set(chosen),
+      order: group.display,
+      solvedBy: new Map(curves.map((c) => [c.label, c.solved])),
       numbers: `${group.name}: N = ${problems.length}${problems.length < table.problems.length ? ` of ${table.problems.length}` : ""} problems, tolerance ${Dom.number(tolerance)}, ${limit}; solved: error at most the tolerance, as measured here.${judged}`,
-      floorText: metric.floor === null ? "" : ` A ${metricName} below ${Dom.cost(metric, metric.floor)} counts as that.`,
-      leftOutText: leftOut.length ? ` Left out, since they do not tell their ${metricName}: ${leftOut.slice(0, 6).join(", ")}${leftOut.length > 6 ? ` and ${leftOut.length - 6} more` : ""}.` : "",
+      floorText:
+        metric.floor === null ? "" : ` A ${metricName} below ${Dom.cost(metric, metric.floor)} counts as that.`,
+      leftOutText: leftOut.length
+        ? ` Left out, since they do not tell their ${metricName}: ${leftOut.slice(0, 6).join(", ")}${leftOut.length > 6 ? ` and ${leftOut.length - 6} more` : ""}.`
+        : "",
       marks: (place) => marksOf(table.labels[place], group.kinds[table.labels[place]]),
       marksOf: (label, kind) => marksOf(codeOf.get(label), kind),
       statusOf: (row) => statusOf(row),
@@ -54,9 +95,14 @@ const App = (() => {
 
   /* The status of a row at the tolerance that is chosen, as analysis.tolerances.judged_at. */
   function statusOf(row) {
-    const { columns, facts: { status } } = data, before = status.names[columns.status[row]];
+    const {
+        columns,
+        facts: { status },
+      } = data,
+      before = status.names[columns.status[row]];
     if (state.tolerance === null) return before;
-    const good = Engine.solved(columns, row, state.tolerance, status), was = status.verified[columns.status[row]] === 1;
+    const good = Engine.solved(columns, row, state.tolerance, status),
+      was = status.verified[columns.status[row]] === 1;
     if (good === was) return before;
     if (good) return "solved";
     return columns.error[row] <= 100 * state.tolerance ? "inaccurate" : "wrong";
@@ -64,7 +110,8 @@ const App = (() => {
 
   /* A solver keeps its colour while it is shown; free colours go to those that lead. */
   function keepSlots(table, shown, leaders) {
-    const kept = new Map(), codes = new Set([...shown].map((place) => table.labels[place]));
+    const kept = new Map(),
+      codes = new Set([...shown].map((place) => table.labels[place]));
     for (const [code, slot] of slots) if (codes.has(code)) kept.set(code, slot);
     const free = Array.from({ length: Charts.SLOTS }, (_, k) => k).filter((k) => ![...kept.values()].includes(k));
     for (const place of leaders) {
@@ -78,7 +125,10 @@ const App = (() => {
   function changed() {
     if (waiting) return;
     waiting = true;
-    requestAnimationFrame(() => { waiting = false; update(); });
+    requestAnimationFrame(() => {
+      waiting = false;
+      update();
+    });
   }
 
   function update() {
@@ -96,9 +146,13 @@ const App = (() => {
     const keep = state ? { metric: state.metric, tolerance: null } : {};
     state = { ...Filters.initial(k), ...keep };
     slots = new Map();
-    const group = data.facts.groups[k], table = tableOf(k), { columns, facts } = data;
-    const all = [...table.labels.keys()], matrix = Engine.costs(columns, table, [...table.problems.keys()], all, columns.time, null, facts.status);
-    const curves = Engine.profile(matrix, facts.metrics[0].floor), leaders = Engine.leading(curves);
+    const group = data.facts.groups[k],
+      table = tableOf(k),
+      { columns, facts } = data;
+    const all = [...table.labels.keys()],
+      matrix = Engine.costs(columns, table, [...table.problems.keys()], all, columns.time, null, facts.status);
+    const curves = Engine.profile(matrix, facts.metrics[0].floor),
+      leaders = Engine.leading(curves);
     group.display = [...leaders, ...all.filter((s) => !leaders.includes(s))];
     Filters.build(document.getElementById("filter-form"), data, state, { changed, chosen: choose });
     wire(table, leaders);
@@ -106,35 +160,57 @@ const App = (() => {
   }
 
   function wire(table, leaders) {
-    const quick = { all: () => state.hidden.clear(), none: () => table.labels.forEach((c) => state.hidden.add(c)), leading: () => { table.labels.forEach((c) => state.hidden.add(c)); leaders.slice(0, Charts.SLOTS).forEach((s) => state.hidden.delete(table.labels[s])); } };
-    for (const button of document.querySelectorAll("[data-quick]")) button.addEventListener("click", () => { quick[button.dataset.quick](); changed(); });
+    const quick = {
+      all: () => state.hidden.clear(),
+      none: () => table.labels.forEach((c) => state.hidden.add(c)),
+      leading: () => {
+        table.labels.forEach((c) => state.hidden.add(c));
+        leaders.slice(0, Charts.SLOTS).forEach((s) => state.hidden.delete(table.labels[s]));
+      },
+    };
+    for (const button of document.querySelectorAll("[data-quick]"))
+      button.addEventListener("click", () => {
+        quick[button.dataset.quick]();
+        changed();
+      });
     document.getElementById("solver-search").addEventListener("input", (event) => {
       const wanted = event.target.value.toLowerCase();
-      for (const line of document.getElementById("solver-lines").children) line.hidden = !line.title.toLowerCase().includes(wanted);
+      for (const line of document.getElementById("solver-lines").children)
+        line.hidden = !line.title.toLowerCase().includes(wanted);
     });
   }
 
   function navigation() {
     const links = new Map([...document.querySelectorAll(".top nav a")].map((a) => [a.hash.slice(1), a]));
-    const watcher = new IntersectionObserver((entries) => {
-      for (const entry of entries) {
-        if (!entry.isIntersecting) continue;
-        for (const a of links.values()) a.removeAttribute("aria-current");
-        const link = links.get(entry.target.id);
-        link?.setAttribute("aria-current", "true");
-        link?.closest("nav").scrollTo({ left: link.offsetLeft - 120 });
-      }
-    }, { rootMargin: "-20% 0px -70% 0px" });
+    const watcher = new IntersectionObserver(
+      (entries) => {
+        for (const entry of entries) {
+          if (!entry.isIntersecting) continue;
+          for (const a of links.values()) a.removeAttribute("aria-current");
+          const link = links.get(entry.target.id);
+          link?.setAttribute("aria-current", "true");
+          link?.closest("nav").scrollTo({ left: link.offsetLeft - 120 });
+        }
+      },
+      { rootMargin: "-20% 0px -70% 0px" },
+    );
     document.querySelectorAll("main > section[id]").forEach((section) => watcher.observe(section));
     document.getElementById("theme").addEventListener("click", () => {
-      const root = document.documentElement, dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+      const root = document.documentElement,
+        dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
       root.dataset.theme = dark ? "light" : "dark";
     });
-    const box = document.querySelector("#filters > details"), wide = matchMedia("(min-width: 62.01rem)"), fit = () => { box.open = wide.matches; };
+    const box = document.querySelector("#filters > details"),
+      wide = matchMedia("(min-width: 62.01rem)"),
+      fit = () => {
+        box.open = wide.matches;
+      };
     wide.addEventListener("change", fit);
     fit();
     const dialog = document.getElementById("pair");
-    dialog.addEventListener("click", (event) => { if (event.target === dialog) dialog.close(); });
+    dialog.addEventListener("click", (event) => {
+      if (event.target === dialog) dialog.close();
+    });
   }
 
   async function start() {
@@ -142,12 +218,27 @@ const App = (() => {
     navigation();
     if (data.facts.groups.length) {
       Figures.mount(changed);
-      for (const place of document.querySelectorAll("[data-choose]")) place.addEventListener("click", () => { choose(Number(place.dataset.choose)); document.getElementById("profile").scrollIntoView(); });
+      for (const place of document.querySelectorAll("[data-choose]"))
+        place.addEventListener("click", () => {
+          choose(Number(place.dataset.choose));
+          document.getElementById("profile").scrollIntoView();
+        });
       choose(data.facts.first);
     }
     document.documentElement.dataset.ready = "true";
   }
 
-  return { start, update, choose, context: null, get state() { return state; }, get data() { return data; } };
+  return {
+    start,
+    update,
+    choose,
+    context: null,
+    get state() {
+      return state;
+    },
+    get data() {
+      return data;
+    },
+  };
 })();
 App.start();

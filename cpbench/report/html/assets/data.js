@@ -4,7 +4,8 @@ const Data = (() => {
   const TYPES = { u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32Array, f64: Float64Array };
 
   async function read(text) {
-    const letters = atob(text), packed = new Uint8Array(letters.length);
+    const letters = atob(text),
+      packed = new Uint8Array(letters.length);
     for (let k = 0; k < letters.length; k++) packed[k] = letters.charCodeAt(k);
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
     const bytes = await new Response(stream).arrayBuffer();

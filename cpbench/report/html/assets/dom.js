@@ -25,26 +25,54 @@ const Dom = (() => {
 
   /* A table in a box that scrolls; `right` are the columns of numbers, the first column names its row. */
   function table({ caption, head, rows, right = [] }) {
-    const numbers = new Set(right), side = (k) => (numbers.has(k) ? "right" : null);
-    return h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
-      h("table", {},
+    const numbers = new Set(right),
+      side = (k) => (numbers.has(k) ? "right" : null);
+    return h(
+      "div",
+      { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
+      h(
+        "table",
+        {},
         h("caption", { class: "visually-hidden" }, caption),
-        h("thead", {}, h("tr", {}, head.map((cell, k) => h("th", { scope: "col", class: side(k) }, cell)))),
-        h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell, k) =>
-          (k ? h("td", { class: side(k) }, cell) : h("th", { scope: "row" }, cell))))))));
+        h(
+          "thead",
+          {},
+          h(
+            "tr",
+            {},
+            head.map((cell, k) => h("th", { scope: "col", class: side(k) }, cell)),
+          ),
+        ),
+        h(
+          "tbody",
+          {},
+          rows.map((row) =>
+            h(
+              "tr",
+              {},
+              row.map((cell, k) => (k ? h("td", { class: side(k) }, cell) : h("th", { scope: "row" }, cell))),
+            ),
+          ),
+        ),
+      ),
+    );
   }
 
   /* What a box says when it is opened, made only then. */
   function folded(title, make) {
     const box = h("details", {}, h("summary", {}, title));
-    box.addEventListener("toggle", () => { if (box.open && box.children.length === 1) box.append(make()); });
+    box.addEventListener("toggle", () => {
+      if (box.open && box.children.length === 1) box.append(make());
+    });
     return box;
   }
 
   const digits = (value) => {
     if (value === 0) return "0";
     const size = Math.abs(value);
-    return size >= 1e5 || size < 1e-3 ? value.toExponential(1).replace("e+", "e").replace(".0e", "e") : String(Number(value.toPrecision(3)));
+    return size >= 1e5 || size < 1e-3
+      ? value.toExponential(1).replace("e+", "e").replace(".0e", "e")
+      : String(Number(value.toPrecision(3)));
   };
 
   function number(value) {
@@ -66,7 +94,7 @@ const Dom = (() => {
   const percent = (share) => (Number.isFinite(share) ? `${Math.round(100 * share)} %` : "—");
   const counted = (value, noun, nouns = `${noun}s`) => `${value} ${value === 1 ? noun : nouns}`;
   const cost = (metric, value) =>
-    (metric.unit === "s" ? seconds(value) : metric.unit === "byte" ? bytes(value) : number(value));
+    metric.unit === "s" ? seconds(value) : metric.unit === "byte" ? bytes(value) : number(value);
 
   return Object.freeze({ h, svg, table, folded, number, seconds, bytes, percent, counted, cost });
 })();

@@ -12,7 +12,8 @@ const Engine = (() => {
   function index(columns, group) {
     const { first, count, problems, labels } = group;
     const placeOf = (codes) => new Map(codes.map((code, place) => [code, place]));
-    const problemAt = placeOf(problems), labelAt = placeOf(labels);
+    const problemAt = placeOf(problems),
+      labelAt = placeOf(labels);
     const row = new Int32Array(problems.length * labels.length).fill(-1);
     for (let r = first; r < first + count; r++) {
       row[problemAt.get(columns.problem[r]) * labels.length + labelAt.get(columns.label[r])] = r;
@@ -30,10 +31,13 @@ const Engine = (() => {
      answer that lacks the value are left out and counted. */
   function costs(columns, table, problems, labels, values, tolerance, status) {
     const width = table.labels.length;
-    const kept = [], leftOut = [], found = [];
+    const kept = [],
+      leftOut = [],
+      found = [];
     for (const s of labels) {
       const own = new Float64Array(problems.length).fill(INFINITE);
-      let unknown = 0, comparable = false;
+      let unknown = 0,
+        comparable = false;
       for (let i = 0; i < problems.length; i++) {
         const r = table.row[problems[i] * width + s];
         if (r < 0 || !columns.ranked[r]) continue;
@@ -44,10 +48,15 @@ const Engine = (() => {
       }
       if (!comparable) continue;
       if (unknown) leftOut.push({ label: s, count: unknown });
-      else { kept.push(s); found.push(own); }
+      else {
+        kept.push(s);
+        found.push(own);
+      }
     }
     const matrix = new Float64Array(problems.length * kept.length);
-    found.forEach((own, s) => { for (let i = 0; i < own.length; i++) matrix[i * kept.length + s] = own[i]; });
+    found.forEach((own, s) => {
+      for (let i = 0; i < own.length; i++) matrix[i * kept.length + s] = own[i];
+    });
     return { values: matrix, problems, labels: kept, leftOut };
   }
 
@@ -60,7 +69,8 @@ const Engine = (() => {
   /* r[p, s] = t[p, s] / min_s t[p, s] (Dolan and More 2002), Infinity where not solved. */
   function ratios(matrix, floor) {
     const { values, labels, problems } = floored(matrix, floor);
-    const quotient = new Float64Array(values.length).fill(INFINITE), width = labels.length;
+    const quotient = new Float64Array(values.length).fill(INFINITE),
+      width = labels.length;
     for (let p = 0; p < problems.length; p++) {
       let best = INFINITE;
       for (let s = 0; s < width; s++) best = Math.min(best, values[p * width + s]);
@@ -83,7 +93,8 @@ const Engine = (() => {
   function curves(matrix) {
     return matrix.labels.map((label, s) => {
       const steps = column(matrix, s).filter(Number.isFinite).sort();
-      const at = [], count = [];
+      const at = [],
+        count = [];
       for (let k = 0; k < steps.length; k++) {
         if (k + 1 < steps.length && steps[k + 1] === steps[k]) continue;
         at.push(steps[k]);
@@ -98,21 +109,26 @@ const Engine = (() => {
 
   /* Problems reached up to x: continuous from the right. */
   function reached(curve, x) {
-    let low = 0, high = curve.at.length;
+    let low = 0,
+      high = curve.at.length;
     while (low < high) {
       const middle = (low + high) >> 1;
-      if (curve.at[middle] <= x) low = middle + 1; else high = middle;
+      if (curve.at[middle] <= x) low = middle + 1;
+      else high = middle;
     }
     return low ? curve.count[low - 1] : 0;
   }
 
   const height = (curve, x) => reached(curve, x) / Math.max(curve.problems, 1);
-  const widest = (all, least) => all.reduce((most, c) => (c.solved ? Math.max(most, c.at[c.at.length - 1]) : most), least);
+  const widest = (all, least) =>
+    all.reduce((most, c) => (c.solved ? Math.max(most, c.at[c.at.length - 1]) : most), least);
 
   /* Mean height over log2 between 1 and `upto`. */
   function area(curve, upto) {
     if (upto <= 1) return height(curve, 1);
-    let sum = 0, before = 0, level = height(curve, 1);
+    let sum = 0,
+      before = 0,
+      level = height(curve, 1);
     for (let k = 0; k < curve.at.length && curve.at[k] < upto; k++) {
       if (curve.at[k] <= 1) continue;
       const here = Math.log2(curve.at[k]);
@@ -132,10 +148,12 @@ const Engine = (() => {
 
   /* How often label `one` is ahead of `other` (places in the matrix): wins, ties, losses, neither; together N. */
   function record(matrix, floor, one, other) {
-    const { values, labels, problems } = matrix, least = floor ?? 0;
+    const { values, labels, problems } = matrix,
+      least = floor ?? 0;
     const found = { wins: 0, ties: 0, losses: 0, neither: 0 };
     for (let p = 0; p < problems.length; p++) {
-      const a = Math.max(values[p * labels.length + one], least), b = Math.max(values[p * labels.length + other], least);
+      const a = Math.max(values[p * labels.length + one], least),
+        b = Math.max(values[p * labels.length + other], least);
       if (a < b) found.wins++;
       else if (b < a) found.losses++;
       else if (a === INFINITE) found.neither++;
@@ -151,7 +169,8 @@ const Engine = (() => {
 
   /* Wilson's 95 % interval of a rate. */
   function wilson(successes, trials) {
-    const z = 1.959963984540054, p = successes / trials;
+    const z = 1.959963984540054,
+      p = successes / trials;
     const middle = p + (z * z) / (2 * trials);
     const half = z * Math.sqrt((p * (1 - p)) / trials + (z * z) / (4 * trials * trials));
     const below = 1 + (z * z) / trials;
@@ -161,14 +180,25 @@ const Engine = (() => {
   /* Of each label: quantiles of the times, misses of the deadline, and the longest run of misses within a sequence.
      `order` has for each problem of the matrix its sequence ('' for none) and step. */
   function deadlines(matrix, deadline, order) {
-    const places = matrix.problems.map((_, p) => p).sort((a, b) =>
-      order[a].sequence < order[b].sequence ? -1 : order[a].sequence > order[b].sequence ? 1 :
-        order[a].step - order[b].step || a - b);
+    const places = matrix.problems
+      .map((_, p) => p)
+      .sort((a, b) =>
+        order[a].sequence < order[b].sequence
+          ? -1
+          : order[a].sequence > order[b].sequence
+            ? 1
+            : order[a].step - order[b].step || a - b,
+      );
     return matrix.labels.map((label, s) => {
-      const own = column(matrix, s), sorted = own.slice().sort();
-      let misses = 0, longest = 0, run = 0, before = null;
+      const own = column(matrix, s),
+        sorted = own.slice().sort();
+      let misses = 0,
+        longest = 0,
+        run = 0,
+        before = null;
       for (const p of places) {
-        const { sequence } = order[p], missed = !(own[p] <= deadline);
+        const { sequence } = order[p],
+          missed = !(own[p] <= deadline);
         if (missed) misses++;
         run = missed && sequence !== "" ? (sequence === before ? run : 0) + 1 : 0;
         longest = Math.max(longest, run);
@@ -185,11 +215,17 @@ const Engine = (() => {
   /* Median time to each error over the chosen problems, as analysis.histories.work_precision: those that were not
      reached count as Infinity. `paths` has {problem, label, seconds, error} of iterates; problems and labels are sets. */
   function workPrecision(paths, problems, labels, tolerance) {
-    const levels = ERRORS.filter((e) => e >= 0.99 * tolerance), count = problems.size, times = new Map();
+    const levels = ERRORS.filter((e) => e >= 0.99 * tolerance),
+      count = problems.size,
+      times = new Map();
     for (let k = 0; k < paths.error.length; k++) {
       const label = paths.label[k];
       if (!labels.has(label) || !problems.has(paths.problem[k])) continue;
-      if (!times.has(label)) times.set(label, levels.map(() => new Map()));
+      if (!times.has(label))
+        times.set(
+          label,
+          levels.map(() => new Map()),
+        );
       const own = times.get(label);
       for (let e = 0; e < levels.length && paths.error[k] <= levels[e]; e++) {
         const known = own[e].get(paths.problem[k]);
@@ -210,7 +246,23 @@ const Engine = (() => {
   }
 
   return Object.freeze({
-    index, solved, costs, ratios, curves, profile, dataProfile, reached, height, widest, area, leading, record, quantile,
-    wilson, deadlines, workPrecision, column,
+    index,
+    solved,
+    costs,
+    ratios,
+    curves,
+    profile,
+    dataProfile,
+    reached,
+    height,
+    widest,
+    area,
+    leading,
+    record,
+    quantile,
+    wilson,
+    deadlines,
+    workPrecision,
+    column,
   });
 })();

@@ -4,20 +4,25 @@
    how to read it with its numbers, and the same as a table. */
 const Figures = (() => {
   const { h, svg } = Dom;
-  const kinds = [], boxes = new Map();
-  let context = null, watcher = null;
+  const kinds = [],
+    boxes = new Map();
+  let context = null,
+    watcher = null;
 
   /* kind: {id, title, build(context) -> {spec, guide, numbers, labels, table, summary} | {empty}} */
   const register = (kind) => kinds.push(kind);
 
   function mount(redraw) {
-    watcher = new IntersectionObserver((entries) => {
-      for (const entry of entries) {
-        const box = boxes.get(entry.target.dataset.figure);
-        box.visible = entry.isIntersecting;
-        if (box.visible) show(box);
-      }
-    }, { rootMargin: "300px" });
+    watcher = new IntersectionObserver(
+      (entries) => {
+        for (const entry of entries) {
+          const box = boxes.get(entry.target.dataset.figure);
+          box.visible = entry.isIntersecting;
+          if (box.visible) show(box);
+        }
+      },
+      { rootMargin: "300px" },
+    );
     for (const kind of kinds) {
       const place = document.querySelector(`[data-figure="${kind.id}"]`);
       if (!place) continue; // the run has nothing for its section
@@ -60,8 +65,12 @@ const Figures = (() => {
     box.view?.finalize();
     box.view = null;
     box.chips.replaceChildren(...(made.labels ? chips(context, made.labels, made.slots ?? context.slots) : []));
-    box.caption.replaceChildren(...(made.guide ? [h("span", { class: "numbers" }, made.numbers ?? ""), made.numbers ? " " : "", made.guide] : []));
-    box.fold.replaceChildren(...(made.table ? [Dom.folded("As a table", () => Dom.table({ caption: box.kind.title, ...made.table() }))] : []));
+    box.caption.replaceChildren(
+      ...(made.guide ? [h("span", { class: "numbers" }, made.numbers ?? ""), made.numbers ? " " : "", made.guide] : []),
+    );
+    box.fold.replaceChildren(
+      ...(made.table ? [Dom.folded("As a table", () => Dom.table({ caption: box.kind.title, ...made.table() }))] : []),
+    );
     box.chart.replaceChildren();
     if (made.empty) {
       box.chart.removeAttribute("role");
@@ -75,24 +84,39 @@ const Figures = (() => {
       return;
     }
     box.chart.setAttribute("role", "img");
-    box.chart.setAttribute("aria-label", `${box.kind.title}. ${made.summary ?? ""} The same numbers are in the table below.`);
+    box.chart.setAttribute(
+      "aria-label",
+      `${box.kind.title}. ${made.summary ?? ""} The same numbers are in the table below.`,
+    );
     const surface = h("div", { "aria-hidden": "true" }); // the box around it has the role and the name
     box.chart.append(surface);
     const view = await Charts.draw(surface, made.spec);
-    if (box.chart.contains(surface)) box.view = view; else view.finalize();
+    if (box.chart.contains(surface)) box.view = view;
+    else view.finalize();
   }
 
   /* A label stands out in every figure that has it; '' for none. */
   function focus(name) {
     for (const box of boxes.values()) {
       if (box.view && box.visible) {
-        try { box.view.signal("focus", name).runAsync(); } catch { /* a chart without curves of labels */ }
+        try {
+          box.view.signal("focus", name).runAsync();
+        } catch {
+          /* a chart without curves of labels */
+        }
       }
     }
   }
 
   function swatch(slot) {
-    const line = { x1: 0, x2: 26, y1: 6, y2: 6, stroke: slot < 0 ? "var(--other)" : Charts.COLOURS[slot], "stroke-width": slot < 0 ? 1.2 : 2.4 };
+    const line = {
+      x1: 0,
+      x2: 26,
+      y1: 6,
+      y2: 6,
+      stroke: slot < 0 ? "var(--other)" : Charts.COLOURS[slot],
+      "stroke-width": slot < 0 ? 1.2 : 2.4,
+    };
     if (slot > 0) line["stroke-dasharray"] = Charts.DASHES[slot].join(" ");
     return svg("svg", { class: "swatch", viewBox: "0 0 26 12", "aria-hidden": "true" }, svg("line", line));
   }
@@ -110,9 +134,17 @@ const Figures = (() => {
   function chips(context, labels, slots) {
     const coloured = labels.filter((label) => slots.has(label));
     const grey = labels.length - coloured.length;
-    const found = coloured.map((label) => h("li", {
-      onmouseenter: () => focus(context.name(label)), onmouseleave: () => focus(""),
-    }, swatch(slots.get(label)), h("span", {}, context.name(label), ...context.marks(label))));
+    const found = coloured.map((label) =>
+      h(
+        "li",
+        {
+          onmouseenter: () => focus(context.name(label)),
+          onmouseleave: () => focus(""),
+        },
+        swatch(slots.get(label)),
+        h("span", {}, context.name(label), ...context.marks(label)),
+      ),
+    );
     if (grey) found.push(h("li", {}, swatch(-1), `${grey} more in grey`));
     return found;
   }
