@@ -32,12 +32,11 @@ def absences(table: pd.DataFrame) -> list[Absence]:
     >>> absences(rows)
     [Absence(state='missing', detail='pip install g', solvers={'a': 2, 'b': 1})]
     """
-    absent = table[table["status"] == str(Status.UNAVAILABLE)]
+    absent = table.loc[table["status"] == str(Status.UNAVAILABLE), ["solver", "message"]]
     found: dict[tuple[str, str], dict[str, int]] = {}
-    for solver, message in zip(absent["solver"], absent["message"], strict=True):
+    for (solver, message), count in absent.value_counts().items():  # type: ignore[misc]
         state, _, detail = message.partition(": ")
-        cost = found.setdefault((state, detail), {})
-        cost[solver] = cost.get(solver, 0) + 1
+        found.setdefault((state, detail), {})[solver] = int(count)
     return [Absence(*reason, dict(sorted(cost.items()))) for reason, cost in sorted(found.items())]
 
 
@@ -61,7 +60,7 @@ def restricted(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> 
     `sheets` : what the results say of each label, with `name` and `publishing`.
     """
     terms = {str(sheet.get("name", "")): str(sheet.get("publishing") or "") for sheet in sheets.values()}
-    started = set(table.loc[~table["status"].isin(REFUSED), "solver"])
+    started = table.loc[~table["status"].isin(REFUSED), "solver"].unique()
     return {name: terms[name] for name in sorted(started) if terms.get(name)}
 
 

@@ -44,6 +44,10 @@ FOLLOWED = "previous"
 UNMEASURED = (str(Status.UNAVAILABLE), str(Status.NOT_RUN))
 GIVEN_UP = (str(Status.FAILED), str(Status.ERROR))
 """What such a solver leaves behind is no answer: its error may be anything."""
+_READ = (
+    "node", "request", "start", "sequence", "claim", "status", "step", "tolerance", "threads", "measure", "error",
+    "counters",
+)  # fmt: skip
 _ERROR = re.compile(r"|inf|(<=)?\d+(\.\d+)?e[-+]\d+")
 
 
@@ -58,7 +62,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
     >>> of(rows).loc[0, ["fingerprint", "solver", "route", "error", "counters"]].tolist()
     ['0123456789ab', 'pgs', 'inner8', '<=1e-06', 'iterations=7']
     """
-    rows = rows_of.normalised(table)
+    rows = rows_of.normalised(table, _READ)
     request = rows["request"].where(rows["request"] != "", EXACT)
     followed = (rows["start"] == FOLLOWED) & (rows["sequence"] != "")
     answered = (rows["claim"] != "") & ~rows["status"].isin(GIVEN_UP)
@@ -221,9 +225,10 @@ def _short(fingerprint: str) -> str:
 
 
 def _without_request(names: pd.Series[str], request: pd.Series[str]) -> pd.Series[str]:
-    pairs = set(zip(names, request, strict=True))
-    plain = {(name, asked): name.removesuffix(f"@{asked}") for name, asked in pairs}
-    return pd.Series([plain[pair] for pair in zip(names, request, strict=True)], index=names.index, dtype=object)
+    both = pd.DataFrame({"name": names, "asked": request})
+    pairs = both.drop_duplicates()
+    plain = [name.removesuffix(f"@{asked}") for name, asked in pairs.itertuples(index=False, name=None)]
+    return both.merge(pairs.assign(plain=plain), how="left").set_axis(names.index)["plain"].astype(object)
 
 
 def _written(column: pd.Series[str]) -> pd.Series[str]:

@@ -45,13 +45,14 @@ def rulings(pairs: pd.DataFrame) -> pd.DataFrame:
 
 
 def rule(ruling: pd.DataFrame, gate: str, verdict: Verdict, where: pd.Series[bool], kind: object, why: object) -> None:
-    """Enter a verdict for the pairs `where` it holds and nothing was ruled before; `kind` and `why` are texts, or
-    series of them."""
-    open_pairs = where & (ruling["verdict"] == UNDECIDED)
-    if not open_pairs.any():
+    """Enter a verdict for the pairs `where` it holds, of all or of some, and nothing was ruled before; `kind` and
+    `why` are texts, or series of them."""
+    chosen = where.index[where]
+    chosen = chosen[(ruling.loc[chosen, "verdict"] == UNDECIDED).to_numpy()]
+    if chosen.empty:
         return
     for column, value in {"verdict": str(verdict), "gate": gate, "kind": kind, "why": why}.items():
-        ruling.loc[open_pairs, column] = value[open_pairs] if isinstance(value, pd.Series) else value
+        ruling.loc[chosen, column] = value[chosen] if isinstance(value, pd.Series) else value
 
 
 def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
@@ -60,6 +61,7 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
     `stray` : the factor by which one time strays by itself. A solve that ended that near to the limit on one side,
     and over it on the other, is no change of status.
     """
+    pairs = pairs[pairs["status_base"] != pairs["status_new"]]
     base, new = pairs["status_base"], pairs["status_new"]
     change = base.str.replace("_", " ") + " → " + new.str.replace("_", " ")
     message = pairs["message_new"].where(new.isin(REFUSED), pairs["message_base"])
@@ -78,9 +80,9 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
         rule(ruling, "status", Verdict.INCONCLUSIVE, near, "at the limit", why)
     rule(ruling, "status", Verdict.REGRESSED, was & ~done, new, change)
     rule(ruling, "status", Verdict.IMPROVED, done & ~was, base, change)
-    moved = (base != new) & ~done & ~was
-    rule(ruling, "status", Verdict.REGRESSED, moved & new.isin(WORST), new, change)
-    rule(ruling, "status", Verdict.IMPROVED, moved & base.isin(WORST), base, change)
+    neither = ~done & ~was
+    rule(ruling, "status", Verdict.REGRESSED, neither & new.isin(WORST), new, change)
+    rule(ruling, "status", Verdict.IMPROVED, neither & base.isin(WORST), base, change)
 
 
 def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
@@ -88,10 +90,11 @@ def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
     are equal, beyond it a factor of 10 counts."""
     floor = pairs["tolerance"].astype(float)
     base, new = (pairs[f"error_{side}"].astype(float).clip(lower=floor) for side in ("base", "new"))
-    both = np.isfinite(base) & np.isfinite(new)
+    apart = np.isfinite(base) & np.isfinite(new) & ((new > DECADE * base) | (base > DECADE * new))
+    base, new = base[apart], new[apart]
     why = "error " + base.map("{:.1e}".format).astype(str) + " → " + new.map("{:.1e}".format).astype(str)
-    rule(ruling, "error", Verdict.REGRESSED, both & (new > DECADE * base), "error", why)
-    rule(ruling, "error", Verdict.IMPROVED, both & (base > DECADE * new), "error", why)
+    rule(ruling, "error", Verdict.REGRESSED, new > base, "error", why)
+    rule(ruling, "error", Verdict.IMPROVED, base > new, "error", why)
 
 
 def by_counters(

@@ -26,6 +26,7 @@ SIDE = ("label", "status", "error", "counters", "samples", "flags", "message", "
 """What a pair has of both sides, with the endings `_base` and `_new`."""
 BY_LABEL = ("solver", "options", "request")
 """What is no part of the key where two labels of one table are compared."""
+_READ = {*COMMON, *SIDE, *rows_of.CHARGED} - {"time"}
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Matched:
 
 def prepared(table: pd.DataFrame) -> pd.DataFrame:
     """The columns of a table of results that a comparison looks at, each present, with `time`."""
-    clean = rows_of.normalised(table)
+    clean = rows_of.normalised(table, _READ)
     options = clean["options"].where(clean["options"] != "", "{}")
     threads = clean["threads"].fillna(1.0)
     return rows_of.with_time(clean).assign(options=options, threads=threads)[[*COMMON, *SIDE]]
@@ -90,7 +91,7 @@ def labelled(table: pd.DataFrame, first: str, second: str) -> tuple[pd.DataFrame
     """
     if first == second:
         raise CpbenchError(f"'{first}' is compared with itself: name two solvers or labels of the file")
-    names, labels = set(table["solver"]), set(table["label"])
+    names, labels = set(table["solver"].unique()), set(table["label"].unique())
     by_solver = {first, second} <= names
     for name in (first, second):
         if name not in (names if by_solver else labels):
@@ -114,6 +115,6 @@ def _codes(sides: list[pd.DataFrame], key: list[str]) -> list[pd.Series[int]]:
 
 def _changed(base: pd.DataFrame, new: pd.DataFrame) -> tuple[str, ...]:
     """Names of problems of which neither side knows the other's fingerprint."""
-    gone = base.loc[~base["fingerprint"].isin(set(new["fingerprint"])), ["problem", "node"]]
-    come = new.loc[~new["fingerprint"].isin(set(base["fingerprint"])), ["problem", "node"]]
-    return tuple(sorted(set(gone.merge(come, on=["problem", "node"])["problem"])))
+    gone = base.loc[~base["fingerprint"].isin(new["fingerprint"].unique()), ["problem", "node"]].drop_duplicates()
+    come = new.loc[~new["fingerprint"].isin(base["fingerprint"].unique()), ["problem", "node"]].drop_duplicates()
+    return tuple(sorted(gone.merge(come, on=["problem", "node"])["problem"].unique()))

@@ -142,14 +142,16 @@ def _welch(x: np.ndarray, y: np.ndarray) -> tuple[Floats, Floats, Floats]:
 
 def _told(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
     """What is said of each comparable pair."""
-    why = pd.Series(UNDECIDED, index=found.index, dtype=object)
+    why = np.full(len(found), UNDECIDED, dtype=object)
+    comparable = found["comparable"].to_numpy()
     moment = f", of one moment: one pair decides beyond {noise.strays:.3g}, with the processor's time"
-    columns = [found[name] for name in ("comparable", "ratio", "low", "high", "significant")]
+    columns = [found[name].to_numpy()[comparable].tolist() for name in ("ratio", "low", "high", "significant")]
     texts: list[str] = []
-    for (_, ratio, low, high, significant), decides in zip(zip(*columns, strict=True), decisive, strict=True):
+    for ratio, low, high, significant, decides in zip(*columns, decisive[comparable].tolist(), strict=True):
         interval = ", not repeated" if math.isnan(low) else f" [{low:.3g}, {high:.3g}]"
         texts.append(f"{ratio:.3g} times the time{interval}{moment if significant and not decides else ''}")
-    return why.where(~found["comparable"], pd.Series(texts, index=found.index, dtype=object))
+    why[comparable] = texts
+    return pd.Series(why, index=found.index, dtype=object)
 
 
 def holm(p: Sequence[float]) -> list[float]:

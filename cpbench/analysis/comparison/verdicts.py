@@ -220,7 +220,7 @@ def _worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> Verdict:
     if not len(judged):
         return Verdict.INCONCLUSIVE
     by_time = judged["gate"] == "time"
-    decided = set(judged.loc[~(by_time & (judged["verdict"] == Verdict.INCONCLUSIVE)), "verdict"])
+    decided = set(judged.loc[~(by_time & (judged["verdict"] == Verdict.INCONCLUSIVE)), "verdict"].unique())
     decided |= {str(suite.time) for suite in by_label if suite.time is not None}
     order = (Verdict.REGRESSED, Verdict.INCONCLUSIVE, Verdict.IMPROVED)
     return next((verdict for verdict in order if verdict in decided), Verdict.SAME)
