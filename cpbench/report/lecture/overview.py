@@ -1,0 +1,73 @@
+"""The map: formulations and the conversions between them."""
+
+from __future__ import annotations
+
+from cpbench.formulations.base import formulations
+from cpbench.graph import best_kind, edges
+from cpbench.report import canvas
+from cpbench.report.lecture import svg
+from cpbench.report.lecture.blocks import Figure, Section, text
+
+PLACES = {
+    "grfc": (0.0, 3.0), "gfc": (0.0, 1.5), "rfc": (1.0, 3.0), "fcm": (1.0, 2.1), "afc": (1.0, 0.0), "fc": (2.0, 1.05),
+    "coneqp": (3.15, 3.0), "soclcp": (3.15, 2.1), "mlcp": (3.15, 0.0), "lcp": (4.3, 1.05), "qp": (4.3, 2.55),
+    "relay": (5.4, 0.0), "avi": (5.4, 1.7),
+}  # fmt: skip
+"""Columns from the mechanics to the mathematics; a formulation that is not here is named below the map."""
+
+
+def section() -> Section:
+    """How the sections hang together."""
+    shown = [edge for edge in edges() if edge.source != edge.target]
+    return Section(
+        "map",
+        "The map",
+        text(
+            "Formulations are places, conversions are roads. Each road is two-way: a problem goes there, its answer "
+            "comes back.",
+        ),
+        (
+            _map(),
+            text(
+                "There are «places» formulations and «roads» conversions between them; the sections below take every "
+                "one. A promise comes with each: *equivalent* keeps the solutions, *necessary* keeps them among "
+                "others, *approximate* errs by a knob, a *relaxation* drops a term.",
+                places=len(formulations),
+                roads=len(shown),
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _map() -> Figure:
+    """Boxes and arrows."""
+    alt = "A map of formulations from global frictional contact to quadratic programs, with arrows for conversions"
+    pairs: dict[tuple[str, str], bool] = {}
+    for edge in edges():
+        if edge.source != edge.target and {edge.source, edge.target} <= set(PLACES):
+            pair = (edge.source, edge.target)
+            pairs[pair] = pairs.get(pair, False) or best_kind(edge).exact
+    with canvas.drawing():
+        figure = canvas.page(6.6, 3.3)
+        axes = figure.add_axes((0.01, 0.01, 0.98, 0.98))
+        for (source, target), exact in pairs.items():
+            both = (target, source) in pairs
+            axes.annotate(
+                "", PLACES[target], PLACES[source],
+                arrowprops={
+                    "arrowstyle": "-|>", "color": canvas.BLUE if exact else canvas.RED, "linewidth": 1.1,
+                    "linestyle": "-" if exact else (0, (3, 2)), "shrinkA": 15, "shrinkB": 16,
+                    "connectionstyle": f"arc3,rad={0.14 if both else 0.0}",
+                },
+            )  # fmt: skip
+        for name, (x, y) in PLACES.items():
+            axes.text(
+                x, y, name, ha="center", va="center", fontsize=9, zorder=5,
+                bbox={"boxstyle": "round,pad=0.42", "facecolor": "#ffffff", "edgecolor": canvas.GREY, "linewidth": 0.8},
+            )  # fmt: skip
+        axes.set_xlim(-0.4, 5.8)
+        axes.set_ylim(-0.35, 3.35)
+        axes.set_axis_off()
+        drawn = svg.inline(figure, "fig-map", alt)
+    told = text("Blue: exact for every problem, or for some. Dashed: approximations and relaxations only.")
+    return Figure(drawn, told, alt)
