@@ -66,6 +66,7 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
     facts = {
         "rows": len(run.rows),
         "whole": whole,
+        "iterates": len(run.histories),
         "kept": int((columns["detail"] > 0).sum()),
         "status": _statuses(),
         "metrics": [

@@ -28,14 +28,17 @@
     return found;
   }
 
-  const none = "No iterates were kept of these solves: run with --history.";
+  const none = ({ facts, columns }) =>
+    facts.iterates && !columns["path.row"]
+      ? `The ${facts.iterates} iterates that were kept are too many for this page: report fewer problems.`
+      : "No iterates were kept of these solves: run with --history.";
 
   Figures.register({
     id: "precision",
     title: "Error against time, over the problems",
     build(context) {
       const paths = pathsOf(context);
-      if (!paths || !paths.error.length) return { empty: none };
+      if (!paths || !paths.error.length) return { empty: none(context) };
       const found = Engine.workPrecision(paths, new Set(context.problems), context.shown, context.group.tolerance);
       const drawn = found.filter((r) => Number.isFinite(r.seconds) && r.seconds > 0);
       if (!drawn.length) return { empty: "No error was reached on half of the chosen problems." };
@@ -102,7 +105,7 @@
     },
     build(context) {
       const paths = pathsOf(context);
-      if (!paths || problem === null) return { empty: none };
+      if (!paths || problem === null) return { empty: none(context) };
       const values = [];
       paths.error.forEach((error, k) => {
         if (
