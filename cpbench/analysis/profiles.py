@@ -71,6 +71,19 @@ class Curve:
         tau = np.concatenate(([start], inside, [upto]))
         return tau, self.heights(tau)
 
+    def outline(self, upto: float, most: int) -> tuple[Floats, Floats]:
+        """At most `most` of the corners of `steps`, both ends among them; nowhere above the curve.
+
+        >>> x, y = Curve("s", np.arange(1.0, 101.0), tuple(range(1, 101)), 100).outline(128.0, 3)
+        >>> x.tolist(), y.tolist()
+        ([1.0, 51.0, 128.0], [0.01, 0.51, 1.0])
+        """
+        tau, height = self.steps(upto)
+        if len(tau) <= most:
+            return tau, height
+        kept = np.linspace(0, len(tau) - 1, most).round().astype(int)
+        return tau[kept], height[kept]
+
     def area(self, upto: float) -> float:
         """Mean height over log₂ τ between 1 and `upto`: one number for fast and reliable together.
 

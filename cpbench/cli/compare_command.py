@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.bench.results.store import Store
 from cpbench.cli.options import Names
-from cpbench.errors import CpbenchError, UnknownName
+from cpbench.cli.sides import base as base_side
+from cpbench.cli.sides import side
+from cpbench.errors import UnknownName
 from cpbench.verification import VERIFIED, Status
 
 if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison, Side
+    from cpbench.analysis.comparison import Comparison
 
 FAILURES = (
     "regression",
@@ -92,10 +93,10 @@ def command(
     if new is None:
         assert first is not None
         assert second is not None
-        found = compare_labels(_side(base), first, second, settings, equal)
+        found = compare_labels(side(base), first, second, settings, equal)
     else:
-        after = _side(new)
-        found = compare(_base(base, after), after, settings, equal_pairs(after, equal) if equal else None)
+        after = side(new)
+        found = compare(base_side(base, after), after, settings, equal_pairs(after, equal) if equal else None)
     for line in terminal.lines(found):
         click.echo(line)
     for path in outputs:
@@ -129,26 +130,6 @@ def _checked(
     for what in fail_on or ():
         if what not in FAILURES:
             raise UnknownName("outcome for --fail-on", what, FAILURES)
-
-
-def _side(path: Path) -> Side:
-    from cpbench.analysis.comparison import Side
-
-    with Store(path) as store:
-        table = store.table()
-        if not len(table):
-            raise CpbenchError(f"{path}: has no rows; make some with: cpbench run PROBLEMS -o {path}")
-        return Side(str(path), table, store.meta(), store.machines())
-
-
-def _base(path: Path, new: Side) -> Side:
-    """A results file, or the text of a baseline, whose lines are completed from the results they are compared with."""
-    from cpbench.analysis.comparison import Side
-    from cpbench.report import baseline_file
-
-    if path.suffix != baseline_file.SUFFIX:
-        return _side(path)
-    return Side(str(path), baseline_file.table(path, new.table))
 
 
 def _two(text: str) -> tuple[str, str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from cpbench.bench.results.store import Store
+from cpbench.cli.options import Names
 
 
 @click.command()
@@ -14,21 +15,77 @@ from cpbench.bench.results.store import Store
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder (default: reports/NAME).")
 @click.option("--title", help="Title of the report (default: name of the results file).")
 @click.option(
+    "--format",
+    "form",
+    type=click.Choice(["html", "tex"]),
+    default="html",
+    show_default=True,
+    help="html: with Markdown and figures; tex: one LaTeX document, numbers as macros, refs.bib.",
+)
+@click.option(
+    "--facet", "facets", type=Names(), metavar="NAMES", help="With tex: profiles by family, tolerance, or both."
+)
+@click.option(
+    "--baseline",
+    type=click.Path(path_type=Path),
+    metavar="OTHER",
+    help="Compare with this run (or baseline .csv) in a section of the Markdown report.",
+)
+@click.option(
     "--publishable", is_flag=True, help="Leave out solvers whose licence restricts the publishing of figures."
 )
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
-def command(results: Path, output: Path | None, title: str | None, publishable: bool, with_imported: bool) -> None:
-    """Write the report of a results file: one HTML file that works offline, Markdown, figures, CSV."""
+def command(
+    results: Path,
+    output: Path | None,
+    title: str | None,
+    form: str,
+    facets: tuple[str, ...] | None,
+    baseline: Path | None,
+    publishable: bool,
+    with_imported: bool,
+) -> None:
+    """Write the report of a results file: one HTML file that works offline, Markdown, figures, CSV; or LaTeX."""
+    folder, name = output or Path("reports") / results.stem, title or results.stem
+    if form == "tex":
+        if baseline is not None:
+            raise click.UsageError("--baseline is a section of the Markdown report: leave --format tex out")
+        click.echo(f"report: {_tex(results, folder, name, facets or (), publishable, with_imported)}")
+        return
+    if facets is not None:
+        raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     from cpbench.bench import history
     from cpbench.report.html.page import write_html
     from cpbench.report.markdown import write_report
 
-    store = Store(results)
-    try:
+    with Store(results) as store:
         table, meta, iterates = store.table(), store.meta(), history.table(store.histories())
-    finally:
-        store.close()
-    folder, name = output or Path("reports") / results.stem, title or results.stem
-    for write in (write_report, write_html):
-        path = write(table, meta, folder, name, iterates, publishable=publishable, with_imported=with_imported)
-        click.echo(f"report: {path}")
+    comparison = None
+    if baseline is not None:
+        from cpbench.analysis.comparison import compare
+        from cpbench.cli.sides import base, side
+
+        new = side(results)
+        comparison = compare(base(baseline, new), new)
+    chosen = {"publishable": publishable, "with_imported": with_imported}
+    click.echo(f"report: {write_report(table, meta, folder, name, iterates, comparison=comparison, **chosen)}")
+    click.echo(f"report: {write_html(table, meta, folder, name, iterates, **chosen)}")
+
+
+def _tex(
+    results: Path, folder: Path, title: str, facets: tuple[str, ...], publishable: bool, with_imported: bool
+) -> Path:
+    from cpbench.bench.results.citations import citations
+    from cpbench.report.document.page import write_document
+
+    with Store(results) as store:
+        return write_document(
+            store.table(),
+            store.meta(),
+            folder,
+            title,
+            citations=citations(store),
+            facets=facets,
+            publishable=publishable,
+            with_imported=with_imported,
+        )

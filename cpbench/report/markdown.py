@@ -16,7 +16,9 @@ import pandas as pd
 from cpbench.analysis import reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
+from cpbench.analysis.comparison import Comparison
 from cpbench.report.attendance_sections import publishing
+from cpbench.report.comparison.markdown import section as comparison_section
 from cpbench.report.group_sections import group_sections
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, assembled, each, group_name
@@ -35,6 +37,7 @@ def write_report(
     *,
     publishable: bool = False,
     with_imported: bool = False,
+    comparison: Comparison | None = None,
 ) -> Path:
     """Write `folder`/report.md with its figures and results.csv; gives the path of the Markdown file.
 
@@ -44,12 +47,15 @@ def write_report(
     histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
     publishable : whether solvers whose figures must not be published are left out of everything.
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
+    comparison : with another run (`analysis.comparison`), a section of its own.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     run = assembled(table, meta, folder, histories, publishable=publishable, with_imported=with_imported)
     rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
+    if comparison is not None:
+        parts += comparison_section(comparison)
     several = len(rows_of.groups(run.rows)) > run.rows["node"].nunique()
     for group, rows in rows_of.groups(run.rows):
         parts += group_sections(run, group, attended(rows), several)

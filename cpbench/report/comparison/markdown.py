@@ -26,6 +26,13 @@ def document(found: Comparison) -> str:
     return "\n\n".join(_parts(found)) + "\n"
 
 
+def section(found: Comparison) -> Iterator[str]:
+    """The same as a section of a report about the new side."""
+    yield f"## Compared with {code(found.base.name)}"
+    for part in _parts(found):
+        yield f"#{part}" if part.startswith("## ") else part
+
+
 def _parts(found: Comparison) -> Iterator[str]:
     yield f"**{MARKS[found.verdict]} {str(found.verdict).capitalize()}**: {plain(words.headline(found))}."
     yield f"{code(found.base.name)} → {code(found.new.name)}" + "".join(

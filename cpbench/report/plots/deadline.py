@@ -75,8 +75,8 @@ def draw(run: Run, choice: Choice, *, deadline: float = math.nan) -> Drawing:
     rest = len(order) - len(shown)
     guide = (
         "Marks: the times within which half, 95 %, 99 % and all of the problems were solved; what was not solved is "
-        f"never there. Dashed: the deadline of {seconds(deadline)}; missed is the share of problems not solved by then, "
-        "with Wilson's 95 % interval, which takes them for independent; in a row: most consecutive misses in a "
+        f"never there. Dashed: the deadline of {seconds(deadline)}; missed is the share of problems not solved by "
+        "then, with Wilson's 95 % interval, which takes them for independent; in a row: most consecutive misses in a "
         "recorded sequence."
     )
     guide += f" {rest} solvers that missed more or solved none are not shown." if rest else ""

@@ -1,0 +1,33 @@
+"""The sides of a comparison, from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cpbench.bench.results.store import Store
+from cpbench.errors import CpbenchError
+
+if TYPE_CHECKING:
+    from cpbench.analysis.comparison import Side
+
+
+def side(path: Path) -> Side:
+    """The rows and facts of a results file; raises CpbenchError when it has none."""
+    from cpbench.analysis.comparison import Side
+
+    with Store(path) as store:
+        table = store.table()
+        if not len(table):
+            raise CpbenchError(f"{path}: has no rows; make some with: cpbench run PROBLEMS -o {path}")
+        return Side(str(path), table, store.meta(), store.machines())
+
+
+def base(path: Path, new: Side) -> Side:
+    """A results file, or the text of a baseline, whose lines are completed from the results they are compared with."""
+    from cpbench.analysis.comparison import Side
+    from cpbench.report import baseline_file
+
+    if path.suffix != baseline_file.SUFFIX:
+        return side(path)
+    return Side(str(path), baseline_file.table(path, new.table))

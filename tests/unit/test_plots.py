@@ -1,0 +1,310 @@
+"""Figures of runs: what is drawn are the numbers of the analysis, and what cannot be drawn says why."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from synthetic_results import meta, results_file, row, suite, table
+
+from cpbench.analysis import deadlines, histories, pairwise, profiles, scaling, sweeps
+from cpbench.analysis import steps as walk
+from cpbench.analysis import table as rows_of
+from cpbench.cli import cli
+from cpbench.cli.plot_command import ROOMS
+from cpbench.errors import CpbenchError, UnknownName
+from cpbench.report import figures, legend, run_canvas
+from cpbench.report.chosen import Choice, choose
+from cpbench.report.figure_kinds import Drawing, find, summaries
+from cpbench.report.run import Run, assembled
+
+ROOM = "cpbench.report.plots"
+KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling", "sequence", "deadline", "sweep")
+SUITE = suite(20, 12)
+
+
+def run_of(rows: pd.DataFrame, iterates: pd.DataFrame | None = None) -> Run:
+    return assembled(rows, meta(), Path(), iterates)
+
+
+ALL = Choice()
+
+
+def draw(kind: str, run: Run, choice: Choice = ALL, **options: Any) -> Drawing:
+    with run_canvas.drawing():
+        return find(ROOM, kind).draw(run, choice, **options)
+
+
+def lines(drawn: Drawing, axes: int = 0) -> list[Any]:
+    return list(drawn.figure.axes[axes].lines)
+
+
+def of_colour(drawn: Drawing, place: int, axes: int = 0) -> Any:
+    """The data of the curve in a colour of the palette."""
+    (found,) = [line for line in lines(drawn, axes) if line.get_color() == legend.PALETTE[place]]
+    return np.asarray(found.get_xdata(), dtype=float), np.asarray(found.get_ydata(), dtype=float)
+
+
+def test_every_kind_is_there_and_no_other() -> None:
+    assert set(summaries(ROOM)) == set(KINDS)
+    assert ROOM in ROOMS
+
+
+def test_profile_draws_the_curves_of_the_analysis() -> None:
+    drawn = draw("profile", run_of(SUITE))
+    times = rows_of.times(rows_of.normalised(SUITE))
+    profile = profiles.performance_profile(times)
+    upto = figures.right_end(profile)
+    curves = {curve.label: curve for curve in profile.curves}
+    for place, label in enumerate(profile.leading(3)):
+        tau, height = curves[label].steps(upto)
+        assert np.array_equal(of_colour(drawn, place), (tau, height))
+
+
+def test_hidden_solvers_do_not_count_for_the_ratios_but_n_stays() -> None:
+    times = rows_of.times(rows_of.normalised(SUITE))
+    best = profiles.performance_profile(times).leading(1)[0]
+    others = [label for label in times.columns if not label.startswith(best.partition("@")[0])]
+    drawn = draw("profile", run_of(SUITE), Choice(solvers=tuple(others)))
+    apart = profiles.performance_profile(times[others], 20)
+    upto = figures.right_end(apart)
+    first = {c.label: c for c in apart.curves}[apart.leading(1)[0]]
+    assert np.array_equal(of_colour(drawn, 0), first.steps(upto))
+    assert "N = 20 problems of lcp" in drawn.guide
+
+
+def test_bands_are_around_the_leading_curves() -> None:
+    drawn = draw("profile", run_of(SUITE), bands=True)
+    assert len(drawn.figure.axes[0].collections) == 3
+    assert "5 families drawn again 1000 times" in drawn.guide
+
+
+def test_data_profile_steps_at_the_times() -> None:
+    drawn = draw("data-profile", run_of(SUITE))
+    times = rows_of.times(rows_of.normalised(SUITE))
+    label = profiles.performance_profile(times).leading(1)[0]
+    x, y = of_colour(drawn, 0)
+    own = np.sort(times[label][np.isfinite(times[label])])
+    assert np.array_equal(x[1:-1], np.unique(own))
+    assert y[-1] == len(own) / 20
+
+
+def test_data_profile_per_dimension_divides_the_budget() -> None:
+    rows = table(row("a", "s", "solved", 6.0, sizes='{"n": 3}'), row("b", "s", "solved", 8.0, sizes='{"n": 2}'))
+    x, _ = of_colour(draw("data-profile", run_of(rows), per="n"), 0)
+    assert x[1:-1].tolist() == [2.0, 4.0]
+
+
+def test_pairwise_points_are_costs_and_counts_those_of_the_records() -> None:
+    times = rows_of.times(rows_of.normalised(SUITE))
+    one, other = profiles.performance_profile(times).leading(2)
+    drawn = draw("pairwise", run_of(SUITE), against=f"{one},{other}")
+    record = pairwise.records(times[[one, other]]).iloc[0]
+    wins = record["wins"] if record["one"] == one else record["losses"]
+    ahead = [line for line in lines(drawn) if line.get_marker() == "o"]
+    assert len(ahead[0].get_xdata()) == wins
+    assert f"{one} is ahead on {wins}" in drawn.guide
+    both = times[[one, other]].clip(lower=profiles.FLOOR)
+    both = both[np.isfinite(both).all(axis=1) & (both[one] < both[other])]
+    assert set(both[one]) <= set(ahead[0].get_xdata())
+
+
+def recorded() -> tuple[pd.DataFrame, pd.DataFrame]:
+    rows = table(*(row(p, s, "solved", 1.0) for p in ("p-1", "p-2") for s in ("fast", "slow")))
+    parts = []
+    for key, pace in zip(rows["key"], (0.1, 0.5, 0.1, 0.5), strict=True):
+        told = {"iteration": range(4), "told": 1e-3, "error": [1e-1, 1e-3, 1e-5, 1e-7]}
+        parts.append(
+            pd.DataFrame({"key": key, "time": [pace * k for k in range(4)], "share": np.arange(4) * pace, **told})
+        )
+    return rows, pd.concat(parts, ignore_index=True)
+
+
+def test_precision_draws_the_median_times_of_the_analysis() -> None:
+    rows, iterates = recorded()
+    drawn = draw("precision", run_of(rows, iterates))
+    found = histories.work_precision(rows_of.normalised(rows), iterates)
+    own = found[found["label"] == "fast"]
+    assert np.array_equal(of_colour(drawn, 0), (own["seconds"], own["error"]))
+
+
+def test_convergence_is_of_one_problem_and_draws_its_iterates() -> None:
+    rows, iterates = recorded()
+    run = run_of(rows, iterates)
+    with pytest.raises(CpbenchError, match=r"2 problems: name one with --name: p-1, p-2"):
+        draw("convergence", run)
+    drawn = draw("convergence", run, name="p-2")
+    assert of_colour(drawn, 0)[1].tolist() == [1e-1, 1e-3, 1e-5, 1e-7]
+    assert of_colour(drawn, 0)[0].tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("kind", ["precision", "convergence"])
+def test_without_iterates_the_way_to_them_is_told(kind: str) -> None:
+    with pytest.raises(CpbenchError, match="run with --history"):
+        draw(kind, run_of(SUITE))
+
+
+def test_scaling_panels_hold_points_and_slope_of_the_fit() -> None:
+    noise = [1.1, 0.9, 1.05, 0.95, 1.0, 1.02]
+    rows = [row(f"p-{k}", "s", "solved", 1e-3 * 4.0**k * noise[k], sizes=json.dumps({"n": 2**k})) for k in range(6)]
+    rows += [row("p-9", "s", "timeout", sizes='{"n": 512}')]
+    drawn = draw("scaling", run_of(table(*rows)))
+    fitted = scaling.scaling(rows_of.normalised(table(*rows)), "n").iloc[0]
+    (panel,) = drawn.figure.axes
+    assert any(f"b = {fitted['slope']:.2f}" in text.get_text() for text in panel.texts)
+    (stopped,) = [line for line in panel.lines if line.get_marker() == "^"]
+    assert (stopped.get_xdata()[0], stopped.get_ydata()[0]) == (512.0, 10.0)
+    with pytest.raises(UnknownName, match="unknown dimension 'm'"):
+        draw("scaling", run_of(table(*rows)), size="m")
+
+
+def walking() -> pd.DataFrame:
+    rows = []
+    for step in range(4):
+        for start, time in (("cold", 4.0), ("previous", 1.0 + step)):
+            given = {"sequence": "walk", "step": step, "counters": json.dumps({"iterations": int(10 * time)})}
+            key = f"{step}/{start}"
+            status = "timeout" if (step, start) == (3, "previous") else "solved"
+            rows.append(row(f"w-{step}", "s", status, time, start=start, started=start, key=key, **given))
+    return pd.DataFrame(rows)
+
+
+def test_sequence_has_time_iterations_error_and_warm_over_cold() -> None:
+    drawn = draw("sequence", run_of(walking()))
+    assert [axes.get_ylabel() for axes in drawn.figure.axes[:4]] == [
+        "time",
+        "iterations",
+        "judged error",
+        "warm / cold",
+    ]
+    (ratio,) = [line for line in lines(drawn, 3) if line.get_marker() == "o"]
+    assert np.array_equal(ratio.get_ydata(), [0.25, 0.5, 0.75, math.nan], equal_nan=True)
+    found = walk.steps(rows_of.normalised(walking()))[1]
+    assert found.loc[found["start"] == "previous", "iterations"].tolist() == [10.0, 20.0, 30.0, math.inf]
+
+
+def test_sequence_says_where_there_is_none() -> None:
+    with pytest.raises(CpbenchError, match="no problem is a step of a sequence"):
+        draw("sequence", run_of(SUITE))
+
+
+def test_deadline_marks_the_quantiles_and_tells_misses() -> None:
+    times = [0.1, 0.2, 0.3, 0.9]
+    run = run_of(table(*(row(f"p-{k}", "s", "solved", t) for k, t in enumerate(times))))
+    drawn = draw("deadline", run, deadline=0.25)
+    found = deadlines.deadlines(run.rows, 0.25).iloc[0]
+    marks = [line for line in lines(drawn) if line.get_marker() in ("o", "s", "D")]
+    assert {float(line.get_xdata()[0]) for line in marks} >= {float(found[q]) for q in ("p50", "p95", "p99", "max")}
+    assert any(text.get_text().startswith("50%") for text in drawn.figure.axes[0].texts)
+    with pytest.raises(CpbenchError, match="--deadline is missing"):
+        draw("deadline", run)
+
+
+def swept() -> pd.DataFrame:
+    rows = []
+    for omega, solved in ((0.5, 1), (1.0, 3), (1.5, 2)):
+        for k in range(3):
+            status = "solved" if k < solved else "timeout"
+            label = f"nsgs[omega={omega}]"
+            rows.append(row(f"p-{k}", label, status, omega, options=json.dumps({"omega": omega}), solver="nsgs"))
+    return table(*rows)
+
+
+def test_sweep_draws_the_share_and_the_mean_over_the_values() -> None:
+    drawn = draw("sweep", run_of(swept()))
+    option, found = sweeps.sweep(rows_of.normalised(swept()))
+    assert option == "omega"
+    assert np.array_equal(of_colour(drawn, 0, 0), (found["value"], [1 / 3, 1.0, 2 / 3]))
+    assert np.array_equal(of_colour(drawn, 0, 1), (found["value"], found["mean"]))
+
+
+def test_sweep_of_facets_reads_the_route() -> None:
+    rows = [row("p", f"lemke@inner{v}", "solved", 1.0, request=f"inner{v}", solver="lemke") for v in (4, 8, 16)]
+    rows += [row("p", f"lemke@fc-lcp-outer[facets={v}]", "solved", 1.0, solver="lemke") for v in (4, 8)]
+    option, found = sweeps.sweep(rows_of.normalised(table(*rows)))
+    assert option == "facets"
+    assert found["series"].unique().tolist() == ["lemke@fc-lcp-outer[facets=ν]", "lemke@innerν"]
+    assert found["value"].tolist() == [4.0, 8.0, 4.0, 8.0, 16.0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "option", "match"),
+    [
+        (SUITE, "omega", "unknown option of the solvers 'omega'"),
+        (swept()[swept()["label"] == "nsgs[omega=1.0]"], "", "no option changes"),
+        (swept().replace({"options": {'{"omega": 0.5}': '{"omega": "auto"}'}}), "", "omega=auto: no number"),
+    ],
+)
+def test_sweeps_that_cannot_be(rows: pd.DataFrame, option: str, match: str) -> None:
+    with pytest.raises(CpbenchError, match=match):
+        sweeps.sweep(rows_of.normalised(rows), option)
+
+
+def test_several_formulations_are_not_thrown_together() -> None:
+    rows = pd.concat([SUITE, SUITE.assign(node="mlcp", key=SUITE["key"] + "m")])
+    with pytest.raises(CpbenchError, match=r"2 formulations: choose one with --node: lcp \(20 problems\), mlcp"):
+        choose(run_of(rows), Choice())
+    assert choose(run_of(rows), Choice(node="mlcp")).node == "mlcp"
+
+
+def test_another_tolerance_judges_the_answers_again() -> None:
+    rows = table(row("a", "s", "solved", 1.0, error=1e-8), row("b", "s", "inaccurate", 1.0, error=3e-5))
+    loose, tight = (choose(run_of(rows), Choice(tolerance=t)) for t in (1e-4, 1e-9))
+    assert rows_of.solved(loose.rows).tolist() == [True, True]
+    assert rows_of.solved(tight.rows).tolist() == [False, False]
+    assert "tolerance 0.0001 (asked for: 1e-06)" in loose.conditions()
+
+
+@pytest.mark.parametrize("suffix", ["svg", "png", "pdf"])
+def test_hostile_names_stay_text_in_every_file(tmp_path: Path, suffix: str) -> None:
+    hostile = "<script>$\\frac{1}{0}$</script>"
+    rows = pd.concat([SUITE, SUITE[SUITE["label"] == "lemke"].assign(label=hostile, key=lambda r: r["key"] + "h")])
+    file = results_file(tmp_path / "r.sqlite", rows)
+    target = tmp_path / f"x.{suffix}"
+    done = CliRunner().invoke(cli, ["plot", "pairwise", str(file), "-o", str(target), "--against", f"{hostile},pgs"])
+    assert done.exit_code == 0, done.output
+    assert target.stat().st_size > 5000
+    if suffix == "svg":
+        assert "<script>" not in target.read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["profile", "FILE", "-o", "x.bmp"], "unknown suffix '.bmp'"),
+        (["profile", "FILE", "-o", "x.svg", "--metric", "timee"], "unknown metric 'timee': did you mean time"),
+        (["profile", "FILE", "-o", "x.svg", "--solver", "nobody"], "unknown solver of the results 'nobody'"),
+        (["profile", "FILE", "-o", "x.svg", "--node", "fc"], "unknown formulation 'fc'"),
+        (["profile", "FILE", "-o", "x.svg", "--family", "x*"], "unknown family 'x\\*'"),
+        (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs"], "takes two different labels"),
+        (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs,pg"], "unknown solver of the results 'pg'"),
+        (["data-profile", "FILE", "-o", "x.svg", "--per", "nc"], "unknown dimension 'nc'"),
+        (["sweep", "FILE", "-o", "x.svg", "--option", "omega"], "unknown option of the solvers 'omega'"),
+        (["profile", "none.sqlite", "-o", "x.svg"], "none.sqlite"),
+        (["profil", "FILE", "-o", "x.svg"], "unknown figure 'profil': did you mean profile"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(tmp_path: Path, arguments: list[str], message: str) -> None:
+    file = results_file(tmp_path / "r.sqlite", SUITE)
+    given = [str(file) if argument == "FILE" else argument for argument in arguments]
+    done = CliRunner().invoke(cli, ["plot", *given])
+    assert isinstance(done.exception, CpbenchError)
+    assert re.search(message, str(done.exception))
+
+
+def test_an_empty_results_file_says_how_to_fill_it(tmp_path: Path) -> None:
+    file = results_file(tmp_path / "r.sqlite", table())
+    done = CliRunner().invoke(cli, ["plot", "profile", str(file), "-o", str(tmp_path / "x.svg")])
+    assert "have no rows" in str(done.exception)
+
+
+def test_nothing_solved_is_drawn_and_said() -> None:
+    drawn = draw("profile", run_of(table(row("p", "s", "timeout"))))
+    assert "no problem was solved" in [text.get_text() for text in drawn.figure.axes[0].texts]
