@@ -11,7 +11,6 @@ fraction solved.
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 
@@ -19,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis.profiles import Curve, at_least, curves
+from cpbench.analysis.sizes import sizes_of, sizes_read
 from cpbench.errors import UnknownName
 
 
@@ -88,11 +88,8 @@ def size_units(group: pd.DataFrame, symbol: str, plus: float = 0.0) -> pd.Series
     >>> size_units(pd.DataFrame({"fingerprint": ["f", "g"], "sizes": ['{"n": 3}', '{"n": 7}']}), "n", 1).to_dict()
     {'f': 4.0, 'g': 8.0}
     """
-    first = group.drop_duplicates("fingerprint")
-    found: dict[str, float] = {}
-    for fingerprint, text in zip(first["fingerprint"], first["sizes"], strict=True):
-        sizes = json.loads(text) if text else {}
+    first = group[["fingerprint", "sizes"]].drop_duplicates("fingerprint")
+    for sizes in sizes_read(first)[1]:
         if symbol not in sizes:
             raise UnknownName("dimension", symbol, sizes)
-        found[str(fingerprint)] = float(sizes[symbol]) + plus
-    return pd.Series(found, dtype=float)
+    return pd.Series(sizes_of(first, symbol) + plus, index=first["fingerprint"].tolist())

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ import pandas as pd
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import FLOOR
+from cpbench.analysis.sizes import sizes_read
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Kind
 from cpbench.verification import Status
@@ -28,6 +29,10 @@ NEVER_STARTED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE))
 TEXT_VERSION = 1
 DIGITS = 3
 """Significant digits of a number in the text: times differ by more from run to run."""
+_READ = (
+    "fingerprint", "tolerance", "threads", "measure", "start", "host", "label", "request", "kind", "status", "started",
+    "problem", "node", "family", "sizes", *rows_of.CHARGED,
+)  # fmt: skip
 _INEXACT = [str(kind) for kind in Kind if not kind.exact]
 
 
@@ -108,33 +113,40 @@ def experience(
     >>> found.cases[0].outcomes, dict(found.cases[0].features)
     ({'a': 0.5, 'b': inf}, {'node': 'lcp', 'n': 3.0})
     """
-    chosen = table[(table["origin"] == "") & ((table["start"] != "cold") == warm)]
+    chosen = table.loc[(table["origin"] == "") & ((table["start"] != "cold") == warm), list(_READ)]
     if not inexact:
         weak = set(chosen.loc[chosen["kind"].isin(_INEXACT), "label"])
         chosen = chosen[~chosen["label"].isin(weak)]
     setting = ["fingerprint", "tolerance", "threads", "measure", "start"]
     waiting = chosen["status"] == str(Status.NOT_RUN)
-    left = waiting.groupby([chosen[name] for name in setting], dropna=False).transform("any")
+    of_setting = chosen.groupby(setting, dropna=False, sort=False).ngroup()
+    left = of_setting.isin(of_setting[waiting].unique())
     unfinished = chosen.loc[left, "fingerprint"].nunique()
     began = ~chosen["status"].isin(NEVER_STARTED) & ~left
     if warm:
         began &= ~chosen["started"].str.startswith("cold")
     timed = rows_of.with_time(chosen[began]).drop_duplicates([*setting, "host", "label"])
-    cases: list[Case] = []
-    for (fingerprint, *_), rows in timed.groupby([*setting, "host"], dropna=False, sort=False):
-        first = rows.iloc[0]
-        told = features.get(str(fingerprint)) or {"node": first["node"], **_sizes(first["sizes"])}
-        outcomes = {str(k): float(v) for k, v in zip(rows["label"], rows["time"], strict=True)}
-        family = family_of(first["family"], first["problem"])
-        cases.append(Case(first["problem"], first["node"], family, str(fingerprint), told, outcomes))
+    cases = list(_cases(timed, [*setting, "host"], features))
     solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
     asked = chosen.drop_duplicates("label")
     requests = {str(k): str(r) for k, r in zip(asked["label"], asked["request"], strict=True) if r not in ("", "exact")}
     return Experience(solved, len(cases) - len(solved), unfinished, requests)
 
 
-def _sizes(text: str) -> dict[str, float]:
-    return {symbol: float(size) for symbol, size in (json.loads(text) if text else {}).items()}
+def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, Mapping[str, Any]]) -> Iterator[Case]:
+    """The cases of rows that were run, in order of appearance; what tells of a problem is taken from its first row."""
+    number = timed.groupby(list(setting), dropna=False, sort=False).ngroup().to_numpy()
+    rows = timed.iloc[np.argsort(number, kind="stable")]
+    ends = np.cumsum(np.bincount(number)).tolist()
+    begins = [0, *ends[:-1]]
+    first = rows.iloc[begins] if ends else rows
+    place, sizes = sizes_read(first)
+    told = [first[name].tolist() for name in ("problem", "node", "family", "fingerprint")]
+    labels, seconds = rows["label"].tolist(), rows["time"].tolist()
+    for problem, node, family, fingerprint, size, begin, end in zip(*told, place, begins, ends, strict=True):
+        facts = features.get(fingerprint) or {"node": node, **sizes[size]}
+        outcomes = dict(zip(labels[begin:end], seconds[begin:end], strict=True))
+        yield Case(problem, node, family_of(family, problem), fingerprint, facts, outcomes)
 
 
 # ------------------------------------------------------------------------------------------------ text

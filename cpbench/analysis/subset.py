@@ -75,29 +75,29 @@ class Value:
 
     def __init__(self, outcomes: pd.DataFrame, floor: float = FLOOR) -> None:
         times = np.maximum(outcomes.to_numpy(dtype=float), floor)  # NaN stays
-        self._takes_part = [np.flatnonzero(~np.isnan(row)) for row in times]
-        self._levels = [np.log2(row[part]) for row, part in zip(times, self._takes_part, strict=True)]
+        self._levels = np.log2(times) / math.log2(CLEAR)
         self._seen = np.zeros((times.shape[1], times.shape[1]))
+        self._roots = self._seen
         self.total = 0.0
 
     def gain(self, row: int) -> float:
         """What the problem in this row would add."""
-        before = self._seen[np.ix_(self._takes_part[row], self._takes_part[row])]
-        return float(np.sum(np.sqrt(before + self._told(row)) - np.sqrt(before)))
+        return float(np.sum(np.sqrt(self._seen + self._told(row)) - self._roots))
 
     def add(self, row: int) -> float:
         """Add the problem in this row; what it added."""
         gained = self.gain(row)
-        self._seen[np.ix_(self._takes_part[row], self._takes_part[row])] += self._told(row)
+        self._seen = self._seen + self._told(row)
+        self._roots = np.sqrt(self._seen)
         self.total += gained
         return gained
 
     def _told(self, row: int) -> Array:
-        """d of the problem in this row, labels that take part × the same."""
+        """d of the problem in this row, labels × labels; 0 where one does not take part, or of two failures."""
         level = self._levels[row]
         with np.errstate(invalid="ignore"):
-            ahead = (level[np.newaxis, :] - level[:, np.newaxis]) / math.log2(CLEAR)
-        return np.clip(np.nan_to_num(ahead, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)  # of two failures none is ahead
+            ahead = level[np.newaxis, :] - level[:, np.newaxis]
+        return np.fmin(np.fmax(ahead, 0.0), 1.0)
 
 
 def value(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float = FLOOR) -> float:

@@ -14,7 +14,9 @@ from scipy import optimize, stats
 from synthetic_results import row, table
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.scaling import fit, scaling, sizes_of
+from cpbench.analysis.censored import fit
+from cpbench.analysis.scaling import scaling
+from cpbench.analysis.sizes import sizes_of
 
 
 def _none(z: Any) -> Any:
