@@ -93,16 +93,18 @@ def test_one_panel_a_solver() -> None:
 def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
     profile = performance_profile(times)
     for draw in (figures.profile_figure, figures.panels_figure):
-        png, svg = figures.save(draw(profile, "title", {}), tmp_path, "f")
+        png, svg, pdf = figures.save(draw(profile, "title", {}), tmp_path, "f")
         assert png.read_bytes().startswith(b"\x89PNG")
+        assert pdf.read_bytes().startswith(b"%PDF")
         assert b"</svg>" in svg.read_bytes()
 
 
 def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
     profile, kinds = profile_of(5, 4)
-    png, svg = figures.save(figures.profile_figure(profile, "t", kinds), tmp_path, "one")
+    png, svg, pdf = figures.save(figures.profile_figure(profile, "t", kinds), tmp_path, "one")
     again = figures.save(figures.profile_figure(profile, "t", kinds), tmp_path, "two")
-    assert [p.read_bytes() for p in again] == [png.read_bytes(), svg.read_bytes()]
+    assert [p.read_bytes() for p in again] == [p.read_bytes() for p in (png, svg, pdf)]
     assert b"dc:date" not in svg.read_bytes()
     assert b"Software" not in png.read_bytes()
+    assert b"CreationDate" not in pdf.read_bytes()
     assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global state and may look for a display"

@@ -22,7 +22,8 @@ STYLES = (
     width=\columnwidth, height=0.72\columnwidth, log basis x=2, xmin=1, ymin=0, ymax=1,
     xlabel={$\tau$}, ylabel={fraction solved}, label style={font=\footnotesize}, tick label style={font=\scriptsize},
     cycle list name=cpbench, axis lines=left, axis line style={-}, grid=major, grid style={black!10}, clip=false,
-    legend columns=2, legend style={at={(0.5,-0.22)}, anchor=north, draw=none, font=\scriptsize, cells={anchor=west}},
+    legend columns=2, legend style={at={(0.5,-0.22)}, anchor=north, draw=none, font=\scriptsize, cells={anchor=west},
+      /tikz/every even column/.append style={column sep=6pt}},
     every axis plot/.append style={const plot, line width=0.8pt, mark size=1.5pt}},
   cpbench panel/.style={cpbench profile, width=0.34\textwidth, height=0.26\textwidth,
     title style={font=\scriptsize, yshift=-1ex}}}
