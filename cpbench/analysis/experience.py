@@ -137,13 +137,16 @@ def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, M
     """The cases of rows that were run, in order of appearance; what tells of a problem is taken from its first row."""
     number = timed.groupby(list(setting), dropna=False, sort=False).ngroup().to_numpy()
     rows = timed.iloc[np.argsort(number, kind="stable")]
-    ends = np.cumsum(np.bincount(number)).tolist()
-    begins = [0, *ends[:-1]]
-    first = rows.iloc[begins] if ends else rows
+    counts = np.bincount(number)
+    ends = np.cumsum(counts)
+    begins = ends - counts
+    first = rows.iloc[begins]
     place, sizes = sizes_read(first)
     told = [first[name].tolist() for name in ("problem", "node", "family", "fingerprint")]
     labels, seconds = rows["label"].tolist(), rows["time"].tolist()
-    for problem, node, family, fingerprint, size, begin, end in zip(*told, place, begins, ends, strict=True):
+    for problem, node, family, fingerprint, size, begin, end in zip(
+        *told, place, begins.tolist(), ends.tolist(), strict=True
+    ):
         facts = features.get(fingerprint) or {"node": node, **sizes[size]}
         outcomes = dict(zip(labels[begin:end], seconds[begin:end], strict=True))
         yield Case(problem, node, family_of(family, problem), fingerprint, facts, outcomes)

@@ -7,14 +7,11 @@ and that towards its mean over problems of other nodes, so that few measurements
 
     ŝ = (Σ_p K ℓ + κ m₁)/(Σ_p K + κ),    m₁ = (Σ_p ℓ + m₂)/(#p + 1),    m₂ = Σ_p' K J ℓ / Σ_p' K J  (p' elsewhere),
 
-with K = exp(−d²/2h²) of the distance d between features, h half the distance of the FEW nearest problems of the node
-(narrower where more is known, between LEAST_WIDTH and WIDTH), and J the part that the solvers which take p' and those
-which take x have in common (Jaccard): the formulations from which the same solvers are reached. This is the estimate
-of Nadaraya and Watson (Theory Probab. Appl. 9, 1964), with weights of prior means as in a hierarchical model; selection
-by neighbours and by cost follows Rice (Adv. Comput. 15, 1976) and SATzilla (Xu et al., JAIR 32, 2008).
-
-Distances are root mean squares over the features that either problem has, each over its standard deviation: of
-logarithms for sizes and scales, one unit where only one problem has it, at most CUT.
+with K = exp(−d²/2h²) of the distance d between features (`likeness`), h half the distance of the FEW nearest problems
+of the node (narrower where more is known, between LEAST_WIDTH and WIDTH), and J the part that the solvers which take p'
+and those which take x have in common (Jaccard): the formulations from which the same solvers are reached. This is the
+estimate of Nadaraya and Watson (Theory Probab. Appl. 9, 1964), with weights of prior means as in a hierarchical model;
+selection by neighbours and by cost follows Rice (Adv. Comput. 15, 1976) and SATzilla (Xu et al., JAIR 32, 2008).
 """
 
 from __future__ import annotations
@@ -28,8 +25,8 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis.experience import Experience
+from cpbench.analysis.likeness import distances, places
 from cpbench.analysis.table import Floats
-from cpbench.matrices import SYMMETRY_TOLERANCE
 
 WORST = 6.0
 """Doublings that a failure costs: 64 times the time of the virtual best."""
@@ -38,22 +35,9 @@ PRIOR, FAINT = 1.0, 0.05
 """κ, in problems just like this one; the weight of the mean over everything where no like problem is elsewhere."""
 NEAR = 2 * WIDTH
 """Distance up to which a problem counts as similar; beyond it a measurement weighs at most e⁻² of one just alike."""
-CUT = 3.0
 TIE = 0.1
 """Doublings that make no difference: of labels so close, the one that solved most of the similar problems is taken."""
 WITHIN = 2.0
-_COUNTS = ("equalities", "inequalities", "bounds", "deficiency")
-_LOGARITHMS = (
-    "unknowns", "nnz", "entries", "nc", "ndof", "spread", "condition", "hyperstatic", "rank", "dimension", *_COUNTS,
-)  # fmt: skip
-_SHARES = (
-    "density", "dominant", "negative_couplings", "zero_diagonal", "negative_diagonal", "driven", "mu_median", "mu_max",
-    "frictionless",
-)  # fmt: skip
-_SIGNS: Mapping[str, float] = {"asymmetry": SYMMETRY_TOLERANCE, "least_eigenvalue": 1e-9}
-"""Features of which the sign counts, beyond this much."""
-_FEATURES = len(_LOGARITHMS) + len(_SHARES) + len(_SIGNS)
-_LEAST_DEVIATION = 0.25
 
 
 @dataclass(frozen=True)
@@ -108,18 +92,18 @@ def recommend(
     >>> [recommend(Experience(tuple(seen)), facts(n), {"a", "b"}).advice[0].label for n in (3, 70)]
     ['a', 'b']
     """
-    return _recommend(known, _places(known), features, applicable, without)
+    return _recommend(known, places(known), features, applicable, without)
 
 
 def _recommend(
-    known: Experience, places: Any, features: Mapping[str, Any], applicable: Collection[str], without: Collection[int]
+    known: Experience, at: Any, features: Mapping[str, Any], applicable: Collection[str], without: Collection[int]
 ) -> Recommendation:
     used = np.ones(len(known.cases), dtype=bool)
     used[list(without)] = False
     may = np.array([label in applicable for label in known.labels], dtype=bool)
     node = str(features["node"])
     same = (np.array(known.nodes, dtype=object) == node) & used
-    distance = _distances(places, _coordinates(features), used)
+    distance = distances(at, features, used)
     losses = np.minimum(np.log2(known.ratios), WORST)
     score = _scores(losses, distance, used, same, may)
     near = same & (distance <= NEAR)
@@ -155,14 +139,14 @@ def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.D
     """
     families, prints = ([getattr(case, name) for case in known.cases] for name in ("family", "fingerprint"))
     records: list[dict[str, Any]] = []
-    places = _places(known)
+    at = places(known)
     asked = [i for i, case in enumerate(known.cases) if node in ("", case.node)]
     if most is not None and len(asked) > most:
         asked = [asked[k * len(asked) // most] for k in range(most)]
     for i in asked:
         case = known.cases[i]
         alike = [k for k in range(len(known.cases)) if families[k] == families[i] or prints[k] == prints[i]]
-        found = _recommend(known, places, case.features, case.outcomes.keys(), alike)
+        found = _recommend(known, at, case.features, case.outcomes.keys(), alike)
         label = found.advice[0].label if found.advice else ""
         ratio = float(known.ratios[i, known.labels.index(label)]) if label else math.inf
         records.append(
@@ -229,34 +213,3 @@ def _scores(losses: Any, distance: Floats, used: Any, same: Any, may: Any) -> Fl
     elsewhere = mean(kernel * common * (used & ~same), everywhere, FAINT)
     of_node = mean(same.astype(float), elsewhere, 1.0)
     return mean(kernel * same, of_node, PRIOR)
-
-
-def _places(known: Experience) -> Any:
-    """The coordinates of every case, cases × features."""
-    return np.array([_coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
-
-
-def _distances(theirs: Any, ours: Floats, used: Any) -> Floats:
-    """d of every case from a problem, in deviations of the cases that are used."""
-    here = ~np.isnan(theirs)
-    count = np.maximum((here & used[:, None]).sum(axis=0), 1)
-    values = np.where(here & used[:, None], theirs, 0.0)
-    mean = values.sum(axis=0) / count
-    spread = np.sqrt((np.where(here & used[:, None], theirs - mean, 0.0) ** 2).sum(axis=0) / count)
-    apart = np.minimum(np.abs(theirs - ours) / np.maximum(spread, _LEAST_DEVIATION), CUT)
-    apart = np.where(here & ~np.isnan(ours), apart, np.where(here | ~np.isnan(ours), 1.0, 0.0))
-    either = (here | ~np.isnan(ours)).sum(axis=1)
-    return np.sqrt((apart**2).sum(axis=1) / np.maximum(either, 1))
-
-
-def _coordinates(features: Mapping[str, Any]) -> Floats:
-    """The features as numbers that may be subtracted; NaN for one that is not there."""
-    found: list[float] = []
-    for name in _LOGARITHMS:
-        value = float(features.get(name, math.nan)) + (name in _COUNTS)
-        found.append(math.log10(value) if value > 0 else math.nan)
-    found += [float(features.get(name, math.nan)) for name in _SHARES]
-    for name, least in _SIGNS.items():
-        value = float(features.get(name, math.nan))
-        found.append(math.copysign(float(abs(value) > least), value) if value == value else math.nan)
-    return np.array(found)

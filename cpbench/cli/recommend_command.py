@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shlex
-import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import islice
@@ -15,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cpbench import __version__
 from cpbench.cli.options import Address, force_option, format_option
 from cpbench.errors import CpbenchError
 
@@ -76,14 +74,15 @@ def command(
     """
     if sum((problem is not None, evaluate, make is not None)) != 1:
         raise click.UsageError("give a PROBLEM, or --evaluate, or --make TABLE")
+    from cpbench.cli import advice_tables, evidence
+
     if make is not None:
-        _make(make, results, force)
+        advice_tables.make(make, results, force)
         return
-    from cpbench.cli import evidence
 
     known, source, remarks = evidence.gather(results, warm, routes == "all")
     if evaluate:
-        _evaluate(known, source, remarks, as_json)
+        advice_tables.evaluate(known, source, remarks, as_json)
     elif problem is not None:
         _recommend(problem, file_format, known, source, remarks, warm, top, missing, as_json)
 
@@ -228,60 +227,3 @@ def _record(
         "checked": checked,
         "remarks": list(remarks),
     }
-
-
-# ------------------------------------------------------------------------------------- evaluation, table
-
-
-def _evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bool) -> None:
-    from cpbench.analysis import recommendation as rec
-
-    if len({case.family for case in known.cases}) < 2:
-        raise CpbenchError(f"{source}: all problems are of one family; there is nothing to leave out")
-    table = rec.rates(known, rec.evaluate(known))
-    if as_json:
-        rows = table.to_dict("records")
-        told = {"source": source, "unsolved": known.unsolved, "rates": rows, "remarks": list(remarks)}
-        click.echo(json.dumps(told, indent=1))
-        return
-    from cpbench.analysis.profiles import FLOOR
-    from cpbench.cli.solver_tables import columns
-
-    click.echo(
-        f"Each family left out in turn, by {source}; within: twice the time of the virtual best, from {FLOOR:g} s."
-    )
-    head = ("node", "problems", "families", "solved", "within", "", "best single (in hindsight)", "solved", "within")
-    lines: list[tuple[str, ...]] = [head]
-    for row in table.to_dict("records"):
-        part = f"{row['within'] / row['problems']:.0%}" if row["problems"] else ""
-        numbers = [str(row[name]) for name in ("problems", "families", "solved", "within")]
-        lines.append((row["node"], *numbers, part, row["single"], str(row["single_solved"]), str(row["single_within"])))
-    for line in columns(lines):
-        click.echo(line)
-    if known.unsolved:
-        click.echo(f"{known.unsolved} more problems that nobody solved have no virtual best, and are not among them")
-    for remark in remarks:
-        click.echo(f"remark: {remark}")
-
-
-def _make(table: Path, results: Sequence[Path], force: bool) -> None:
-    from cpbench.analysis.experience import to_text
-    from cpbench.cli import evidence
-
-    if not results:
-        raise click.UsageError("--make: give the results to make it of: --results FILE")
-    if table.exists() and not force:
-        raise CpbenchError(f"{table}: exists; --force replaces it")
-    known, _ = evidence.read(results, False, False)
-    if not known.cases:
-        raise CpbenchError(f"{', '.join(map(str, results))}: nothing to make a table of: nobody solved anything")
-    hidden = evidence.restricted(known.labels, results)
-    text = to_text(known, hidden, f"cpbench {__version__}, {time.strftime('%Y-%m-%d')}")
-    table.write_text(text, encoding="utf-8")
-    click.echo(
-        f"table: {table} ({len(known.cases)} problems, {len(known.labels) - len(hidden)} labels, {len(text)} bytes)"
-    )
-    if hidden:
-        click.echo(f"left out, for their figures may not be published: {', '.join(sorted(hidden))}")
-    if known.unfinished:
-        click.echo(f"left out, for not all of their pairs were run: {known.unfinished} problems")

@@ -1,0 +1,62 @@
+"""How like problems are, by their features.
+
+Distances are root mean squares over the features that either problem has, each over its standard deviation: of
+logarithms for sizes and scales, one unit where only one problem has it, at most CUT.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cpbench.analysis.experience import Experience
+from cpbench.analysis.table import Floats
+from cpbench.matrices import SYMMETRY_TOLERANCE
+
+CUT = 3.0
+_COUNTS = ("equalities", "inequalities", "bounds", "deficiency")
+_LOGARITHMS = (
+    "unknowns", "nnz", "entries", "nc", "ndof", "spread", "condition", "hyperstatic", "rank", "dimension", *_COUNTS,
+)  # fmt: skip
+_SHARES = (
+    "density", "dominant", "negative_couplings", "zero_diagonal", "negative_diagonal", "driven", "mu_median", "mu_max",
+    "frictionless",
+)  # fmt: skip
+_SIGNS: Mapping[str, float] = {"asymmetry": SYMMETRY_TOLERANCE, "least_eigenvalue": 1e-9}
+"""Features of which the sign counts, beyond this much."""
+_FEATURES = len(_LOGARITHMS) + len(_SHARES) + len(_SIGNS)
+_LEAST_DEVIATION = 0.25
+
+
+def places(known: Experience) -> Any:
+    """The coordinates of every case, cases × features."""
+    return np.array([_coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
+
+
+def distances(theirs: Any, features: Mapping[str, Any], used: Any) -> Floats:
+    """d of every case from a problem, in deviations of the cases that are used."""
+    ours, here = _coordinates(features), ~np.isnan(theirs)
+    count = np.maximum((here & used[:, None]).sum(axis=0), 1)
+    values = np.where(here & used[:, None], theirs, 0.0)
+    mean = values.sum(axis=0) / count
+    spread = np.sqrt((np.where(here & used[:, None], theirs - mean, 0.0) ** 2).sum(axis=0) / count)
+    apart = np.minimum(np.abs(theirs - ours) / np.maximum(spread, _LEAST_DEVIATION), CUT)
+    apart = np.where(here & ~np.isnan(ours), apart, np.where(here | ~np.isnan(ours), 1.0, 0.0))
+    either = (here | ~np.isnan(ours)).sum(axis=1)
+    return np.sqrt((apart**2).sum(axis=1) / np.maximum(either, 1))
+
+
+def _coordinates(features: Mapping[str, Any]) -> Floats:
+    """The features as numbers that may be subtracted; NaN for one that is not there."""
+    found: list[float] = []
+    for name in _LOGARITHMS:
+        value = float(features.get(name, math.nan)) + (name in _COUNTS)
+        found.append(math.log10(value) if value > 0 else math.nan)
+    found += [float(features.get(name, math.nan)) for name in _SHARES]
+    for name, least in _SIGNS.items():
+        value = float(features.get(name, math.nan))
+        found.append(math.copysign(float(abs(value) > least), value) if value == value else math.nan)
+    return np.array(found)
