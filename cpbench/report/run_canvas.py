@@ -49,13 +49,13 @@ def amount(value: float, metric: Metric) -> str:
     """A cost with its unit.
 
     >>> from cpbench.analysis.metrics import METRICS
-    >>> amount(0.02, METRICS["time"]), amount(3 * 2.0**20, METRICS["memory"]), amount(40.0, METRICS["iterations"])
-    ('20 ms', '3 MiB', '40')
+    >>> amount(0.02, METRICS["time"]), amount(3e6, METRICS["memory"]), amount(40.0, METRICS["iterations"])
+    ('20 ms', '3 MB', '40')
     """
     if metric.unit == "s":
         return seconds(value)
     if metric.unit == "byte":
-        return f"{value / 2**20:.3g} MiB" if value < 2**30 else f"{value / 2**30:.3g} GiB"
+        return f"{value / 1e6:.3g} MB" if value < 1e9 else f"{value / 1e9:.3g} GB"
     return f"{value:g}" if value < 1e5 else number(value)
 
 

@@ -46,7 +46,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", against: str = "") -
     wins, losses = (int(record[key]) for key in (("wins", "losses") if record["one"] == one else ("losses", "wins")))
     both = found.values[[one, other]].clip(lower=found.metric.floor or 0.0)
     figure = canvas.page(4.4, 4.1)
-    axes = figure.add_axes((0.165, 0.125, 0.8, 0.85))
+    axes = figure.add_axes((0.185, 0.125, 0.785, 0.85))
     _scatter(axes, both, one, other, found.metric)
     cost = run_canvas.word(found.metric)
     guide = (
@@ -61,7 +61,8 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", against: str = "") -
 def _scatter(axes: Axes, both: pd.DataFrame, one: str, other: str, metric: Metric) -> None:
     values = both.to_numpy(dtype=float)
     done = values[np.isfinite(values)]
-    low, high = (float(done.min()) / 1.6, float(done.max()) * 1.6) if len(done) else (1.0, 10.0)
+    room = 4.0 if len(done) and done.max() < 10 * done.min() else 1.6
+    low, high = (float(done.min()) / room, float(done.max()) * room) if len(done) else (1.0, 10.0)
     span = (high / low) ** 0.1
     lost = math.sqrt(span) * high
     axes.set_xlim(low, high * span)
