@@ -137,7 +137,7 @@ def test_figures_have_words_for_those_who_do_not_see_them(sections):
     shown = [part for one in sections for part in parts(one) if isinstance(part, Figure)]
     assert len(shown) >= 15
     for figure in shown:
-        assert re.search(r'<svg viewBox="[^"]+" role="img" aria-label="[^"]{10,}"', figure.svg)
+        assert re.search(r'<svg(?: class="[a-z ]+")? viewBox="[^"]+" role="img" aria-label="[^"]{10,}"', figure.svg)
         assert len(figure.caption.template) > 30
         assert figure.alt
 

@@ -122,12 +122,16 @@ def _dual() -> Figure:
             axes.fill(*corner, color=colour, alpha=0.16, zorder=zorder, linewidth=0)
             axes.plot(corner[0, [1, 0, 2]], corner[1, [1, 0, 2]], color=colour, linewidth=1.8, zorder=zorder + 2)
         edge, across = np.array([MU, 1.0]), np.array([-1.0 / MU, 1.0])
-        for way, name, colour in ((edge, "$v$", canvas.BLUE), (across, "$d$", canvas.GREEN)):
+        for way, name, colour, aside in ((edge, "$v$", canvas.BLUE, 0.16), (across, "$d$", canvas.GREEN, 0.0)):
             tip = way / np.linalg.norm(way)
             axes.annotate(
-                "", tip, (0, 0), arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 2.0}, zorder=6
+                "",
+                (tip[0], tip[1]),
+                (0, 0),
+                arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 2.0},
+                zorder=6,
             )
-            axes.text(*(1.16 * tip), name, color=colour, fontsize=10, ha="center", va="center")
+            axes.text(tip[0] + aside, tip[1] + 0.14 - aside, name, color=colour, fontsize=10, ha="center", va="center")
         small = 0.14
         one, other = small * edge / np.linalg.norm(edge), small * across / np.linalg.norm(across)
         corner = np.array([one, one + other, other]).T

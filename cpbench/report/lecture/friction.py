@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cpbench.analysis.lecture.examples import problems
 from cpbench.analysis.lecture.friction import direct_law, fixed_point
 from cpbench.analysis.lecture.round_trips import answer
@@ -30,8 +32,6 @@ def _direct(problem: FrictionContact) -> tuple[Block, ...]:
     found = answer(problem)
     r, u, mu = found.point.r, problem.slacks(found.point)["u"], float(problem.mu[0])
     at = direct_law(r, u, mu)
-    import numpy as np
-
     odd = direct_law(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), mu, xi=0.0)
     return (
         text(
@@ -96,8 +96,8 @@ def _cone(problem: FrictionContact) -> tuple[Block, ...]:
 
 def _frozen(problem: FrictionContact) -> tuple[Block, ...]:
     paths = {
-        "μ‖u_T‖ frozen": [step.error for step in fixed_point(problem, "fc-coneqp")],
-        "μ r_N frozen": [step.error for step in fixed_point(problem, "fc-coneqp-tresca")],
+        r"$\mu\,\|u_\mathrm{T}\|$ frozen": [step.error for step in fixed_point(problem, "fc-coneqp")],
+        r"$\mu\,r_\mathrm{N}$ frozen": [step.error for step in fixed_point(problem, "fc-coneqp-tresca")],
     }
     return (
         Heading("Freeze, solve, thaw"),

@@ -135,7 +135,10 @@ def _table(part: Table) -> str:
 
 def _figure(part: Figure) -> str:
     caption = inline(part.caption.template, part.caption.values)
-    return f'<figure class="picture"><div class="plate">{part.svg}</div><figcaption>{caption}</figcaption></figure>'
+    return (
+        f'<figure class="picture"><div class="plate" role="group" tabindex="0" aria-label="Figure">{part.svg}</div>'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
 
 
 def _try(part: Try) -> str:

@@ -75,7 +75,7 @@ def _picture(path: list[Iterate], last: Vector) -> Figure:
         steps = np.array([step.x[:2] for step in path])
         axes.plot(*steps.T, color=canvas.RED, linewidth=1.0, marker="o", markersize=3.5)
         axes.plot(*last[:2], "o", color=canvas.RED, markersize=7, zorder=5)
-        axes.text(-1.9, -0.28, r"$h = 0$", color=canvas.BLUE, ha="center", va="bottom", rotation=26)
+        axes.text(2.6, 1.55, r"$h = 0$", color=canvas.BLUE, ha="center", va="center")
         axes.text(-0.5, -0.45, r"$g \geq 0$", ha="center")
         axes.text(steps[0, 0] + 0.1, steps[0, 1], "start", color=canvas.RED, va="center")
         axes.set_aspect("equal")
@@ -87,8 +87,8 @@ def _picture(path: list[Iterate], last: Vector) -> Figure:
     return Figure(
         drawn,
         text(
-            "Circles: $f$. White: $g\\ge0$. The minimiser is where the line leaves the ellipse; the red path is that "
-            "of the method below."
+            "Circles: $f$. Not shaded: $g\\ge0$. The minimiser is where the line leaves the ellipse; the red path "
+            "is that of the method below."
         ),
         "Problem 14 with the steps of Newton's method",
     )

@@ -156,7 +156,7 @@ def _panels() -> Figure:
     """The picture of `cpbench plot ncp-functions`."""
     alt = "Level lines of the four functions over the plane of w and z"
     with canvas.drawing():
-        drawn = svg.inline(picture.draw().figure, "fig-ncp", alt)
+        drawn = svg.inline(picture.draw().figure, "fig-ncp", alt, follow=False)
     return Figure(
         drawn,
         text("Heavy: where $\\psi=0$, the two half axes. Dashed red: the zeros of (38) as it is printed."),
@@ -200,8 +200,9 @@ def _slices() -> Figure:
             values = merit_slice(example, function, np.zeros(1), np.ones(1), line)
             axes.plot(line, values, color=colour, linewidth=1.6, linestyle=look)
             top = int(np.argmax(np.where((line > 0.4) & (line < 1.2), values, 0.0)))
-            axes.annotate(name, (line[top], values[top]), xytext=(0, 4), textcoords="offset points", color=colour,
-                          ha="center")  # fmt: skip
+            axes.annotate(name, (line[top], values[top]), xytext=(0, 4 if name == "minimum" else -17),
+                          textcoords="offset points", color=colour, ha="center",
+                          va="bottom" if name == "minimum" else "top")  # fmt: skip
         for solution in example.solutions:
             axes.plot(solution, [0.0], "o", color=canvas.RED, markersize=6, zorder=5, clip_on=False)
         axes.set_ylim(0.0, 0.75)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from cpbench.formulations.base import formulations
 from cpbench.graph import best_kind, edges
 from cpbench.report import canvas
@@ -9,11 +11,13 @@ from cpbench.report.lecture import svg
 from cpbench.report.lecture.blocks import Figure, Section, text
 
 PLACES = {
-    "grfc": (0.0, 3.0), "gfc": (0.0, 1.5), "rfc": (1.0, 3.0), "fcm": (1.0, 2.1), "afc": (1.0, 0.0), "fc": (2.0, 1.05),
-    "coneqp": (3.15, 3.0), "soclcp": (3.15, 2.1), "mlcp": (3.15, 0.0), "lcp": (4.3, 1.05), "qp": (4.3, 2.55),
-    "relay": (5.4, 0.0), "avi": (5.4, 1.7),
+    "grfc": (0.0, 3.1), "gfc": (0.0, 1.5), "rfc": (1.0, 3.1), "fcm": (1.0, 2.4), "afc": (1.0, 0.0), "fc": (2.0, 1.05),
+    "coneqp": (3.15, 3.1), "soclcp": (3.15, 1.72), "mlcp": (3.15, 0.0), "lcp": (4.3, 1.5), "qp": (4.3, 2.7),
+    "relay": (5.4, 0.0), "avi": (5.4, 1.9),
 }  # fmt: skip
-"""Columns from the mechanics to the mathematics; a formulation that is not here is named below the map."""
+"""Columns from the mechanics to the mathematics."""
+UNIT = (75.0, 63.0)
+"""Points of a unit of the places."""
 
 
 def section() -> Section:
@@ -56,7 +60,8 @@ def _map() -> Figure:
                 "", PLACES[target], PLACES[source],
                 arrowprops={
                     "arrowstyle": "-|>", "color": canvas.BLUE if exact else canvas.RED, "linewidth": 1.1,
-                    "linestyle": "-" if exact else (0, (3, 2)), "shrinkA": 15, "shrinkB": 16,
+                    "linestyle": "-" if exact else (0, (3, 2)),
+                    "shrinkA": _border(source, target), "shrinkB": _border(target, source),
                     "connectionstyle": f"arc3,rad={0.14 if both else 0.0}",
                 },
             )  # fmt: skip
@@ -71,3 +76,13 @@ def _map() -> Figure:
         drawn = svg.inline(figure, "fig-map", alt)
     told = text("Blue: exact for every problem, or for some. Dashed: approximations and relaxations only.")
     return Figure(drawn, told, alt)
+
+
+def _border(name: str, other: str) -> float:
+    """Points from the middle of a box to a little beyond its border, towards another box."""
+    across, up = (b - a for a, b in zip(PLACES[name], PLACES[other], strict=True))
+    length = math.hypot(across * UNIT[0], up * UNIT[1])
+    half = (6.0 + 2.9 * len(name), 11.0)
+    return 2.0 + min(
+        half[k] * length / abs(part * UNIT[k]) if part else math.inf for k, part in enumerate((across, up))
+    )

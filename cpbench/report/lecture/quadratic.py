@@ -195,7 +195,7 @@ def _valley(qp: QP, z: Any) -> Figure:
         axes.plot(*z, "o", color=canvas.RED, markersize=7, zorder=5)
         axes.annotate("minimiser without walls", free, xytext=(10, 4), textcoords="offset points", va="center")
         axes.annotate(
-            r"$\bar{z}$", z, xytext=(-7, 7), textcoords="offset points", ha="right", color=canvas.RED, fontsize=10
+            r"$\bar{z}$", z, xytext=(-13, -1), textcoords="offset points", ha="right", color=canvas.RED, fontsize=10
         )
         axes.text(1.13, 2.2, r"$Cz = d$", color=canvas.BLUE, ha="right", va="center")
         axes.text(2.2, 0.55, r"forbidden by $Az \geq b$", ha="center", va="center")
@@ -215,7 +215,7 @@ def _hill(qp: QP, point: Any) -> Figure:
     """θ along λ₁ below the optimal value."""
     with canvas.drawing():
         figure = canvas.page(5.2, 2.1)
-        axes = figure.add_axes((0.105, 0.19, 0.88, 0.78))
+        axes = figure.add_axes((0.13, 0.19, 0.855, 0.78))
         prices = np.linspace(0.0, 2.0 * point.lam[0], 121)
         axes.plot(prices, dual_along(qp, point.lam, point.mu, 0, prices), color=canvas.BLUE, linewidth=1.8)
         best = qp.objective(point.z)

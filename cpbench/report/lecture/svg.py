@@ -28,6 +28,7 @@ VARIABLES = {
     "#d9d9d9": "faint",
     "#e2e2e2": "faint",
     "#ececec": "faint",
+    "#f0f0f0": "wash",
     "#ffffff": "paper",
     canvas.BLUE: "blue",
     canvas.RED: "red",
@@ -38,11 +39,15 @@ VARIABLES = {
     "#b5decf": "green-wash",
 }
 """Colours of the canvas, by the CSS variable that stands for each; a colour that is not here stays itself."""
+COLUMN = 400.0
+"""Width in points beyond which a figure scrolls on a telephone rather than shrinks."""
 _BY_HEX = {colour.lower(): name for colour, name in VARIABLES.items()}
 
 
-def inline(figure: Figure, key: str, alt: str) -> str:
+def inline(figure: Figure, key: str, alt: str, *, follow: bool = True) -> str:
     """The `svg` element; `key` makes its ids its own on the page.
+
+    Without `follow` it keeps its colours, on a light plate: shades that mean something would not survive the dark.
 
     Nothing in it refers to anything outside.
     """
@@ -53,10 +58,10 @@ def inline(figure: Figure, key: str, alt: str) -> str:
     with matplotlib.rc_context({**canvas.STYLE, "svg.hashsalt": key}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         figure.savefig(stream, format="svg", transparent=True, metadata=metadata)
-    return themed(stream.getvalue(), key, alt)
+    return themed(stream.getvalue(), key, alt, follow=follow)
 
 
-def themed(document: str, key: str, alt: str) -> str:
+def themed(document: str, key: str, alt: str, *, follow: bool = True) -> str:
     """An SVG document of matplotlib as an element of the page.
 
     >>> themed('<svg width="7pt" height="9pt" viewBox="0 0 7 9"><g id="a" style="fill: #0072b2"/></svg>', "k", "A dot")
@@ -67,10 +72,16 @@ def themed(document: str, key: str, alt: str) -> str:
     body = re.sub(r'\s*<style type="text/css">.*?</style>', "", body, flags=re.DOTALL)
     view = re.search(r'viewBox="([^"]+)"', body)
     assert view is not None, "matplotlib writes a view box"
-    body = re.sub(r"<svg[^>]*>", f'<svg viewBox="{view[1]}" role="img" aria-label="{escape(alt)}">', body, count=1)
+    classes = " ".join(
+        name for name, has in (("light", not follow), ("wide", float(view[1].split()[2]) > COLUMN)) if has
+    )
+    kind = f' class="{classes}"' if classes else ""
+    opening = f'<svg{kind} viewBox="{view[1]}" role="img" aria-label="{escape(alt)}">'
+    body = re.sub(r"<svg[^>]*>", lambda _: opening, body, count=1)
     body = re.sub(r'\bid="([^"]+)"', rf'id="{key}-\1"', body)
     body = body.replace("xlink:href", "href").replace('href="#', f'href="#{key}-').replace("url(#", f"url(#{key}-")
-    body = re.sub(r"#[0-9a-fA-F]{6}\b", _variable, body)
+    if follow:
+        body = re.sub(r"#[0-9a-fA-F]{6}\b", _variable, body)
     body = re.sub(r' d="[^"]+"', lambda path: re.sub(r"-?\d+\.\d{3,}", _short, path[0]), body)
     body = re.sub(r">\s+<", "><", body)
     return body

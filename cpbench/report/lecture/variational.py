@@ -172,7 +172,7 @@ def _kinks() -> Figure:
     """Normal maps of three problems over [0, 1]."""
     with canvas.drawing():
         figure = canvas.page(5.2, 2.5)
-        axes = figure.add_axes((0.08, 0.16, 0.9, 0.82))
+        axes = figure.add_axes((0.11, 0.16, 0.875, 0.82))
         along = np.linspace(-1.6, 2.9, 181)
         axes.axvspan(0.0, 1.0, color=canvas.FAINT, alpha=0.6, linewidth=0)
         axes.axhline(0.0, color=canvas.INK, linewidth=0.8)
