@@ -15,7 +15,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import re
 from urllib.parse import quote, unquote
 
@@ -23,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.baseline_lines import COLUMNS, KEY, PLACE, UNMEASURED, check
 from cpbench.errors import FormatError, StoreError
 from cpbench.verification import Status
 
@@ -31,24 +31,18 @@ HEADER = (
     f"# cpbench baseline {VERSION}: cpbench baseline RESULTS -o FILE writes it, --update brings it up to date; "
     "error: power of ten at or above it; known: why a failure is known, by hand, kept"
 )
-PLACE = ("node", "problem")
-KEY = ("fingerprint", "solver", "route", "tolerance", "start", "threads", "measure", "sequence")
-OUTCOME = ("status", "error", "counters")
-COLUMNS = (*PLACE, *KEY, *OUTCOME, "known")
 SHORT = 12
 """Digits of a fingerprint that are written; what is no digest (a name, where there is none) is written whole."""
 EXACT = "exact"
 """The request that a label does not mention."""
 FOLLOWED = "previous"
 """The start by which a problem's place in its sequence belongs to the pair."""
-UNMEASURED = (str(Status.UNAVAILABLE), str(Status.NOT_RUN))
 GIVEN_UP = (str(Status.FAILED), str(Status.ERROR))
 """What such a solver leaves behind is no answer: its error may be anything."""
 _READ = (
     "node", "request", "start", "sequence", "claim", "status", "step", "tolerance", "threads", "measure", "error",
     "counters",
 )  # fmt: skip
-_ERROR = re.compile(r"|inf|(<=)?\d+(\.\d+)?e[-+]\d+")
 
 
 def of(table: pd.DataFrame) -> pd.DataFrame:
@@ -66,7 +60,10 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
     request = rows["request"].where(rows["request"] != "", EXACT)
     followed = (rows["start"] == FOLLOWED) & (rows["sequence"] != "")
     answered = (rows["claim"] != "") & ~rows["status"].isin(GIVEN_UP)
-    place = rows["sequence"] + "#" + rows["step"].fillna(0).astype(int).astype(str)
+    threads = rows["threads"].fillna(1).astype(int)
+    place = pd.Series("", index=rows.index, dtype=object)
+    steps = rows.loc[followed, ["sequence", "step"]]
+    place[followed] = steps["sequence"] + "#" + steps["step"].fillna(0).astype(int).astype(str)
     plain = pd.DataFrame(
         {
             "node": rows["node"],
@@ -78,9 +75,9 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
             .map({t: repr(float(t)) for t in rows["tolerance"].dropna().unique()})
             .fillna(""),
             "start": rows["start"],
-            "threads": rows["threads"].fillna(1).astype(int).astype(str),
+            "threads": threads.map({n: str(n) for n in threads.unique()}),
             "measure": rows["measure"],
-            "sequence": place.where(followed, ""),
+            "sequence": place,
             "status": rows["status"],
             "error": decades(rows["error"], rows["tolerance"]).where(answered | rows_of.solved(rows), ""),
             "counters": _written(rows["counters"]).where(rows_of.solved(rows), ""),
@@ -123,7 +120,7 @@ def parse(content: str, place: str) -> pd.DataFrame:
             if tuple(cells) != COLUMNS:
                 raise FormatError(place, "line 2", f"is {','.join(cells)[:80]!r}, expected {','.join(COLUMNS)}")
         elif cells:
-            _check(cells, place, number)
+            check(cells, place, number)
             found.append(cells)
             numbers.append(number)
     if not body:
@@ -198,13 +195,14 @@ def counters(told: str) -> dict[str, int]:
 def decades(error: pd.Series[float], tolerance: pd.Series[float]) -> pd.Series[str]:
     """Each error as it is written: a power of ten at or above it, or that it is within the tolerance.
 
-    >>> decades(pd.Series([2e-13, 3e-4, math.inf]), pd.Series([1e-6] * 3)).tolist()
+    >>> decades(pd.Series([2e-13, 3e-4, np.inf]), pd.Series([1e-6] * 3)).tolist()
     ['<=1e-06', '1e-03', 'inf']
     """
     finite = np.isfinite(error) & (error > 0)
     # a power of ten is its own decade, whatever its logarithm is rounded to
-    exponent = np.ceil(np.log10(error.where(finite, 1.0).to_numpy(dtype=float)) - 1e-12).astype(int)
-    plain = pd.Series([f"1e{k:+03d}" for k in exponent.tolist()], index=error.index, dtype=object)
+    above = np.ceil(np.log10(error.where(finite, 1.0).to_numpy(dtype=float)) - 1e-12)
+    exponent = pd.Series(above.astype(int), index=error.index)
+    plain = exponent.map({k: f"1e{k:+03d}" for k in exponent.unique()}).astype(object)
     plain = plain.where(np.isfinite(error), "inf")
     within = error <= tolerance
     bound = tolerance.map({t: f"<={t:.6g}" if "e" in f"{t:.6g}" else f"<={t:.0e}" for t in tolerance.unique()})
@@ -250,44 +248,3 @@ def _ordered(lines: pd.DataFrame, place: str) -> pd.DataFrame:
             f"{place}: {row['problem']}, {row['solver']}: two rows of one pair; merge runs with cpbench merge"
         )
     return lines.sort_values([*PLACE, *KEY], kind="stable", ignore_index=True)
-
-
-def _check(cells: list[str], place: str, number: int) -> None:
-    """One line by hand; raises FormatError."""
-
-    def wrong(cause: str) -> FormatError:
-        return FormatError(place, f"line {number}", cause)
-
-    first = cells[0]
-    if re.match(r"<{7}|={7}|>{7}|\|{7}", first):
-        raise wrong("is a mark of a merge conflict; take one side, or write the file again from results")
-    if first.startswith("#"):
-        raise wrong("is a comment, which --update would lose; the column known is for reasons")
-    if len(cells) != len(COLUMNS):
-        raise wrong(f"has {len(cells)} cells, expected {len(COLUMNS)}; a reason with a comma needs quotes")
-    line = dict(zip(COLUMNS, cells, strict=True))
-    if not line["fingerprint"] or not line["solver"]:
-        raise wrong("has no fingerprint or no solver")
-    if line["status"] not in rows_of.STATUSES or line["status"] in UNMEASURED:
-        raise wrong(f"has status {line['status'][:40]!r}, expected one of {', '.join(_KEPT)}")
-    if line["tolerance"] and not _positive(line["tolerance"]):
-        raise wrong(f"has tolerance {line['tolerance'][:40]!r}, expected a positive number")
-    if not line["threads"].isdecimal():
-        raise wrong(f"has threads {line['threads'][:40]!r}, expected a whole number")
-    if not _ERROR.fullmatch(line["error"]):
-        raise wrong(f"has error {line['error'][:40]!r}, expected 1e-03, <=1e-06 or inf")
-    if line["sequence"] and not re.fullmatch(r".*#\d+", line["sequence"]):
-        raise wrong(f"has sequence {line['sequence'][:40]!r}, expected NAME#STEP")
-    for item in line["counters"].split():
-        if not re.fullmatch(r"[^=]+=-?\d+", item):
-            raise wrong(f"has counter {item[:40]!r}, expected name=number")
-
-
-_KEPT = [status for status in rows_of.STATUSES if status not in UNMEASURED]
-
-
-def _positive(told: str) -> bool:
-    try:
-        return 0 < float(told) < math.inf
-    except ValueError:
-        return False

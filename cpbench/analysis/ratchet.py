@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import baseline
-from cpbench.analysis.baseline import COLUMNS, KEY, OUTCOME, PLACE, UNMEASURED
+from cpbench.analysis.baseline_lines import COLUMNS, KEY, OUTCOME, PLACE, UNMEASURED
 from cpbench.analysis.comparison.gates import SETTLED, WORST
 
 GUARD = 1
