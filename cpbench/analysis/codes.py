@@ -34,7 +34,7 @@ def by_appearance(values: pd.Series) -> tuple[Integers, pd.Index]:
     >>> place.tolist(), names.tolist()
     ([0, 0, 1, 0], ['b', 'a'])
     """
-    told = values.to_numpy(dtype=object)
+    told = np.asarray(values, dtype=object)
     first = np.flatnonzero(np.append(True, told[1:] != told[:-1])[: len(told)])
     place, names = pd.factorize(told[first])
     times = np.diff(first, append=len(told))
@@ -60,7 +60,7 @@ def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Se
     place, names = by_appearance(problem)
     if not names.is_monotonic_increasing or (np.diff(place) < 0).any():
         return False
-    told = fingerprint.to_numpy(dtype=object)
+    told = np.asarray(fingerprint, dtype=object)
     same = np.diff(place) == 0
     other = np.flatnonzero(same & (told[1:] != told[:-1]))
     if any(told[k] > told[k + 1] for k in other):

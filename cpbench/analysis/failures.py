@@ -61,11 +61,12 @@ def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
 def unsolved(group: pd.DataFrame) -> pd.DataFrame:
     """Problems that no label solves: one row each, with the least error anyone reached and by whom."""
     names = rows_of.problem_names(group)
-    done = set(group.loc[rows_of.solved(group), "fingerprint"])
-    open_rows = group.assign(name=names)[~group["fingerprint"].isin(done)]
+    done = group.loc[rows_of.solved(group), "fingerprint"].unique()
+    told = group[["fingerprint", "address", "error", "label", "status"]].assign(name=names)
+    open_rows = told[~told["fingerprint"].isin(done)]
     closest = open_rows.sort_values(["name", "fingerprint", "error", "label"]).drop_duplicates("fingerprint")
     certified = open_rows.loc[open_rows["status"] == str(Status.INFEASIBLE), "fingerprint"]
-    closest = closest.assign(infeasible=closest["fingerprint"].isin(set(certified)))
+    closest = closest.assign(infeasible=closest["fingerprint"].isin(certified.unique()))
     return closest[["name", "address", "error", "label", "infeasible"]].reset_index(drop=True)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pandas as pd
 
@@ -11,6 +9,7 @@ from cpbench.analysis import best, means
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
+from cpbench.analysis.sizes import sizes_read
 from cpbench.verification import Status
 
 
@@ -123,7 +122,7 @@ def size_ranges(group: pd.DataFrame) -> dict[str, tuple[int, int]]:
     {'m': (1, 1), 'n': (3, 7)}
     """
     found: dict[str, list[int]] = {}
-    for text in set(group["sizes"]):
-        for symbol, size in (json.loads(text) if text else {}).items():
+    for sizes in sizes_read(group)[1]:
+        for symbol, size in sizes.items():
             found.setdefault(symbol, []).append(int(size))
     return {symbol: (min(values), max(values)) for symbol, values in sorted(found.items())}

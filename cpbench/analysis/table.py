@@ -87,7 +87,7 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
 def _text(values: pd.Series) -> pd.Series[str]:
     """Text with '' for what is missing."""
     if values.dtype == "str":  # of pandas 3; older ones hold text as objects
-        told = values.to_numpy(dtype=object)
+        told = np.asarray(values, dtype=object)
         missing = told != told  # NaN, which is missing text there, is not equal to itself
         return values.mask(missing, "") if missing.any() else values
     return values.astype(object).where(values.notna(), "").astype(str)
@@ -206,7 +206,7 @@ def _names(table: pd.DataFrame, fingerprint: Integers, count: int) -> pd.Series[
     """
     first = np.empty(count, dtype=np.int64)
     first[fingerprint[::-1]] = np.arange(len(fingerprint))[::-1]  # of equal places the last one written stays
-    problem = table["problem"].to_numpy(dtype=object)
+    problem = np.asarray(table["problem"], dtype=object)
     others = np.flatnonzero(problem != problem[first][fingerprint])
     named = table[["problem", "fingerprint", "address"]].iloc[np.concatenate((first, others))]
     return problem_names(named).iloc[:count]
