@@ -60,6 +60,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
     request = rows["request"].where(rows["request"] != "", EXACT)
     followed = (rows["start"] == FOLLOWED) & (rows["sequence"] != "")
     answered = (rows["claim"] != "") & ~rows["status"].isin(GIVEN_UP)
+    tolerances = {t: repr(float(t)) for t in rows["tolerance"].dropna().unique()}
     threads = rows["threads"].fillna(1).astype(int)
     place = pd.Series("", index=rows.index, dtype=object)
     steps = rows.loc[followed, ["sequence", "step"]]
@@ -71,9 +72,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
             "fingerprint": rows["fingerprint"].map({f: _short(f) for f in rows["fingerprint"].unique()}),
             "solver": _without_request(rows["label"], request),
             "route": request,
-            "tolerance": rows["tolerance"]
-            .map({t: repr(float(t)) for t in rows["tolerance"].dropna().unique()})
-            .fillna(""),
+            "tolerance": rows["tolerance"].map(tolerances).fillna(""),
             "start": rows["start"],
             "threads": threads.map({n: str(n) for n in threads.unique()}),
             "measure": rows["measure"],
@@ -89,9 +88,10 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
 def text(lines: pd.DataFrame) -> str:
     """The measured lines as they are kept, sorted: the same bytes for the same lines in any order."""
     kept = _ordered(lines[~lines["status"].isin(UNMEASURED)], "the baseline")
-    body = io.StringIO()
-    kept.to_csv(body, columns=list(COLUMNS), index=False, lineterminator="\n")
-    return f"{HEADER}\n{body.getvalue()}"
+    written = io.StringIO()
+    written.write(f"{HEADER}\n")
+    kept.to_csv(written, columns=list(COLUMNS), index=False, lineterminator="\n")
+    return written.getvalue()
 
 
 def parse(content: str, place: str) -> pd.DataFrame:

@@ -106,7 +106,7 @@ def _matrices(
     if not deadline > 0:
         raise ValueError(f"deadline of {deadline} s: must be positive")
     errors = paths.error_at(group, histories, deadline)
-    steps = group.drop_duplicates("fingerprint").set_index("fingerprint")[["sequence", "step"]]
+    steps = group[["fingerprint", "sequence", "step"]].drop_duplicates("fingerprint").set_index("fingerprint")
     steps = steps.sort_values(["sequence", "step"], kind="stable")
     return rows_of.times(group).reindex(steps.index), errors.reindex(steps.index), steps
 
