@@ -140,7 +140,7 @@ def test_where_plan_files_are_found(tmp_path) -> None:
         ("facets = [8, 9]", "9 facets: the number must be even"),
         ("routes = 'al'", "unknown choice 'al'"),
         ("where = 'nc >> 3'", "at '> 3': expected a number"),
-        ("where = 'contacts > 3'", "unknown fact contacts: Known are density, dimension,"),
+        ("where = 'contacts > 3'", "unknown fact contacts: Known are asymmetry, bounds,"),
         ("keyword = 'a b'", "expected the end, 'and' or 'or'"),
         ("start = 'warm'", "unknown start 'warm'"),
         ("format = 'siconos-fc4d'", "siconos-fc3d"),
