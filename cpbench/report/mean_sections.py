@@ -30,9 +30,10 @@ def mean_section(
     ranks = tried.groupby(["label", "shift"])["rank"].agg(_rank).unstack() if len(tried) else pd.DataFrame()
     shown = every.table.join(around.table[["low", "high"]]).join(common.table["mean"].rename("common"))
     shown = shown.reindex(pd.Index(labels, name="label")).reset_index()
+    idle = shown["solved"] == 0
     yield "### Means"
-    head = ["solver", "solved", "charged", f"mean over {every.problems}", "95 % interval"]
-    head += [f"mean over {common.problems}"]
+    head = ["solver", "solved", "charged", f"mean over all {every.problems}", "95 % interval"]
+    head += [f"mean over {common.problems} in common"]
     yield table(
         [*head, *(f"rank at {seconds(shift)}" for shift in ranks.columns)],
         (
@@ -45,7 +46,7 @@ def mean_section(
                 seconds(r.common),
                 *(str(ranks[shift].get(r.label, "—")) for shift in ranks.columns),
             ]
-            for r in each(shown)
+            for r in each(shown[~idle])
         ),
         right=range(1, len(head) + len(ranks.columns)),
     )
@@ -53,7 +54,7 @@ def mean_section(
     lines = [
         f"- mean: shifted geometric, shift {seconds(every.shift)} (median of all times); a problem not solved {price}",
         f"- interval: bootstrap of {counted(around.families, 'family', 'families')}",
-        f"- mean over {common.problems}: the problems that the {counted(len(leading), 'solver')} with the highest "
+        f"- {common.problems} in common: the problems that the {counted(len(leading), 'solver')} with the highest "
         "profiles all solve",
     ]
     lines[0] += f" ({every.remark})" if every.remark else ""
@@ -63,6 +64,7 @@ def mean_section(
         )
     if common.remark:
         lines[2] += f": **{'few' if common.problems else 'none'}**"
+    lines += [f"- not listed: {counted(int(idle.sum()), 'solver')} without an answer"] if idle.any() else []
     yield "\n".join([*lines, *_order(tried, every.shift)])
 
 
@@ -74,7 +76,14 @@ def gap_section(times: pd.DataFrame, labels: Sequence[str], leading: Sequence[st
     common = int(found["common"].iloc[0])
     reached = int(np.isfinite(best.virtual_best(times)).sum())
     yield "### Gap to the virtual best"
-    head = ["solver", "solved", f"within {best.WITHIN:g} times", "gap", f"gap over {common}", "only it solves"]
+    head = [
+        "solver",
+        "solved",
+        f"within {best.WITHIN:g} times",
+        "gap",
+        f"gap over {common} in common",
+        "only it solves",
+    ]
     yield table(
         [*head, "best without it"],
         (
@@ -87,7 +96,7 @@ def gap_section(times: pd.DataFrame, labels: Sequence[str], leading: Sequence[st
                 str(r.alone),
                 number(r.marginal),
             ]
-            for r in each(found.reindex(pd.Index(labels, name="label")).reset_index())
+            for r in each(found.reindex(pd.Index(labels, name="label")).query("solved > 0").reset_index())
         ),
         right=range(1, len(head) + 1),
     )

@@ -43,7 +43,7 @@ def test_means_stand_beside_their_counts_and_intervals(tmp_path: Path) -> None:
         assert found[:3] == [str(own["solved"]), str(own["charged"]), seconds(float(own["mean"]))]
         assert found[3] == f"{seconds(around.at[label, 'low'])} to {seconds(around.at[label, 'high'])}"
         assert (found[4] == "—") == (label not in leading)
-    assert f"mean over 45 | 95 % interval | mean over {common.problems} |" in text
+    assert f"mean over all 45 | 95 % interval | mean over {common.problems} in common |" in text
     assert "- interval: bootstrap of 5 families\n" in text
     assert f"shift {seconds(every.shift)} (median of all times); a problem not solved is charged 10 s" in text
 
@@ -90,3 +90,12 @@ def test_the_gap_and_the_floor(tmp_path: Path) -> None:
     }
     assert "taken together, solves 4 of 4." in text
     assert cells(section(rows, tmp_path, "Solved and times"))["a"][-1] == "1"
+
+
+def test_who_solved_nothing_is_counted_and_not_listed(tmp_path: Path) -> None:
+    rows = [row(f"f-{i}", label, "solved", 1e-3) for i in range(4) for label in ("one", "two")]
+    rows += [row(f"f-{i}", label, "timeout") for i in range(4) for label in ("idle", "late", "none")]
+    text = section(table(*rows), tmp_path, "Means")
+    assert set(cells(text)) == {"one", "two"}
+    assert "- not listed: 3 solvers without an answer\n" in text
+    assert set(cells(section(table(*rows), tmp_path, "Gap to the virtual best"))) == {"one", "two"}
