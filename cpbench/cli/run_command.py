@@ -259,12 +259,13 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
+        from cpbench.report.html.page import write_html
         from cpbench.report.markdown import write_report
 
         title = "The built-in suite" if asked.builtin else asked.results.stem
         iterates = history.table(store.histories())
-        path = write_report(store.table(), store.meta(), asked.report_folder, title, iterates)
-        click.echo(f"report: {path}")
+        for write in (write_report, write_html):
+            click.echo(f"report: {write(store.table(), store.meta(), asked.report_folder, title, iterates)}")
     failed = campaign.failures(store, asked, assembly.pairs)
     if failed:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)

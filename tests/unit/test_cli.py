@@ -233,6 +233,7 @@ def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> Non
     )
     assert done.returncode == 0, done.stderr
     assert (folder / "reports" / "r" / "report.md").exists()
+    assert (folder / "reports" / "r" / "report.html").exists()
     monkeypatch.chdir(folder)
     assert cpbench(monkeypatch, "export", "r.sqlite", "--rows", "rows.json", "--answers", "answers.h5") == 0
     rows = {(r["problem"], r["label"]): r for r in json.loads((folder / "rows.json").read_text())}
