@@ -417,7 +417,7 @@ def test_the_reference_solves_of_two_runs_widen_the_margin() -> None:
     loud = compare(Side("b", base.table, still, HERE), Side("n", new.table, moved, HERE))
     assert loud.noise.delta == pytest.approx(0.2)
     assert loud.verdict != Verdict.REGRESSED
-    assert any("reference solve differs by a factor 1.2" in note for note in loud.notes)
+    assert any("the machine may differ by a factor 1.2" in note for note in loud.notes)
     other = compare(Side("b", base.table, still, HERE), Side("n", new.table, {**moved, "reference": "another"}, HERE))
     assert math.isnan(other.noise.drift)
     assert any("no equal reference solves" in note for note in other.notes)
@@ -447,8 +447,9 @@ def test_noise_by_hand() -> None:
         return noise.drift([[{"seconds": s} for s in solves] for solves in files])[0]
 
     assert drift([2.0, 2.0], [3.0]) == pytest.approx(1.5)
-    assert drift([2.0, 4.0], [6.0]) == 1.0, "two that vary by a factor of two do not tell a third apart"
-    assert 1.3 < drift([1.0, 1.01, 0.99], [1.4, 1.41, 1.39]) < 1.4
+    assert drift([2.0, 4.0], [6.0]) > 3.0, "what varies by a factor of two may have been anything"
+    assert drift([2.0, 2.1, 2.0], [2.0, 2.1, 2.0]) > 1.02, "equal medians that vary are not known to be equal"
+    assert 1.4 < drift([1.0, 1.01, 0.99], [1.4, 1.41, 1.39]) < 1.45
     assert math.isnan(noise.drift([[], [{"seconds": 6.0}]])[0])
     assert noise.drift([[]])[0] == 1.0, "one run drifts alike for both sides"
     assert noise.Noise(0.05).delta == 0.05

@@ -21,7 +21,7 @@ STRAY = 2.0
 """Factor between two equal solves that is always possible: one moment of another program's. That some pairs of equal
 builds did not stray so far says nothing of the next ones."""
 SURE = 2.0
-"""Standard errors that a difference of reference solves has to exceed."""
+"""Standard errors by which the reference solves of two files may differ more than was seen."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class Noise:
     Attributes
     ----------
     margin : the change of times that is asked for, relative.
-    drift : factor ≥ 1 between the reference solves of the two files; 1 within one run, NaN where it is not known.
+    drift : factor ≥ 1 by which the machine may have been another in the two files; 1 within one run, NaN where it is
+        not known.
     spread : coefficient of variation of the reference solves, of each file (NaN below two of them).
     equal : factor ≥ 1 between two labels of equal code (geometric mean), NaN where there are none.
     stray : factor ≥ 1 within which one pair differs by itself. unsteady : counters that equal code changes
@@ -56,9 +57,11 @@ class Noise:
 
     @property
     def bias(self) -> float:
-        """Standard deviation of the log of the ratio of two labels, shared by all their problems."""
+        """Standard deviation of the log of the ratio of two labels, shared by all their problems: of the processes, and
+        of the machine from one file to the other."""
         seen = math.log(self.equal) if math.isfinite(self.equal) else 0.0
-        return max(math.sqrt(2.0) * BIAS, seen)
+        machine = math.log(self.drift) / SURE if math.isfinite(self.drift) else 0.0
+        return math.hypot(max(math.sqrt(2.0) * BIAS, seen), machine)
 
     @property
     def strays(self) -> float:
@@ -69,8 +72,8 @@ class Noise:
 def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tuple[float, ...]]:
     """`drift` and `spread` of `Noise` from the reference solves of each file; one list where both sides are one run.
 
-    The drift is what the two medians differ by beyond what a few solves that vary as much differ by anyway (SURE
-    standard errors): a reference that jumps about tells that the machine is noisy, not that it got slower.
+    The drift is what the two medians differ by, and SURE standard errors more: a few solves that jump about tell that
+    the machine may have been slower for as long as nobody looked.
 
     >>> drift([[{"seconds": 1.0}, {"seconds": 1.0}], [{"seconds": 1.25}]])
     (1.25, (0.0, nan))
@@ -88,7 +91,7 @@ def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tup
     scatter = math.sqrt(sum(float(((np.log(s) - np.log(s).mean()) ** 2).sum()) for s in took) / max(freedom, 1))
     first, second = (float(np.median(s)) for s in took)
     error = scatter * math.sqrt(sum(1 / len(s) for s in took))
-    return math.exp(max(0.0, abs(math.log(second / first)) - SURE * error)), spread
+    return math.exp(abs(math.log(second / first)) + SURE * error), spread
 
 
 def one_machine(pairs: pd.DataFrame, machines: Sequence[Mapping[str, Mapping[str, Any]]]) -> pd.Series[bool]:

@@ -68,8 +68,8 @@ def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -
         notes.append("no equal reference solves: nobody knows how much the machine drifted between the two runs")
     elif not interleaved and told.drift > 1 + told.margin:
         notes.append(
-            f"the reference solve differs by a factor {told.drift:.3g} between the two runs: changes of times within "
-            "that are the machine's"
+            f"by its reference solves the machine may differ by a factor {told.drift:.3g} between the two runs: times "
+            "within that are the machine's"
         )
     if told.unsteady:
         listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in told.unsteady)[:4])

@@ -138,7 +138,8 @@ def _decided(suite: Suite, noise: Noise, alpha: float) -> Suite:
     if suite.p < alpha and apart and (suite.ratio > edge or suite.ratio < 1 / edge):
         verdict = Verdict.REGRESSED if suite.ratio > 1 else Verdict.IMPROVED
         return replace(suite, time=verdict)
-    if 1 / edge <= suite.low and suite.high <= edge:
+    near = 1 + noise.margin  # a noisy machine does not make two times the same
+    if 1 / near <= suite.low and suite.high <= near:
         return replace(suite, time=Verdict.SAME)
     return replace(suite, time=Verdict.INCONCLUSIVE, why=_wanting(suite, noise, apart))
 

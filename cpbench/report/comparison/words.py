@@ -55,7 +55,7 @@ def margin(found: Comparison) -> str:
     noise = found.noise
     parts = [f"margin {noise.margin:.1%}"]
     if math.isfinite(noise.drift) and noise.drift > 1:
-        parts.append(f"reference solves of the two runs {noise.drift - 1:.1%} apart")
+        parts.append(f"the machine within {noise.drift - 1:.1%} from one run to the other")
     if math.isfinite(noise.equal):
         parts.append(f"equal builds {noise.equal - 1:.1%} apart")
     spread = [f"{value:.0%}" for value in noise.spread if math.isfinite(value)]
