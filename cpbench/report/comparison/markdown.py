@@ -91,8 +91,8 @@ def _suites(found: Comparison) -> Iterator[str]:
             f"families; {plain(words.margin(found))}. *Regressed* or *improved*: p < {found.settings.alpha:g} "
             "(Wilcoxon's test, and a normal one with the bias of a process; adjusted after Holm), the interval "
             "excludes 1, and the mean is beyond 1 + δ. *Same*: the interval lies within the margin of 1. One worker "
-            f"process differs from another by about {BIAS:.0%} on all its problems, which no repetition within a run shows: "
-            "a smaller δ would be the process's."
+            f"process differs from another by about {BIAS:.0%} on all its problems, which no repetition within a run "
+            "shows: a smaller δ would be the process's."
         )
 
 
