@@ -54,9 +54,7 @@ def _pair(text: str) -> tuple[str, str]:
 
 def _report(results: Path, folder: Path, title: str) -> object:
     from cpbench.bench import history
-    from cpbench.report.html.page import write_html
-    from cpbench.report.markdown import write_report
+    from cpbench.report.folder import write_folder
 
     with Store(results) as store:
-        told = store.table(), store.meta(), folder, title, history.table(store.histories())
-    return [write(*told) for write in (write_report, write_html)]
+        return write_folder(store.table(), store.meta(), folder, title, history.table(store.histories()))

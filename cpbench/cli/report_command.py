@@ -55,21 +55,23 @@ def command(
     if facets is not None:
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     from cpbench.bench import history
-    from cpbench.report.html.page import write_html
-    from cpbench.report.markdown import write_report
+    from cpbench.report.folder import write_folder
 
-    with Store(results) as store:
-        table, meta, iterates = store.table(), store.meta(), history.table(store.histories())
     comparison = None
-    if baseline is not None:
-        from cpbench.analysis.comparison import compare
-        from cpbench.cli.sides import base, side
+    with Store(results) as store:
+        iterates = history.table(store.histories())
+        if baseline is None:
+            table, meta = store.table(), store.meta()
+        else:
+            from cpbench.analysis.comparison import compare
+            from cpbench.cli.sides import base, side_of
 
-        new = side(results)
-        comparison = compare(base(baseline, new), new)
+            new = side_of(store)
+            table, meta = new.table, new.meta
+            comparison = compare(base(baseline, new), new)
     chosen = {"publishable": publishable, "with_imported": with_imported}
-    click.echo(f"report: {write_report(table, meta, folder, name, iterates, comparison=comparison, **chosen)}")
-    click.echo(f"report: {write_html(table, meta, folder, name, iterates, **chosen)}")
+    for path in write_folder(table, meta, folder, name, iterates, comparison=comparison, **chosen):
+        click.echo(f"report: {path}")
 
 
 def _tex(

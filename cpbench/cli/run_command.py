@@ -259,13 +259,12 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
-        from cpbench.report.html.page import write_html
-        from cpbench.report.markdown import write_report
+        from cpbench.report.folder import write_folder
 
         title = "The built-in suite" if asked.builtin else asked.results.stem
         iterates = history.table(store.histories())
-        for write in (write_report, write_html):
-            click.echo(f"report: {write(store.table(), store.meta(), asked.report_folder, title, iterates)}")
+        for path in write_folder(store.table(), store.meta(), asked.report_folder, title, iterates):
+            click.echo(f"report: {path}")
     failed = campaign.failures(store, asked, assembly.pairs)
     if failed:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)

@@ -14,13 +14,18 @@ if TYPE_CHECKING:
 
 def side(path: Path) -> Side:
     """The rows and facts of a results file; raises CpbenchError when it has none."""
+    with Store(path) as store:
+        return side_of(store)
+
+
+def side_of(store: Store) -> Side:
+    """The same of a file that is open."""
     from cpbench.analysis.comparison import Side
 
-    with Store(path) as store:
-        table = store.table()
-        if not len(table):
-            raise CpbenchError(f"{path}: has no rows; make some with: cpbench run PROBLEMS -o {path}")
-        return Side(str(path), table, store.meta(), store.machines())
+    table = store.table()
+    if not len(table):
+        raise CpbenchError(f"{store.path}: has no rows; make some with: cpbench run PROBLEMS -o {store.path}")
+    return Side(str(store.path), table, store.meta(), store.machines())
 
 
 def base(path: Path, new: Side) -> Side:

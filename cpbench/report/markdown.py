@@ -49,9 +49,14 @@ def write_report(
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     comparison : with another run (`analysis.comparison`), a section of its own.
     """
-    folder = Path(folder)
+    run = assembled(table, meta, Path(folder), histories, publishable=publishable, with_imported=with_imported)
+    return write(run, title, comparison)
+
+
+def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
+    """`write_report` of a run that is assembled."""
+    folder = run.folder
     folder.mkdir(parents=True, exist_ok=True)
-    run = assembled(table, meta, folder, histories, publishable=publishable, with_imported=with_imported)
     rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     if comparison is not None:

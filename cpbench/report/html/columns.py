@@ -22,6 +22,7 @@ from cpbench.analysis import histories, metrics
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED, attended
 from cpbench.analysis.bootstrap import families_of
+from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.table import CHARGED, Group
 from cpbench.report.html.container import Column
 from cpbench.report.matrix import SYMBOLS
@@ -81,8 +82,8 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
 
 
 def _codes(values: pd.Series) -> tuple[Column, list[str]]:
-    code, names = pd.factorize(values)
-    return np.asarray(code, dtype=np.int64), [str(name) for name in names]
+    code, names = by_appearance(values)
+    return code, [str(name) for name in names]
 
 
 def _metrics(rows: pd.DataFrame, whole: bool) -> list[metrics.Metric]:

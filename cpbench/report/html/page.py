@@ -46,11 +46,15 @@ def write_html(
     with_imported: bool = False,
 ) -> Path:
     """Write `folder`/report.html and give its path; the parameters are those of `markdown.write_report`."""
-    folder = Path(folder)
-    run = assembled(table, meta, folder, histories, publishable=publishable, with_imported=with_imported)
-    path = folder / NAME
+    run = assembled(table, meta, Path(folder), histories, publishable=publishable, with_imported=with_imported)
+    return write(run, title)
+
+
+def write(run: Run, title: str) -> Path:
+    """`write_html` of a run that is assembled."""
+    path = run.folder / NAME
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        run.folder.mkdir(parents=True, exist_ok=True)
         path.write_text(page(run, title), encoding="utf-8", errors="replace", newline="\n")
     except OSError as cause:
         raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
