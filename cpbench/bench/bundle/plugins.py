@@ -7,7 +7,6 @@ with the programs that are texts beside them; a compiled program stays where it 
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import shlex
 import tomllib
@@ -16,8 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cpbench import toml_text
 from cpbench.bench.bundle.archive import name_of
-from cpbench.bench.planning import plan_file, plan_text
+from cpbench.bench.planning import plan_file
 from cpbench.bench.processes.launch import THREAD_VARIABLES
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
@@ -191,17 +191,8 @@ def _text(tables: Mapping[str, Mapping[str, Any]]) -> str:
     """The tables as TOML."""
     lines: list[str] = []
     for name, table in sorted(tables.items(), key=lambda item: ("@" in item[0], item[0])):
-        lines += [f"[solver.{json.dumps(name)}]"]
-        for key, value in table.items():
-            inner = value if isinstance(value, dict) else None
-            told = plan_text.value(value) if inner is None else _inline(inner)
-            lines.append(f"{key} = {told}")
-        lines.append("")
+        lines += [f"[solver.{toml_text.value(name)}]", *toml_text.lines(table), ""]
     return "\n".join(lines)
-
-
-def _inline(table: Mapping[str, Any]) -> str:
-    return "{" + ", ".join(f"{json.dumps(key)} = {plan_text.value(value)}" for key, value in table.items()) + "}"
 
 
 def programs(text: str) -> list[str]:

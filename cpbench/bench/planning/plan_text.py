@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cpbench import toml_text
 from cpbench.bench.planning.run_plan import BUILTIN
 from cpbench.errors import CpbenchError
 
@@ -24,16 +24,18 @@ def lines(table: Mapping[str, Any]) -> list[str]:
 
 
 def value(told: Any) -> str:
-    """A value in TOML, whose texts are those of JSON save one character.
+    """A value as plans have it: TOML, in which no limit is "none".
 
     >>> value([1e-6, "a\\nb", True]), value(float("inf"))
     ('[1e-06, "a\\\\nb", true]', '"none"')
     """
+    return toml_text.value(_said(told))
+
+
+def _said(told: Any) -> Any:
     if isinstance(told, list):
-        return f"[{', '.join(value(item) for item in told)}]"
-    if isinstance(told, float) and math.isinf(told):
-        return '"none"'
-    return json.dumps(told, ensure_ascii=False).replace("\x7f", "\\u007f")
+        return [_said(item) for item in told]
+    return "none" if isinstance(told, float) and math.isinf(told) else told
 
 
 def write(path: Path, text: str) -> None:

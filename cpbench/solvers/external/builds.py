@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cpbench import registry
+from cpbench import registry, toml_text
 from cpbench.errors import CpbenchError
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external import declared
@@ -90,19 +90,8 @@ def _defaults(options: Any) -> dict[str, Any]:
 def as_toml(found: Tables) -> str:
     """The tables in a file that `--plugin` takes."""
     return "\n".join(
-        "\n".join([f"[solver.{_value(name)}]", *(f"{key} = {_value(value)}" for key, value in table.items()), ""])
-        for name, table in found.items()
+        "\n".join([f"[solver.{toml_text.value(name)}]", *toml_text.lines(table), ""]) for name, table in found.items()
     )
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, int | float):
-        return repr(int(value) if isinstance(value, int) else float(value))
-    return "{" + ", ".join(f"{_value(key)} = {_value(text)}" for key, text in value.items()) + "}"
 
 
 def main() -> None:

@@ -1,0 +1,27 @@
+"""Tables as TOML, for commands that write a plan or the declaration of a solver."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+
+def lines(table: Mapping[str, Any]) -> list[str]:
+    """Keys of a table, a line each."""
+    return [f"{key} = {value(told)}" for key, told in table.items()]
+
+
+def value(told: Any) -> str:
+    """A value in TOML: texts are those of JSON save one character, a mapping is an inline table.
+
+    >>> value([1e-6, "a\\nb", True]), value({"A": float("inf"), "B": 3})
+    ('[1e-06, "a\\\\nb", true]', '{"A" = inf, "B" = 3}')
+    """
+    if isinstance(told, Mapping):
+        return "{" + ", ".join(f"{value(key)} = {value(item)}" for key, item in told.items()) + "}"
+    if isinstance(told, list):
+        return f"[{', '.join(value(item) for item in told)}]"
+    if isinstance(told, float):
+        return repr(float(told))
+    return json.dumps(told, ensure_ascii=False).replace("\x7f", "\\u007f")
