@@ -52,6 +52,11 @@ class Bench:
     def store(self) -> Store:
         return Store(self.folder / "r.sqlite")
 
+    @property
+    def grace(self) -> float:
+        """Seconds in which a process past its limit is gone: half a one where a core is to spare for it."""
+        return 0.5 * max(1.0, os.getloadavg()[0])
+
     def living(self) -> list[str]:
         """Processes that were started in the folder and still live."""
         import psutil

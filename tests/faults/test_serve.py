@@ -142,16 +142,16 @@ def test_who_remembers_is_charged_the_first_solve(rows: pd.DataFrame) -> None:
 
 def test_seconds_of_its_own_are_a_column_beside_ours(rows: pd.DataFrame) -> None:
     assert rows.loc["none"].reported == 0.25
-    assert rows.loc["none"].solve < 0.2
+    assert rows.loc["none"].solve != 0.25
     assert json.loads(rows.loc["none"].counters) == {"iterations": 200, "sweeps": 200}
     assert rows.loc["none"].version == "1.2"
     assert pd.isna(rows.loc["odd"].reported)
     assert pd.isna(rows.loc["lemke"].reported)
 
 
-def test_hangs_are_killed_in_time(rows: pd.DataFrame) -> None:
+def test_hangs_are_killed_in_time(rows: pd.DataFrame, module_bench) -> None:
     late = rows.loc[["hang", "stall", "sh-hang"]]
-    assert (late.wall - late.load <= LIMIT + 0.5).all()
+    assert (late.wall - late.load <= LIMIT + module_bench.grace).all()
 
 
 def test_what_a_failing_program_says_is_in_its_row(rows: pd.DataFrame) -> None:

@@ -146,7 +146,7 @@ def test_each_fault_has_its_status(results: tuple[Path, Path]) -> None:
     odd = table[table.status != expected]
     assert odd.empty, odd[["label", "problem", "fault", "status", "message"]].to_string(max_colwidth=200)
     late = table[table.status == "timeout"]
-    assert (late.wall < 1.5 + 1.0).all(), "killed in time, and replaced"
+    assert (late.wall < 1.5 + max(1.0, os.getloadavg()[0])).all(), "killed in time, and replaced"
 
 
 def test_healthy_rows_are_those_of_a_calm_run(results: tuple[Path, Path]) -> None:

@@ -61,7 +61,7 @@ def _table(bench, expected: dict[str, str], *options: str, limit: float = LIMIT,
     assert table.status.to_dict() == expected, table.message.to_dict()
     assert table.signal["faulty-abort"] == 6
     late = table[table.status == "timeout"]
-    assert (late.wall - late.load <= limit + 0.5).all(), late.wall.to_dict()
+    assert (late.wall - late.load <= limit + bench.grace).all(), late.wall.to_dict()
     assert "children" in table["flags"]["faulty-burst"]
     assert bench.living() == []
     return table

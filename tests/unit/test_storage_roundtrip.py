@@ -245,7 +245,7 @@ def test_a_killed_write_leaves_nothing(tmp_path: Path) -> None:
 
 
 def test_loading_a_small_problem_is_quick(tmp_path: Path) -> None:
-    """At most 0.6 ms beyond h5py's own open and read (best of many: the machine is shared)."""
+    """A few times h5py's own open and read, measured in turn: the machine is shared."""
     problem = LCP(M=np.eye(20), q=np.ones(20), name="small")
     path = tmp_path / "small.h5"
     storage.save(problem, path)
@@ -254,12 +254,11 @@ def test_loading_a_small_problem_is_quick(tmp_path: Path) -> None:
         with h5py.File(path, "r") as file:
             file["cpbench/M"][()], file["cpbench/vectors/q"][()]
 
-    def best(action: Any) -> float:
-        seconds = []
-        for _ in range(200):
-            start = time.perf_counter()
-            action()
-            seconds.append(time.perf_counter() - start)
-        return float(np.percentile(seconds, 10))
+    def seconds(action: Any) -> float:
+        start = time.perf_counter()
+        action()
+        return time.perf_counter() - start
 
-    assert best(lambda: storage.load(path)) - best(bare) < 0.6e-3
+    taken = np.array([(seconds(lambda: storage.load(path)), seconds(bare)) for _ in range(200)])
+    ours, theirs = np.percentile(taken, 10, axis=0)
+    assert ours < 5 * theirs
