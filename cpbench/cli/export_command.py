@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 import click
 
@@ -22,45 +23,31 @@ def command(results: Path, rows: Path | None, answers: Path | None, force: bool)
     """Write the rows or the answers of a results file to other formats."""
     if rows is None and answers is None:
         raise click.UsageError("give --rows FILE or --answers FILE")
+    from cpbench.report import row_files
+
     for path in (rows, answers):
         if path is not None and path.exists() and not force:
             raise FormatError(path, "", "exists already; use --force to replace it")
-    store = Store(results)
-    try:
+    with Store(results) as store:
         if rows is not None:
-            _write_rows(store, rows)
+            row_files.write(store.table(), rows, force=force)
             click.echo(f"rows: {rows}")
         if answers is not None:
-            click.echo(f"answers: {answers} ({_write_answers(store, answers)})")
-    finally:
-        store.close()
+            click.echo(f"answers: {answers} ({_write_answers(store, answers, force)})")
 
 
-def _write_rows(store: Store, path: Path) -> None:
-    table = store.table()
-    if path.suffix == ".csv":
-        table.to_csv(path, index=False)
-    elif path.suffix == ".json":
-        table.to_json(path, orient="records", indent=1)
-    elif path.suffix == ".parquet":
-        try:
-            table.to_parquet(path, index=False)
-        except ImportError:
-            raise FormatError(path, "", "Parquet needs pyarrow: pip install 'cpbench[arrow]'") from None
-    else:
-        raise FormatError(path, "", f"unknown suffix '{path.suffix}'; use .csv, .json or .parquet")
-
-
-def _write_answers(store: Store, path: Path) -> int:
+def _write_answers(store: Store, path: Path, force: bool) -> int:
     """One group a problem, one dataset a label, with status, error and solver as attributes; the number written."""
     import h5py
 
     from cpbench.bench.results import answers
+    from cpbench.storage.base import write_atomic
 
-    partial = path.with_name(f".{path.name}.partial")
     count = 0
-    try:
-        with h5py.File(partial, "w") as file:
+
+    def put(out: BinaryIO) -> None:
+        nonlocal count
+        with h5py.File(out, "w") as file:
             for key, blob in store.answers():
                 row = store.row(key)
                 group = file.require_group(f"{row['problem']}-{row['fingerprint'][:8]}")
@@ -70,7 +57,6 @@ def _write_answers(store: Store, path: Path) -> int:
                     {k: row[k] for k in ("status", "error", "claim", "route", "solver") if row[k] is not None}
                 )
                 count += 1
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+
+    write_atomic(path, put, force=force)
     return count

@@ -8,6 +8,7 @@ import click
 
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Names
+from cpbench.errors import UnknownName
 
 
 @click.command()
@@ -34,6 +35,12 @@ from cpbench.cli.options import Names
 @click.option(
     "--publishable", is_flag=True, help="Leave out solvers whose licence restricts the publishing of figures."
 )
+@click.option(
+    "--data",
+    type=Names(),
+    metavar="NAMES",
+    help="The rows as csv (always), json, parquet. Default: all; no JSON beyond 20000 rows, Parquet with [arrow].",
+)
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
 def command(
     results: Path,
@@ -43,20 +50,26 @@ def command(
     facets: tuple[str, ...] | None,
     baseline: Path | None,
     publishable: bool,
+    data: tuple[str, ...] | None,
     with_imported: bool,
 ) -> None:
-    """Write the report of a results file: one HTML file that works offline, Markdown, figures, CSV; or LaTeX."""
+    """Write the report of a results file: one HTML file that works offline, Markdown, figures, rows; or LaTeX."""
     folder, name = output or Path("reports") / results.stem, title or results.stem
     if form == "tex":
         if baseline is not None:
             raise click.UsageError("--baseline is a section of the Markdown report: leave --format tex out")
+        if data is not None:
+            raise click.UsageError("--data is of the report as HTML: leave --format tex out")
         click.echo(f"report: {_tex(results, folder, name, facets or (), publishable, with_imported)}")
         return
     if facets is not None:
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     from cpbench.bench import history
+    from cpbench.report import row_files
     from cpbench.report.folder import write_folder
 
+    for unknown in [form for form in data or () if form not in row_files.FORMATS]:
+        raise UnknownName("format of rows", unknown, row_files.FORMATS)
     comparison = None
     with Store(results) as store:
         iterates = history.table(store.histories())
@@ -70,8 +83,11 @@ def command(
             table, meta = new.table, new.meta
             comparison = compare(base(baseline, new), new)
     chosen = {"publishable": publishable, "with_imported": with_imported}
-    for path in write_folder(table, meta, folder, name, iterates, comparison=comparison, **chosen):
+    forms, told = row_files.beside_csv(len(table), data)
+    for path in write_folder(table, meta, folder, name, iterates, comparison=comparison, data=forms, **chosen):
         click.echo(f"report: {path}")
+    for line in told:
+        click.echo(line, err=True)
 
 
 def _tex(

@@ -8,6 +8,7 @@ import pandas as pd
 
 from cpbench.analysis import baseline
 from cpbench.errors import FormatError
+from cpbench.storage.base import write_atomic
 
 SUFFIX = ".csv"
 
@@ -34,13 +35,4 @@ def table(path: str | Path, like: pd.DataFrame | None = None) -> pd.DataFrame:
 
 def write(path: str | Path, lines: pd.DataFrame) -> None:
     """Write a baseline, whole or not at all; raises FormatError."""
-    path = Path(path)
-    beside = path.with_name(f".{path.name}.part")
-    try:
-        beside.write_text(baseline.text(lines), encoding="utf-8", newline="\n")
-        beside.replace(path)
-    except OSError as cause:
-        beside.unlink(missing_ok=True)
-        raise FormatError(
-            path, "", f"cannot be written ({cause.strerror or cause}); name another file with -o"
-        ) from None
+    write_atomic(Path(path), baseline.text(lines).encode(), force=True)

@@ -1,19 +1,21 @@
-"""The folder of a report: the Markdown with its figures and rows, and the page, of one assembled run."""
+"""The folder of a report: the Markdown with its figures, the page and the rows, of one assembled run."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.report import markdown
+from cpbench.analysis import table as rows_of
+from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
 
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison
+    from cpbench.analysis.portraits import Portrait
 
 
 def write_folder(
@@ -26,7 +28,17 @@ def write_folder(
     publishable: bool = False,
     with_imported: bool = False,
     comparison: Comparison | None = None,
-) -> tuple[Path, Path]:
-    """Write report.md and report.html; gives both paths. The parameters are those of `markdown.write_report`."""
+    data: Iterable[str] = (),
+) -> tuple[Path, ...]:
+    """Write report.md, report.html and the rows; gives their paths, without that of results.csv.
+
+    Parameters
+    ----------
+    data : formats of the rows beside CSV (`row_files.beside_csv`). The others are those of `markdown.write_report`.
+    """
     run = assembled(table, meta, Path(folder), histories, publishable=publishable, with_imported=with_imported)
-    return markdown.write(run, title, comparison), page.write(run, title)
+    documents = (markdown.write(run, title, comparison), page.write(run, title))
+    rows, files = rows_of.with_time(run.rows), [run.folder / f"results.{name}" for name in data]
+    for path in files:
+        row_files.write(rows, path)
+    return (*documents, *files)

@@ -10,7 +10,7 @@ from typing import Any
 
 from cpbench import toml_text
 from cpbench.bench.planning.run_plan import BUILTIN
-from cpbench.errors import CpbenchError
+from cpbench.storage.base import write_atomic
 
 
 def beside(folder: Path, text: str) -> str:
@@ -39,10 +39,5 @@ def _said(told: Any) -> Any:
 
 
 def write(path: Path, text: str) -> None:
-    """Write a plan, whole or not at all; raises CpbenchError."""
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as cause:
-        raise CpbenchError(f"{path}: cannot be written ({cause.strerror}); name another file with -o") from None
+    """Write a plan, whole or not at all; raises FormatError."""
+    write_atomic(path, text.encode(), force=True)

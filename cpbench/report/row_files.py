@@ -1,0 +1,89 @@
+"""Rows of results as CSV, JSON or Parquet, written whole or not at all.
+
+JSON is a list with an object a row, every digit kept: null where there is nothing, "inf" and "-inf" for infinite
+numbers, which JSON does not have.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import pandas as pd
+
+from cpbench.errors import FormatError
+from cpbench.storage.base import write_atomic
+
+FORMATS = ("csv", "json", "parquet")
+MOST_JSON = 20_000
+"""Rows up to which a report has them as JSON unasked: 40 MB."""
+_CHUNK = 10_000
+_NO_PARQUET = "Parquet needs pyarrow: pip install 'cpbench[arrow]'"
+
+
+def write(rows: pd.DataFrame, path: Path, *, force: bool = True) -> None:
+    """Write the rows in the format of the suffix; raises FormatError."""
+    put = _PUT.get(path.suffix.removeprefix("."))
+    if put is None:
+        raise FormatError(path, "", f"unknown suffix '{path.suffix}'; use .csv, .json or .parquet")
+    if put is _parquet and not _has_parquet():
+        raise FormatError(path, "", _NO_PARQUET)
+    write_atomic(path, partial(put, rows), force=force)
+
+
+def beside_csv(count: int, asked: Collection[str] | None = None) -> tuple[list[str], list[str]]:
+    """The formats in which a report of `count` rows has them beside CSV, and a line on each that is left out.
+
+    `asked` : of FORMATS; None for all that fit.
+
+    >>> beside_csv(10**6, ["csv", "json"])
+    (['json'], [])
+    """
+    chosen = [name for name in FORMATS if name != "csv" and (asked is None or name in asked)]
+    told: list[str] = []
+    if asked is None and count > MOST_JSON:
+        chosen.remove("json")
+        told.append(f"no results.json: {count} rows are more than {MOST_JSON}; --data json writes it all the same")
+    if "parquet" in chosen and not _has_parquet():
+        chosen.remove("parquet")
+        told.append(f"no results.parquet: {_NO_PARQUET}")
+    return chosen, told
+
+
+def _has_parquet() -> bool:
+    try:
+        import pyarrow  # noqa: F401  # pyright: ignore[reportMissingImports, reportUnusedImport]
+    except ImportError:
+        return False
+    return True
+
+
+def _csv(rows: pd.DataFrame, file: BinaryIO) -> None:
+    rows.to_csv(file, index=False, lineterminator="\n")
+
+
+def _parquet(rows: pd.DataFrame, file: BinaryIO) -> None:
+    rows.to_parquet(file, index=False, engine="pyarrow")
+
+
+def _json(rows: pd.DataFrame, file: BinaryIO) -> None:
+    between = b"[\n"
+    for start in range(0, len(rows), _CHUNK):
+        for row in rows.iloc[start : start + _CHUNK].to_dict("records"):
+            told = {str(name): _valid(value) for name, value in row.items()}
+            file.write(between + json.dumps(told, ensure_ascii=False, allow_nan=False).encode())
+            between = b",\n"
+    file.write(b"[]\n" if between == b"[\n" else b"\n]\n")
+
+
+def _valid(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    return None if value is pd.NA or value is pd.NaT else value
+
+
+_PUT: Mapping[str, Callable[[pd.DataFrame, BinaryIO], None]] = {"csv": _csv, "json": _json, "parquet": _parquet}
