@@ -19,7 +19,8 @@ from cpbench.generators.collection import builtin_folder, write_collections
 def command(folder: Path | None, names: tuple[str, ...], check: bool) -> None:
     """Write the built-in problems again from their formulas (default: into the shipped folder).
 
-    The scenes contact-sequence and contact-sequence-global are written when they are named.
+    Larger contact problems and scenes are written when they are named: contact-planted-large, contact-stacks,
+    contact-sequence, contact-sequence-global.
     """
     if names and folder is None:
         raise click.UsageError("--collection needs a FOLDER to write to: the shipped one holds the built-in problems")

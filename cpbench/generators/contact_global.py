@@ -27,6 +27,17 @@ def build() -> list[Instance]:
     return [*(box_stack(levels) for levels in (2, 5, 10)), _planted("bodies-8", 8, 12), _planted("bodies-20", 20, 24)]
 
 
+@collection(
+    "contact-stacks",
+    "gfc",
+    "high stacks of boxes at rest, and many bodies with planted reactions",
+    "planted by cpbench; the equilibrium of a stack: each level carries the weight above it",
+    builtin=False,
+)
+def build_high() -> list[Instance]:
+    return [box_stack(25), box_stack(50), _planted("bodies-60", 60, 100)]
+
+
 def box_stack(levels: int) -> Instance:
     """Unit cubes of 1 kg, each on four corner contacts: 4·levels contacts, 6·levels freedoms, rank deficient.
 

@@ -56,6 +56,24 @@ def build_2d() -> list[Instance]:
     ]
 
 
+@collection(
+    "contact-planted-large",
+    "fc",
+    "a hundred and more contacts with planted reactions, Delassus form",
+    "planted by cpbench",
+    builtin=False,
+)
+def build_large() -> list[Instance]:
+    """What tells solvers apart that need all of the matrix from those that take one contact at a time."""
+    rng = generator(4)
+    return [
+        _scene("full-rank-100", rng, nc=100, bodies=75, states=STATES[:3]),
+        _scene("hyperstatic-150", rng, nc=150, bodies=35, states=STATES),
+        _scene("light-beside-heavy-120", rng, nc=120, bodies=80, states=STATES[:3], masses=6),
+        _scene("hyperstatic-2d-200", rng, nc=200, bodies=80, states=STATES, dimension=2),
+    ]
+
+
 def contact_states(rng: np.random.Generator, states: Sequence[str], mu: float, dimension: int) -> tuple[Dense, Dense]:
     """r and u of contacts in the given states, shape (nc, d) each; complementary by construction."""
     nc, d = len(states), dimension

@@ -15,12 +15,13 @@ from cpbench.generators.collection import builtin_folder, write_collections
 from cpbench.solvers import Budget, solvers
 
 INSTANCES = {f"{c.name}-{i.name}": i for c in generators if c.builtin for i in c.instances()}
+LARGER = {i.name: i for name in ("contact-planted-large", "contact-stacks") for i in generators.get(name).instances()}
 EXACT = {"planted", "published", "closed form"}
 
 
-@pytest.mark.parametrize("name", INSTANCES)
+@pytest.mark.parametrize("name", [*INSTANCES, *LARGER])
 def test_what_is_known_is_measured(name: str) -> None:
-    instance: Instance = INSTANCES[name]
+    instance: Instance = {**INSTANCES, **LARGER}[name]
     if instance.known in EXACT:
         assert instance.solution is not None
         verdict = verification.judge(instance.problem, instance.solution, 1e-12)
