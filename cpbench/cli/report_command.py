@@ -65,6 +65,7 @@ def command(
     if facets is not None:
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     from cpbench.bench import history
+    from cpbench.cli.portraits import Portraits
     from cpbench.report import row_files
     from cpbench.report.folder import write_folder
 
@@ -82,9 +83,13 @@ def command(
             new = side_of(store)
             table, meta = new.table, new.meta
             comparison = compare(base(baseline, new), new)
+        portraits = Portraits(store, table)
     chosen = {"publishable": publishable, "with_imported": with_imported}
     forms, told = row_files.beside_csv(len(table), data)
-    for path in write_folder(table, meta, folder, name, iterates, comparison=comparison, data=forms, **chosen):
+    made = write_folder(
+        table, meta, folder, name, iterates, comparison=comparison, data=forms, portraits=portraits, **chosen
+    )
+    for path in made:
         click.echo(f"report: {path}")
     for line in told:
         click.echo(line, err=True)

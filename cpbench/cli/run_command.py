@@ -259,11 +259,13 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
+        from cpbench.cli.portraits import Portraits
         from cpbench.report.folder import write_folder
 
         title = "The built-in suite" if asked.builtin else asked.results.stem
-        iterates = history.table(store.histories())
-        for path in write_folder(store.table(), store.meta(), asked.report_folder, title, iterates):
+        iterates, table = history.table(store.histories()), store.table()
+        portraits = Portraits(store, table)
+        for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, portraits=portraits):
             click.echo(f"report: {path}")
     failed = campaign.failures(store, asked, assembly.pairs)
     if failed:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,14 +29,18 @@ def write_folder(
     with_imported: bool = False,
     comparison: Comparison | None = None,
     data: Iterable[str] = (),
+    portraits: Callable[[], Mapping[str, Portrait]] = dict,
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives their paths, without that of results.csv.
 
     Parameters
     ----------
-    data : formats of the rows beside CSV (`row_files.beside_csv`). The others are those of `markdown.write_report`.
+    data : formats of the rows beside CSV (`row_files.beside_csv`). portraits : pictures of the problems by
+    fingerprint, asked for when the page is made (`cli.portraits`). The others are those of
+    `markdown.write_report`.
     """
-    run = assembled(table, meta, Path(folder), histories, publishable=publishable, with_imported=with_imported)
+    chosen = {"publishable": publishable, "with_imported": with_imported}
+    run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
     documents = (markdown.write(run, title, comparison), page.write(run, title))
     rows, files = rows_of.with_time(run.rows), [run.folder / f"results.{name}" for name in data]
     for path in files:

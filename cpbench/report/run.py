@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -16,18 +16,23 @@ from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.table import Group
 from cpbench.report.text import counted, one_line, plain
 
+if TYPE_CHECKING:
+    from cpbench.analysis.portraits import Portrait
+
 
 @dataclass(frozen=True)
 class Run:
     """The rows of a run, in fixed order, with the facts of the run, where the report goes, judged iterates
-    (`analysis.histories`) of the solves that were recorded, and the restrictions on publishing, by name, of solvers
-    that are left out."""
+    (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
+    that are left out, and what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made.
+    """
 
     rows: pd.DataFrame
     meta: Mapping[str, Any]
     folder: Path
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
     left_out: Mapping[str, str] = field(default_factory=dict)
+    portraits: Callable[[], Mapping[str, Portrait]] = dict
 
 
 def assembled(
@@ -38,9 +43,10 @@ def assembled(
     *,
     publishable: bool = False,
     with_imported: bool = False,
+    portraits: Callable[[], Mapping[str, Portrait]] = dict,
 ) -> Run:
     """The run that a report is about; the parameters are those of `markdown.write_report`."""
-    run = Run(_without_folders(rows_of.normalised(table)), meta, folder)
+    run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits)
     if histories is not None:
         run = replace(run, histories=histories)
     if with_imported:

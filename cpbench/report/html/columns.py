@@ -23,6 +23,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED, attended
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
+from cpbench.analysis.portraits import Portrait
 from cpbench.analysis.table import CHARGED, Group
 from cpbench.report.html.container import Column
 from cpbench.report.matrix import SYMBOLS
@@ -73,7 +74,7 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "metrics": [
             {"name": m.name, "unit": m.unit, "floor": m.floor, "doc": m.doc, "count": bool(m.counter)} for m in known
         ],
-        "problems": _problems(rows, prints),
+        "problems": {**_problems(rows, prints), "portrait": _portraits(run, prints, list(labels))},
         "labels": _labels(run, rows, list(labels)),
         "groups": _groups(run, parts, problem, label, places),
         "texts": texts,
@@ -172,6 +173,16 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
         "sequence": first["sequence"].tolist(),
         "step": [None if math.isnan(step) else step for step in first["step"]],
     }
+
+
+def _portraits(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Portrait | None]:
+    """Pictures of the problems; an answer by somebody who is left out of the report is nobody's."""
+    made, told = run.portraits(), set(labels)
+    found: list[Portrait | None] = []
+    for one in map(made.get, prints):
+        known = one is None or one.get("answer", {}).get("label", "") in {"", *told}
+        found.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
+    return found
 
 
 def _sizes(text: str) -> dict[str, float]:

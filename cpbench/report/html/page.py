@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -19,6 +19,7 @@ import pandas as pd
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
+from cpbench.analysis.portraits import Portrait
 from cpbench.errors import FormatError
 from cpbench.report.html import rankings, vega
 from cpbench.report.html.columns import columns_of
@@ -30,7 +31,7 @@ from cpbench.report.text import one_line
 NAME = "report.html"
 SCRIPTS = (
     "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
-    "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "app.js",
+    "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""
 
@@ -44,10 +45,11 @@ def write_html(
     *,
     publishable: bool = False,
     with_imported: bool = False,
+    portraits: Callable[[], Mapping[str, Portrait]] = dict,
 ) -> Path:
-    """Write `folder`/report.html and give its path; the parameters are those of `markdown.write_report`."""
-    run = assembled(table, meta, Path(folder), histories, publishable=publishable, with_imported=with_imported)
-    return write(run, title)
+    """Write `folder`/report.html and give its path; the parameters are those of `folder.write_folder`."""
+    chosen = {"publishable": publishable, "with_imported": with_imported}
+    return write(assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen), title)
 
 
 def write(run: Run, title: str) -> Path:

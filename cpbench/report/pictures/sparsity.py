@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpbench import matrices
-from cpbench.analysis.coarse import coarsened
+from cpbench.analysis.coarse import arranged, coarsened
 from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
@@ -28,12 +28,6 @@ CELLS = 220
 """Cells a side, at most."""
 LINES = 24
 """Contacts that are told apart by lines, at most."""
-PLACES: dict[str, tuple[tuple[str, ...], ...]] = {
-    "mlcp": (("A", "C"), ("D", "B")),
-    "fcm": (("W", "V"), ("", "R")),
-    "qp": (("Q",), ("A",), ("C",)),
-}
-"""Where matrices stand; else they stand in a row."""
 LEAST = 0.16
 """The least share of the picture that a matrix gets, however few its rows or columns."""
 
@@ -41,16 +35,10 @@ LEAST = 0.16
 @figure_kind("sparsity")
 def draw(problem: Problem, point: Point | None = None) -> Drawing:
     """A panel a matrix that has entries, in common scale of shades."""
-    blocks: dict[str, Matrix] = {
-        name: value  # type: ignore[misc]
-        for name, value in problem.data().items()
-        if value.ndim == 2 and min(value.shape) > 0 and name not in ("mu", "mu_r")
-    }
-    if not blocks:
+    places, data = arranged(problem), problem.data()
+    if not places:
         raise NotApplicable("sparsity", f"this {problem.node} has no matrix with entries")
-    places = [[name if name in blocks else "" for name in row] for row in PLACES.get(problem.node, (tuple(blocks),))]
-    places = [row for row in places if any(row)]
-    places = [list(column) for column in zip(*(c for c in zip(*places, strict=True) if any(c)), strict=True)]
+    blocks: dict[str, Matrix] = {name: data[name] for row in places for name in row if name}  # type: ignore[misc]
     wide = [max(blocks[row[k]].shape[1] for row in places if row[k]) for k in range(len(places[0]))]
     high = [max(blocks[name].shape[0] for name in row if name) for row in places]
     figure = _grid(problem, blocks, places, _shares(wide, high), _shares(high, wide))

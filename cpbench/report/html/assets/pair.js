@@ -162,6 +162,8 @@ const Pair = (() => {
     show(
       [facts.problems.name[problem], " × ", label],
       facts1,
+      h("h3", {}, "The problem"),
+      ...Portrait.draw(facts.problems.portrait[problem]),
       ...times,
       ...(text("message") ? [h("h3", {}, "What it said"), h("pre", { tabindex: "0" }, text("message"))] : []),
       ...numbers("Residuals", text("parts")),

@@ -1,0 +1,246 @@
+"""Pictures of the problems of a run for its page: what is at hand is read again, in a process beside this one.
+
+A results file may come from anywhere, and so may the files that it names. They are read by a process that has a limit
+of time and memory, and may die of one. What is not at hand, is no longer the problem that was run, or takes too long,
+has no picture but words that say why.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import threading
+import time
+import warnings
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cpbench import storage
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.portraits import Portrait, portrait
+from cpbench.bench.processes import wire
+from cpbench.bench.processes.channel import Channel
+from cpbench.bench.processes.launch import context, limit_memory
+from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.results.answers import unpack
+from cpbench.errors import FormatError
+from cpbench.formulations.base import Problem, formulations
+from cpbench.formulations.contact import ContactProblem
+from cpbench.generators import generators
+from cpbench.storage.base import split_address
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cpbench.bench.results.store import Store
+
+SECONDS = 5.0
+"""What reading all of them may take, from the first on."""
+PATIENCE = 1.0
+"""Seconds that one may take."""
+STARTUP = 20.0
+"""Seconds within which the process is there; they pass while the rest of the report is made."""
+MEMORY = 2 * 2**30
+"""Bytes that the process may take."""
+BYTES = 400_000
+"""What the pictures of a page may take, compressed."""
+MOST = 4000
+"""Problems that are asked for."""
+
+ABSENT = "No file is at the problem's address here, and no generator of this installation makes it."
+OTHER = "What is at its address now is another problem than the one that was run."
+UNREADABLE = "Its file cannot be read here."
+SLOW = f"Reading its file, or making it, took more than {PATIENCE:g} s."
+SPENT = (
+    f"The pictures of a page may take {SECONDS:g} s and {BYTES // 1000} kB, problems in small files first: "
+    "the others took them."
+)
+ALONE = "No process could be started here to read it in."
+
+
+@dataclass(frozen=True)
+class Sitter:
+    """A problem that is to be portrayed.
+
+    Attributes
+    ----------
+    place : its address here, '' where there is no file. format : that it was read by, None for whichever fits.
+    answer : as kept, b"" of none; with its label and its error.
+    """
+
+    fingerprint: str
+    place: str
+    format: str | None
+    family: str
+    size: int
+    tolerance: float
+    answer: bytes = b""
+    label: str = ""
+    error: float = 0.0
+
+
+class Portraits:
+    """Portraits by fingerprint, in the making from the moment on that this is made; a call waits for them.
+
+    The answers are those of `store`, the rows `table` is about; addresses that are relative are looked for from here
+    and from the folder of the results.
+    """
+
+    def __init__(self, store: Store, table: pd.DataFrame) -> None:
+        self._found: dict[str, Portrait] = {}
+        self._sitters = sitters(store, rows_of.normalised(table))
+        self._thread = threading.Thread(target=self._paint, daemon=True)
+        self._thread.start()
+
+    def __call__(self) -> Mapping[str, Portrait]:
+        self._thread.join()
+        return self._found
+
+    def _paint(self) -> None:
+        self._found |= paint(self._sitters)
+
+
+def sitters(store: Store, rows: pd.DataFrame) -> list[Sitter]:
+    """The problems of the rows, those in small files first, each contact problem with its best verified answer."""
+    formats: Mapping[str, str] = store.meta().get("formats") or {}
+    first = rows.drop_duplicates("fingerprint")
+    answers = _answers(store, rows)
+    found: list[Sitter] = []
+    for row in first[["fingerprint", "address", "family", "tolerance"]].to_dict("records"):
+        address, fingerprint = str(row["address"]), str(row["fingerprint"])
+        place, size = _place(address, store.path.parent)
+        answer = answers.get(fingerprint, (b"", "", 0.0))
+        found.append(
+            Sitter(fingerprint, place, formats.get(address), row["family"], size, float(row["tolerance"]), *answer)
+        )
+    return sorted(found, key=lambda one: (not one.place, one.size, one.place))
+
+
+def _place(address: str, folder: Path) -> tuple[str, int]:
+    """Where the file of an address is, and its bytes; ('', 0) where there is no ordinary file and no folder."""
+    for base in (Path.cwd(), folder):
+        place = os.path.abspath(base / address)
+        try:
+            file, _ = split_address(place)
+            if file.is_file():
+                return place, file.stat().st_size
+            if file.is_dir():
+                return place, 0
+        except (OSError, ValueError, FormatError):
+            continue
+    return "", 0
+
+
+def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, float]]:
+    """The kept answer of least error of each contact problem that somebody solved, its label and error."""
+    contact = [name for name in formulations.names() if issubclass(formulations.get(name), ContactProblem)]
+    solved = rows[rows["node"].isin(contact) & rows_of.solved(rows)].sort_values("error", kind="stable")
+    found: dict[str, tuple[bytes, str, float]] = {}
+    for row in solved.drop_duplicates("fingerprint")[["fingerprint", "key", "label", "error"]].to_dict("records"):
+        _, kept = store.ending(str(row["key"]))
+        if kept is not None:
+            found[str(row["fingerprint"])] = kept, str(row["label"]), float(row["error"])
+    return found
+
+
+def paint(asked: Sequence[Sitter]) -> dict[str, Portrait]:
+    """By fingerprint the portraits, or {"why": words}."""
+    found: dict[str, Portrait] = {one.fingerprint: {"why": SPENT} for one in asked}
+    spent = 0
+    for one, told in _read(asked[:MOST]):
+        spent += len(zlib.compress(json.dumps(told).encode()))
+        if spent > BYTES:
+            break
+        found[one.fingerprint] = told
+    return found
+
+
+def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Portrait]]:
+    """Each as it comes, until the time is over; after one that takes its process down, by another process."""
+    left, end = list(asked), math.inf
+    while left and time.monotonic() < end:
+        try:
+            child = Child(context(1), _main, ([astuple(one) for one in left],), memory=MEMORY)
+        except Died:
+            yield from ((one, {"why": ALONE}) for one in left)
+            return
+        fatal, last = "", left[0]
+        try:
+            child.receive(STARTUP)
+            end = min(end, time.monotonic() + SECONDS)
+            while left and not fatal and time.monotonic() < end:
+                told, fatal = _next(child)
+                last = left.pop(0)
+                yield last, told
+        except (Died, TimedOut):
+            yield from ((one, {"why": ALONE}) for one in left)
+            return
+        finally:
+            child.kill()
+        if fatal:  # it speaks for the others of its file: none of them is worth another process
+            yield from ((one, {"why": fatal}) for one in left if _source(one) == _source(last))
+            left = [one for one in left if _source(one) != _source(last)]
+
+
+def _next(child: Child) -> tuple[Portrait, str]:
+    """The next portrait, or why there is none; the words again where the process cannot go on."""
+    try:
+        header, _ = wire.unpack(child.receive(PATIENCE))
+        return header["portrait"], ""
+    except TimedOut:
+        why = SLOW
+    except Died as death:
+        why = f"Reading its file ended the process that did: {death.cause}."
+    except (wire.WireError, KeyError):
+        why = UNREADABLE
+    return {"why": why}, why
+
+
+def _source(one: Sitter) -> tuple[str, str]:
+    return ("", one.family) if not one.place else (str(split_address(one.place)[0]), "")
+
+
+# ------------------------------------------------------------------------------------- in the other process
+
+
+def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
+    """A message that it is there, then one a problem."""
+    limit_memory(MEMORY)
+    warnings.simplefilter("ignore")
+    channel.send_bytes(wire.pack({"ready": True}))
+    made: dict[str, dict[str, Problem]] = {}
+    for fields in asked:
+        one = Sitter(*fields)
+        try:
+            told = _told(one, made)
+            json.dumps(told, allow_nan=False)
+        except Exception:  # whatever a file holds: the next one is read
+            told = {"why": UNREADABLE}
+        channel.send_bytes(wire.pack({"portrait": told}))
+
+
+def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Portrait:
+    if one.place:
+        problem = storage.load(one.place, format=one.format)
+        if problem.fingerprint != one.fingerprint:
+            return {"why": OTHER}
+    elif (generated := _generated(one.family, made).get(one.fingerprint)) is not None:
+        problem = generated
+    else:
+        return {"why": ABSENT}
+    if not one.answer:
+        return portrait(problem)
+    told = portrait(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
+    return {**told, "answer": {"label": one.label, "error": one.error}}
+
+
+def _generated(family: str, made: dict[str, dict[str, Problem]]) -> dict[str, Problem]:
+    """The problems of the generator of that name, by fingerprint; none where there is no such generator."""
+    if family not in made:
+        instances = generators.get(family).instances() if family in generators else []
+        made[family] = {instance.problem.fingerprint: instance.problem for instance in instances}
+    return made[family]
