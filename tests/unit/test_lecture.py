@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from cpbench.analysis.facet_errors import faceted_slide
 from cpbench.analysis.lecture import examples, friction, newton
+from cpbench.analysis.lecture.examples import nonlinear
 from cpbench.analysis.lecture.round_trips import answer, round_trip
 from cpbench.cli import cli
 from cpbench.conversions.base import conversions
@@ -163,7 +164,7 @@ def test_fixed_points_end_at_the_law(edge):
     assert path[-1].error < 1e-11
 
 
-@pytest.mark.parametrize("example", [examples.kojima_shindo(), examples.hock_schittkowski_14(), examples.hump()])
+@pytest.mark.parametrize("example", [nonlinear.kojima_shindo(), nonlinear.hock_schittkowski_14(), nonlinear.hump()])
 def test_derivatives_of_the_nonlinear_examples(example, rng):
     x = rng.normal(size=example.start.size)
     for way in np.eye(x.size):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.analysis.lecture.examples import NonlinearExample
+from cpbench.analysis.lecture.examples.nonlinear import NonlinearExample
 from cpbench.cones import project_box
 from cpbench.formulations.avi import AVI
 from cpbench.matrices import Dense, Vector, dense

@@ -27,7 +27,7 @@ class DualValue:
 def dual_function(qp: QP, lam: Vector, mu: Vector) -> DualValue:
     """θ at one pair of multipliers.
 
-    >>> from cpbench.analysis.lecture.examples import quadratic
+    >>> from cpbench.analysis.lecture.examples.linear import quadratic
     >>> value = dual_function(quadratic(), np.array([1.0, 0.5]), np.array([-0.3]))
     >>> abs(value.at_minimiser - value.closed) < 1e-12
     True

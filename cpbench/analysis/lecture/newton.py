@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.analysis import ncp_functions as ncp
-from cpbench.analysis.lecture.examples import NonlinearExample
+from cpbench.analysis.lecture.examples.nonlinear import NonlinearExample
 from cpbench.analysis.lecture.round_trips import answer
 from cpbench.errors import CpbenchError
 from cpbench.formulations.mlcp import MLCP
@@ -33,7 +33,7 @@ def josephy_newton(example: NonlinearExample, start: Vector, most: int = 12) -> 
 
     It ends early where that problem is not solved; the residual of the last iterate tells.
 
-    >>> from cpbench.analysis.lecture.examples import hock_schittkowski_14
+    >>> from cpbench.analysis.lecture.examples.nonlinear import hock_schittkowski_14
     >>> example = hock_schittkowski_14()
     >>> josephy_newton(example, example.start)[-1].residual < 1e-12
     True
@@ -99,7 +99,7 @@ def generalized_newton(
 
     A singular element of ∂Φ is met by the least-squares step.
 
-    >>> from cpbench.analysis.lecture.examples import kojima_shindo
+    >>> from cpbench.analysis.lecture.examples.nonlinear import kojima_shindo
     >>> example = kojima_shindo()
     >>> generalized_newton(example, ncp.functions()[1], example.start)[-1].residual < 1e-12
     True

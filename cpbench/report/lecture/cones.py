@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.analysis.lecture.examples import hock_schittkowski_14, kojima_shindo, problems
+from cpbench.analysis.lecture.examples import problems
+from cpbench.analysis.lecture.examples.nonlinear import hock_schittkowski_14, kojima_shindo
 from cpbench.analysis.lecture.inequalities import cone_products
 from cpbench.analysis.lecture.newton import josephy_newton
 from cpbench.analysis.lecture.round_trips import answer

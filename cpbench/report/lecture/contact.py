@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cpbench.analysis.lecture.examples import STEP, problems
+from cpbench.analysis.lecture.examples import problems
+from cpbench.analysis.lecture.examples.contact import STEP
 from cpbench.analysis.lecture.round_trips import answer, refusal, round_trip
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.matrices import dense, max_abs, norm

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.analysis import ncp_functions as ncp
-from cpbench.analysis.lecture.examples import problems, program_14
+from cpbench.analysis.lecture.examples import problems
+from cpbench.analysis.lecture.examples.nonlinear import program_14
 from cpbench.analysis.lecture.friction import direct_law, outer_law
 from cpbench.analysis.lecture.round_trips import answer, round_trip
 from cpbench.formulations.fc import FrictionContact

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.analysis.lecture.examples import hock_schittkowski_14, program_14
+from cpbench.analysis.lecture.examples.nonlinear import hock_schittkowski_14, program_14
 from cpbench.analysis.lecture.newton import Iterate, josephy_newton
 from cpbench.matrices import Vector
 from cpbench.report import canvas

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cpbench.analysis import ncp_functions as ncp
-from cpbench.analysis.lecture.examples import hock_schittkowski_14, hump, kojima_shindo
+from cpbench.analysis.lecture.examples.nonlinear import hock_schittkowski_14, hump, kojima_shindo
 from cpbench.analysis.lecture.inequalities import distance_to_normal_cone
 from cpbench.analysis.lecture.newton import (
     Iterate,

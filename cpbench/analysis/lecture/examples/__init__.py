@@ -1,0 +1,39 @@
+"""The small problems of the lecture page, two to six unknowns each, so that every one can be written out.
+
+The QP, NLP and contact problems keep their letters over several sections: what one section solves, the next converts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from cpbench.analysis.lecture.examples import contact, linear, variational
+from cpbench.formulations.base import Problem
+
+
+def problems() -> dict[str, Problem]:
+    """Every problem by its name in the file that goes with the page."""
+    made = {
+        "qp": linear.quadratic(),
+        "qp-repeated": linear.repeated_row(),
+        "lcp": linear.symmetric(),
+        "lcp-nonsymmetric": linear.nonsymmetric(),
+        "lcp-three": linear.three_solutions(),
+        "mlcp": linear.mixed(),
+        "mlcp-singular": linear.singular(),
+        "soclcp": variational.over_cone(),
+        "coneqp": variational.program_over_cone(),
+        "avi": variational.triangle(),
+        "avi-box": variational.box(),
+        "relay": variational.relay(),
+        "sliding": contact.sliding(),
+        "plane": contact.plane(),
+        "dumbbell": contact.dumbbell(),
+        "frictionless": contact.frictionless(),
+        "frictionless-local": contact.frictionless_local(),
+        "anisotropic": contact.anisotropic(),
+        "rolling": contact.rolling(),
+        "rolling-plane": contact.rolling_plane(),
+        "rolling-global": contact.rolling_global(),
+    }
+    return {name: dataclasses.replace(problem, name=name) for name, problem in made.items()}
