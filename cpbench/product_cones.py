@@ -31,6 +31,8 @@ class Cone(IntEnum):
     """{x : x_N ≥ μ‖x_T‖ + μ_r‖x_M‖}."""
     CYLINDER = 6
     """ℝ₊ × disk of radius μ: a convex set and no cone, the threshold of Tresca's friction."""
+    BALL = 7
+    """{x : ‖x‖ ≤ μ}: a convex set and no cone, of variational inequalities only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ class ProductCone:
     @property
     def conical(self) -> bool:
         """Whether every factor is a cone."""
-        return not (self.kind == Cone.CYLINDER).any()
+        return not np.isin(self.kind, (Cone.CYLINDER, Cone.BALL)).any()
 
     @cached_property
     def blocks(self) -> NDArray[np.int64]:
@@ -153,3 +155,6 @@ def _project_factor(kind: Cone, x: Dense, mu: Vector, mu_r: Vector) -> Dense:
             return x + project_rolling_cone(-x, mu, mu_r)
         case Cone.CYLINDER:
             return project_cylinder(x, mu)
+        case Cone.BALL:
+            size = np.sqrt(np.einsum("ij,ij->i", x, x))
+            return x * np.where(size > mu, mu / np.where(size > mu, size, 1.0), 1.0)[:, None]

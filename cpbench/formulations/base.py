@@ -15,12 +15,13 @@ from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias, cast
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
 from cpbench import matrices
 from cpbench.errors import PointError, ProblemError
+from cpbench.expressions import Map
 from cpbench.matrices import Matrix, Vector
 from cpbench.registry import Registry
 
@@ -69,6 +70,11 @@ def vector_field(size: str, *, finite: bool = True, fill: float | None = None) -
     """
     metadata = {"shape": (size,), "finite": finite, "fill": fill}
     return field(metadata=metadata) if fill is None else field(default=None, metadata=metadata)
+
+
+def map_field(rows: str, cols: str, *, optional: bool = False) -> Any:
+    """A nonlinear map of the problem, with its dimensions; an optional one that is left out has no rows."""
+    return field(default=None, metadata={"map": (rows, cols)}) if optional else field(metadata={"map": (rows, cols)})
 
 
 @dataclass(frozen=True)
@@ -211,16 +217,21 @@ class Problem(ABC):
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
         origin: dict[str, str] = {}
-        for f in self._data_fields():
+        for f in fields(self):
+            if not {"shape", "map"} & f.metadata.keys():
+                continue
             label = f"{self.node}.{f.name}"
-            shape = f.metadata["shape"]
-            value = getattr(self, f.name)
+            shape = f.metadata.get("shape") or f.metadata["map"]
+            value: Any = getattr(self, f.name)
             if value is None:
                 value = self._left_out(f, sizes)
-            if len(shape) == 2:
+            if "map" in f.metadata:
+                if not isinstance(value, Map):
+                    raise ProblemError(label, f"is a {type(value).__name__}, expected a Map")
+            elif len(shape) == 2:
                 value = matrices.matrix(value, label)
             else:
-                value = matrices.vector(cast(Any, value), label, finite=f.metadata["finite"])
+                value = matrices.vector(value, label, finite=f.metadata["finite"])
                 if np.isnan(value).any():
                     raise ProblemError(label, f"is NaN at {int(np.flatnonzero(np.isnan(value))[0])}")
             for symbol, size in zip(shape, value.shape, strict=True):
@@ -237,15 +248,18 @@ class Problem(ABC):
         object.__setattr__(self, "_sizes", sizes)
         self.check()
 
-    def _left_out(self, f: dataclasses.Field[Any], sizes: Mapping[str, int]) -> Matrix | Vector:
+    def _left_out(self, f: dataclasses.Field[Any], sizes: Mapping[str, int]) -> Matrix | Vector | Map:
         """What an optional field is when it is not given."""
+        if "map" in f.metadata:
+            return Map.empty(sizes.get(f.metadata["map"][1], 0))
         shape = tuple(sizes.get(symbol, 0) for symbol in f.metadata["shape"])
         if len(shape) == 1:
             if f.metadata["fill"] is None:
                 raise ProblemError(f"{self.node}.{f.name}", "is missing")
             return np.full(shape, f.metadata["fill"])
-        first = next(getattr(self, g.name) for g in self._data_fields() if len(g.metadata["shape"]) == 2)
-        return matrices.zeros(shape[0], shape[1], first)
+        given = (getattr(self, g.name) for g in self._data_fields() if len(g.metadata["shape"]) == 2)
+        like = next((value for value in given if value is not None), np.zeros((0, 0)))
+        return matrices.zeros(shape[0], shape[1], like)
 
     def check(self) -> None:
         """Conditions beyond shapes; raises ProblemError."""
@@ -258,6 +272,10 @@ class Problem(ABC):
         """The matrices and vectors by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in self._data_fields()}
 
+    def maps(self) -> dict[str, Map]:
+        """The nonlinear maps by name, in the order of the definition."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if "map" in f.metadata}
+
     def sizes(self) -> dict[str, int]:
         """Dimensions by symbol (n, m, nc, ...)."""
         return dict(self.__dict__["_sizes"])
@@ -268,6 +286,8 @@ class Problem(ABC):
         h = hashlib.sha256(f"cpbench {self.node};".encode())
         for name, value in self.data().items():
             h.update(f"{name}:".encode() + matrices.digest(value))
+        for name, value in self.maps().items():
+            h.update(f"{name}:".encode() + value.digest)
         return h.hexdigest()[:32]
 
     @property

@@ -30,14 +30,15 @@ class ConicProblem(_HasCone, Problem):
 
     cone_rows: ClassVar[str]
     """Name of the vector with one number a row of K."""
+    cone_kinds: ClassVar[tuple[Cone, ...]] = tuple(c for c in Cone if c is not Cone.BALL)
 
     def check(self) -> None:
         kind, size = self.cone_kind, self.cone_size
-        known = ", ".join(f"{c.value} {c.name.lower()}" for c in Cone)
+        known = ", ".join(f"{c.value} {c.name.lower()}" for c in self.cone_kinds)
         rolling = np.isin(kind, (Cone.ROLLING, Cone.ROLLING_DUAL))
         pointed = np.isin(kind, (Cone.SECOND_ORDER, Cone.CYLINDER))
         for field, bad, expected in (
-            ("cone_kind", ~np.isin(kind, list(Cone)), f"one of {known}"),
+            ("cone_kind", ~np.isin(kind, self.cone_kinds), f"one of {known}"),
             ("cone_size", (size < 0) | (size != np.floor(size)), "a number of rows"),
             ("cone_size", rolling & ~np.isin(size, (3, 5)), "3 or 5 rows of a rolling cone"),
             ("cone_size", pointed & (size < 1), "a normal component at least"),

@@ -1,0 +1,249 @@
+"""Values and exact sparse derivatives of a map: F(z) = Mz + q + Cφ(z), where CasADi sees φ only.
+
+What a sum adds with constant weights is affine (M, q: SciPy's products) or one of the distinct nonlinear terms φ; the
+Laplacian of an obstacle problem thus costs what a sparse product costs, and CasADi evaluates one exponential a node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.expressions.batches import Batches
+from cpbench.expressions.map import Map
+from cpbench.expressions.operators import Operator
+from cpbench.matrices import Sparse, Vector
+
+_AGAIN = 4
+"""How often, on average, an operation may be walked through: sums that are used many times stay whole."""
+
+
+class Compiled:
+    """One map made ready. Attributes: M (m, n) and q (m,) of its affine part, C (m, p) of its p nonlinear terms."""
+
+    def __init__(self, F: Map) -> None:
+        self._map = F
+        affine, self.q, weights, self._terms = _split(F)
+        self.M, self.C = matrices.adopt(affine), matrices.adopt(weights)
+        self._all = sp.csr_array(sp.hstack([affine, weights]))
+
+    @property
+    def affine(self) -> bool:
+        """Whether there is no nonlinear term."""
+        return not self._terms
+
+    def value(self, z: Vector) -> Vector:
+        terms = z if self.affine else np.concatenate([z, self._values(z)])
+        return self._all @ terms + self.q
+
+    def jacobian(self, z: Vector) -> Sparse:
+        if self.affine:
+            return self.M
+        return self._jacobian(z)
+
+    def hessian(self, z: Vector, weights: Vector) -> Sparse:
+        if self.affine:
+            return sp.csr_array((self._map.inputs, self._map.inputs))
+        return self._hessian(z, self.C.T @ weights)
+
+    # ------------------------------------------------------------------------------------- in CasADi
+
+    @cached_property
+    def _symbols(self) -> tuple[Any, Any]:
+        """z and φ(z)."""
+        import casadi as ca
+
+        from cpbench.expressions.to_casadi import express
+
+        z = ca.SX.sym("z", self._map.inputs)
+        return z, express(self._phi, z)
+
+    @cached_property
+    def _phi(self) -> Map:
+        return self._map.only(self._terms)
+
+    @cached_property
+    def _values(self) -> Callable[[Vector], Vector]:
+        batches = Batches(self._phi)
+        if batches.worthwhile:
+            return batches
+        z, phi = self._symbols
+        return _Called("phi", [z], phi)
+
+    @cached_property
+    def _jacobian(self) -> _Jacobian:
+        import casadi as ca
+
+        z, phi = self._symbols
+        return _Jacobian(ca.jacobian(phi, z), z, self.M, self.C)
+
+    @cached_property
+    def _hessian(self) -> _Hessian:
+        import casadi as ca
+
+        z, phi = self._symbols
+        weights = ca.SX.sym("w", phi.shape[0])
+        return _Hessian(ca.hessian(ca.dot(weights, phi), z)[0], z, weights)
+
+
+class _Called:
+    """A CasADi function of NumPy vectors, without a copy: the stored entries of its one result."""
+
+    def __init__(self, name: str, arguments: list[Any], result: Any) -> None:
+        import casadi as ca
+
+        entries = result.nz[:] if result.nnz() else ca.SX(0, 1)
+        self._function = ca.Function(name, arguments, [entries])
+        self._sizes = [int(a.shape[0]) for a in arguments]
+        self._size = int(result.nnz())
+
+    def __call__(self, *vectors: Vector) -> Vector:
+        out = np.empty(self._size)
+        if not self._size:
+            return out
+        buffer, evaluate = self._function.buffer()
+        held = [np.ascontiguousarray(v, dtype=float) for v in vectors]
+        for k, (vector, size) in enumerate(zip(held, self._sizes, strict=True)):
+            if vector.shape != (size,):
+                raise ValueError(f"the map has {size} unknowns, the vector has shape {vector.shape}")
+            buffer.set_arg(k, vector.data)
+        buffer.set_res(0, out.data)
+        evaluate()
+        return out
+
+
+def _pattern(result: Any) -> Sparse:
+    """The pattern of a CasADi matrix, each entry holding its number in CasADi's order plus one."""
+    sparsity = result.sparsity()
+    columns, rows = sparsity.colind(), sparsity.row()
+    numbers = np.arange(1.0, len(rows) + 1.0)
+    return sp.csc_array((numbers, np.array(rows, int), np.array(columns, int)), shape=result.shape).tocsr()
+
+
+class _Jacobian:
+    """z ↦ M + Cφ′(z), as one CSR of one pattern."""
+
+    def __init__(self, derivative: Any, z: Any, M: Sparse, C: Sparse) -> None:
+        self._entries = _Called("jacobian", [z], derivative)
+        own = _pattern(derivative)
+        ones = own.copy()
+        ones.data[:] = 1.0
+        pattern = abs(M) + abs(C) @ ones  # no entry of it cancels
+        pattern = sp.csr_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
+        pattern.sort_indices()
+        self._pattern = pattern
+        at = sp.csr_array((np.arange(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
+        self._constant = _spread(at, M)
+        self._weights = _weights(at, C, own)
+
+    def __call__(self, z: Vector) -> Sparse:
+        data = self._constant + self._weights @ self._entries(z)
+        return _shaped(data, self._pattern)
+
+
+def _shaped(data: Vector, pattern: Sparse) -> Sparse:
+    J = sp.csr_array((data, pattern.indices, pattern.indptr), shape=pattern.shape, copy=False)
+    J.has_canonical_format = True
+    return J
+
+
+def _places(at: Sparse, rows: Any, columns: Any) -> Any:
+    """Where entries (row, column) stand among the entries of a pattern, whose columns are sorted in every row."""
+    n = max(at.shape[1], 1)
+    keys = np.repeat(np.arange(at.shape[0]), np.diff(at.indptr)) * n + at.indices
+    return np.searchsorted(keys, rows * n + columns)
+
+
+def _spread(at: Sparse, M: Sparse) -> Vector:
+    coo = M.tocoo()
+    data = np.zeros(at.nnz)
+    data[_places(at, coo.row.astype(np.int64), coo.col.astype(np.int64))] = coo.data
+    return data
+
+
+def _weights(at: Sparse, C: Sparse, own: Sparse) -> Sparse:
+    """The matrix that takes entries of φ′, in CasADi's order, to their sums in the entries of the pattern."""
+    coo = C.tocoo()
+    lengths = np.diff(own.indptr)[coo.col]
+    which = np.repeat(np.arange(coo.nnz), lengths)
+    offsets = np.arange(lengths.sum()) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    entries = own.indptr[coo.col][which] + offsets
+    places = _places(at, coo.row[which].astype(np.int64), own.indices[entries].astype(np.int64))
+    numbers = own.data[entries].astype(np.int64) - 1
+    return sp.csr_array((coo.data[which], (places, numbers)), shape=(at.nnz, own.nnz))
+
+
+class _Hessian:
+    """(z, w) ↦ ∇² wᵀφ(z)."""
+
+    def __init__(self, derivative: Any, z: Any, weights: Any) -> None:
+        self._entries = _Called("hessian", [z, weights], derivative)
+        pattern = _pattern(derivative)
+        self._order = pattern.data.astype(np.int64) - 1
+        self._pattern = pattern
+
+    def __call__(self, z: Vector, weights: Vector) -> Sparse:
+        return _shaped(self._entries(z, weights)[self._order], self._pattern)
+
+
+def _split(F: Map) -> tuple[Sparse, Vector, Sparse, list[int]]:
+    """M, q, C and the numbers of the nonlinear terms."""
+    first = F.inputs + F.constants.size
+    heads, left, right = F.heads.tolist(), F.left.tolist(), F.right.tolist()
+    constants = F.constants.tolist()
+    q = np.zeros(F.rows)
+    M: list[tuple[float, int, int]] = []
+    C: list[tuple[float, int, int]] = []
+    term: dict[int, int] = {}
+    used = np.bincount(np.concatenate([F.left, F.right[F.right >= 0], F.outputs]), minlength=first + F.operations)
+    once = (used <= 1).tolist()
+    budget = _AGAIN * F.operations
+    for row, end in enumerate(F.outputs.tolist()):
+        stack = [(end, 1.0)]
+        while stack:
+            value, weight = stack.pop()
+            if value < F.inputs:
+                M.append((weight, row, value))
+                continue
+            if value < first:
+                q[row] += weight * constants[value - F.inputs]
+                continue
+            k = value - first
+            inner = _summands(heads[k], left[k], right[k], F.inputs, constants) if once[value] or budget > 0 else None
+            if inner is None:
+                C.append((weight, row, term.setdefault(value, len(term))))
+            else:
+                budget -= not once[value]
+                stack.extend((a, weight * factor) for a, factor in inner)
+    return _assembled(M, (F.rows, F.inputs)), q, _assembled(C, (F.rows, len(term))), list(term)
+
+
+def _assembled(entries: list[tuple[float, int, int]], shape: tuple[int, int]) -> Sparse:
+    """The matrix of (value, row, column); entries of one place add up."""
+    table = np.array(entries, dtype=float).reshape(-1, 3)
+    where = (table[:, 1].astype(np.int64), table[:, 2].astype(np.int64))
+    return sp.csr_array((table[:, 0], where), shape=shape)
+
+
+def _summands(head: int, a: int, b: int, inputs: int, constants: list[float]) -> list[tuple[int, float]] | None:
+    """(value, factor) of what an operation adds up, None where it is no sum with constant factors."""
+    first = inputs + len(constants)
+    if head == Operator.ADD:
+        return [(a, 1.0), (b, 1.0)]
+    if head == Operator.SUB:
+        return [(a, 1.0), (b, -1.0)]
+    if head == Operator.NEG:
+        return [(a, -1.0)]
+    if head == Operator.MUL and inputs <= a < first:
+        return [(b, constants[a - inputs])]
+    if head in (Operator.MUL, Operator.DIV) and inputs <= b < first:
+        factor = constants[b - inputs]
+        if head == Operator.MUL:
+            return [(a, factor)]
+        return [(a, 1.0 / factor)] if factor else None
+    return None

@@ -1,0 +1,68 @@
+"""Nonlinear complementarity problem, Acary's equation (19): find z with 0 ≤ z ⟂ F(z) ≥ 0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.expressions import Map
+from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
+from cpbench.formulations.nonlinear import NonlinearProblem
+from cpbench.matrices import Vector
+
+
+@dataclass(frozen=True, eq=False)
+class NCPPoint(Point):
+    """z, shape (n,)."""
+
+    z: Vector
+
+
+@formulations.register("ncp")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NCP(NonlinearProblem):
+    """0 ≤ z ⟂ F(z) ≥ 0. Judged: `natural` = ‖min(z, F(z))‖₂ over `scale`."""
+
+    node: ClassVar[str] = "ncp"
+    title: ClassVar[str] = "nonlinear complementarity problem"
+    equation: ClassVar[str] = "(19)"
+    relations: ClassVar[tuple[str, ...]] = ("0 ≤ z ⟂ F(z) ≥ 0",)
+    point_type: ClassVar[type[Point]] = NCPPoint
+
+    F: Map = map_field("n", "n")
+    start: Vector = vector_field("n", fill=0.0)
+
+    @classmethod
+    def from_casadi(cls, z: Any, F: Any, **others: Any) -> NCP:
+        """Of CasADi expressions: a column of symbols z and a column F. Raises ProblemError."""
+        return cls(F=Map.from_casadi(z, F), **others)
+
+    @classmethod
+    def from_sympy(cls, z: Sequence[Any], F: Sequence[Any], **others: Any) -> NCP:
+        """Of SymPy expressions in the symbols z. Raises ProblemError."""
+        return cls(F=Map.from_sympy(z, F), **others)
+
+    @property
+    def point_sizes(self) -> dict[str, int]:
+        return {"z": self.start.size}
+
+    def project(self, z: Vector) -> Vector:
+        return np.maximum(z, 0.0)
+
+    def slacks(self, point: NCPPoint) -> dict[str, Vector]:
+        return {"w": self.F(point.z)}
+
+    def residuals(self, point: NCPPoint, tolerance: float = 1e-6) -> Residuals:
+        self.check_point(point)
+        with np.errstate(all="ignore"):
+            z, w = point.z, self.F(point.z)
+            return self.natural(
+                np.minimum(z, w),
+                point.finite,
+                min_z=float(z.min(initial=0.0)),
+                min_w=float(w.min(initial=0.0)),
+                complementarity=float(abs(z @ w)),
+            )

@@ -1,0 +1,50 @@
+"""What the nodes with a nonlinear map F share: a first start, and the size of F that their residuals are scaled by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cpbench.expressions import Map
+from cpbench.formulations.base import Problem, Residuals, scaled
+from cpbench.matrices import Vector, norm
+
+
+class _HasMap:
+    """Declared by the nodes, in the order of their data."""
+
+    F: Map
+    start: Vector
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NonlinearProblem(_HasMap, Problem):
+    """A problem in terms of F(z). `start` (n,), 0 unless given, is where a solver begins that is told no other place.
+
+    `scale` is ‖F(P(0))‖, P the projection on the set of the problem, or ‖F(start)‖ where F is not defined there.
+    """
+
+    def project(self, z: Vector) -> Vector:
+        """P(z), on the part of the set that has a projection in closed form."""
+        return z
+
+    @cached_property
+    def scale(self) -> float:
+        """A property of the problem, never of an answer; 0: errors are absolute."""
+        with np.errstate(all="ignore"):
+            for z in (self.project(np.zeros(self.start.size)), self.start):
+                size = norm(self.F(z))
+                if np.isfinite(size):
+                    return size
+        return 0.0
+
+    def natural(self, defect: Vector, finite: bool, **parts: float) -> Residuals:
+        """‖defect‖/scale as the one judged number; ∞ where the answer is not `finite`, which a bound would clip."""
+        absolute = norm(defect) if finite else np.inf
+        return Residuals(
+            judged={"natural": scaled(absolute, self.scale)},
+            parts={"natural_absolute": absolute, **parts},
+            flags=() if self.scale > 0 else ("absolute",),
+        )
