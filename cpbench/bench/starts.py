@@ -4,7 +4,7 @@ A start belongs to the source problem and is carried to the converted one by the
 way. Where there is none a run is unsupported (NotApplicable, with the reason): never cold in disguise.
 
     cold         no start
-    file         the first of the file's guesses
+    file         the first of the file's guesses; file:K the K-th
     previous     the solver's own answer to the step before, brought to this one by `formulations.transfer`
     perturbed:σ  x* + σ s ξ: x* the file's solution, if it is one at the tolerance of the run; ξ standard normal, from
                  the fingerprint and the seed alone; s = ‖x*_b‖₂/√n_b for every block b of n_b numbers, so that σ is
@@ -38,14 +38,20 @@ class StartKind(StrEnum):
 
 @dataclass(frozen=True)
 class StartPolicy:
-    """What was asked for. `sigma` : relative size of the noise of `perturbed`, 0 for the solution itself."""
+    """What was asked for. `sigma` : relative size of the noise of `perturbed`, 0 for the solution itself.
+
+    `guess` : which of the file's guesses, counted from 1.
+    """
 
     kind: StartKind = StartKind.COLD
     sigma: float = 0.0
+    guess: int = 1
 
     def __str__(self) -> str:
         """One text for one policy: part of a row's key."""
-        return f"{self.kind}:{self.sigma!r}" if self.kind is StartKind.PERTURBED else str(self.kind)
+        if self.kind is StartKind.PERTURBED:
+            return f"{self.kind}:{self.sigma!r}"
+        return f"{self.kind}:{self.guess}" if self.guess != 1 else str(self.kind)
 
     @property
     def warm(self) -> bool:
@@ -70,7 +76,7 @@ class Start:
 
 
 def parse_start(text: str) -> StartPolicy:
-    """`cold`, `file`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError on a number that is none.
+    """`cold`, `file`, `file:2`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError on a wrong number.
 
     >>> str(parse_start("perturbed:1e-2"))
     'perturbed:0.01'
@@ -79,8 +85,10 @@ def parse_start(text: str) -> StartPolicy:
     known = [str(kind) for kind in StartKind if kind is not StartKind.PERTURBED]
     if name in known and not colon:
         return StartPolicy(StartKind(name))
+    if name == StartKind.FILE and number:
+        return StartPolicy(StartKind.FILE, guess=_counted(text, number))
     if name != StartKind.PERTURBED:
-        raise UnknownName("start", text, [*known, "perturbed:σ"])
+        raise UnknownName("start", text, [*known, "file:K", "perturbed:σ"])
     try:
         sigma = float(number)
     except ValueError:
@@ -136,7 +144,7 @@ def start_for(
         case StartKind.COLD:
             return Start(None, "cold")
         case StartKind.FILE:
-            return _from_file(address)
+            return _from_file(address, policy)
         case StartKind.PREVIOUS:
             return _from_step(problem, before)
         case StartKind.PERTURBED:
@@ -196,14 +204,23 @@ def _blocks(problem: Problem, part: str, size: int) -> list[np.ndarray[Any, np.d
     return [index[~moment], index[moment]]
 
 
-def _from_file(address: str) -> Start:
+def _counted(text: str, number: str) -> int:
+    """K of `file:K`."""
+    if not (number.isascii() and number.isdigit() and int(number) >= 1):
+        raise CpbenchError(f"start '{text}': the guess is '{number}', expected its number from 1 on, as in file:2")
+    return int(number)
+
+
+def _from_file(address: str, policy: StartPolicy) -> Start:
     guesses = storage.guesses(address)
-    if not guesses:
-        raise NotApplicable("start file", "the file has no starting point")
-    if not guesses[0].finite:
-        raise NotApplicable("start file", "the starting point in the file is not finite")
-    zero = not any(x.any() for x in guesses[0].arrays().values())
-    return Start(guesses[0], "file: zeros" if zero else "file")
+    if len(guesses) < policy.guess:
+        found = f"{len(guesses)} starting points, not {policy.guess}" if guesses else "no starting point"
+        raise NotApplicable(f"start {policy}", f"the file has {found}")
+    guess = guesses[policy.guess - 1]
+    if not guess.finite:
+        raise NotApplicable(f"start {policy}", "the starting point in the file is not finite")
+    zero = not any(x.any() for x in guess.arrays().values())
+    return Start(guess, f"{policy}: zeros" if zero else str(policy))
 
 
 def _from_step(problem: Problem, before: Before | None) -> Start:

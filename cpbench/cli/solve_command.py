@@ -32,7 +32,7 @@ from cpbench.errors import CpbenchError, NoRoute
     default="cold",
     show_default=True,
     metavar="POLICY",
-    help="Where the solver starts: cold, file (the file's guess) or perturbed:σ (near its solution).",
+    help="Where the solver starts: cold, file or file:K (the file's guesses), perturbed:σ (near its solution).",
 )
 @tolerance_option
 @limit_options

@@ -24,6 +24,7 @@ class Instance:
     solution : a solution, None where none is known in closed form.
     known : how it is known: `planted` (the data were made for it; `planted to rounding` where the sums are not
         exact), `published`, `closed form`, `infeasible` (then `certificate` proves it), or `nothing`.
+    starts : starting points that were published with it, the first of them the problem's own; the file's guesses.
     """
 
     problem: Problem
@@ -31,6 +32,7 @@ class Instance:
     known: str = "nothing"
     certificate: Vector | None = None
     properties: Mapping[str, Any] = field(default_factory=dict)
+    starts: tuple[Point, ...] = ()
 
     @property
     def name(self) -> str:

@@ -35,6 +35,7 @@ def write_collections(folder: str | Path, names: Sequence[str] = ()) -> Iterator
             {i.name: i.problem for i in instances},
             pack,
             solutions={i.name: i.solution for i in instances if i.solution is not None},
+            guesses={i.name: i.starts for i in instances},
             force=True,
             compress=False,
         )

@@ -58,12 +58,12 @@ its claim may be true there and its answer still be off, so these are counted ap
 problem asked. *Necessary*, *approximate* (facets) and *relaxation* promise less; where a solver took such a route it
 is marked, and its answers are judged on the exact law like all others.
 
-**Start.** Cold: none is given. *file*: the first guess of the problem's file. *perturbed:σ*: the file's solution, if it
-is one, with Gaussian noise of relative size σ in every block. *previous*: the solver's own verified answer to the step
-before of a recorded sequence, with contacts matched by their persistent identities, tangential parts turned into the
-new frames, and new contacts at 0; where that step was not solved the start is cold, and the row says so. Sequences
-are recorded trajectories: each step is the same problem for all solvers, and no solver's answer moves the bodies.
-A solver that takes no starting point is *unsupported* there.
+**Start.** Cold: none is given. *file*: the first guess of the problem's file, *file:K* the K-th. *perturbed:σ*: the
+file's solution, if it is one, with Gaussian noise of relative size σ in every block. *previous*: the solver's own
+verified answer to the step before of a recorded sequence, with contacts matched by their persistent identities,
+tangential parts turned into the new frames, and new contacts at 0; where that step was not solved the start is cold,
+and the row says so. Sequences are recorded trajectories: each step is the same problem for all solvers, and no solver's
+answer moves the bodies. A solver that takes no starting point is *unsupported* there.
 
 **Histories.** The iterates of one more solve, kept at growing intervals of time and judged like answers on the
 problem that was asked; what a solver tells of its own residual is recorded beside them and not used. The time to a

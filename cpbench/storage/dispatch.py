@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from cpbench.errors import FormatError
@@ -72,10 +72,12 @@ def save_pack(
     path: str | Path,
     *,
     solutions: Mapping[str, Point] | None = None,
+    guesses: Mapping[str, Sequence[Point]] | None = None,
     force: bool = False,
     compress: bool = True,
 ) -> None:
-    """Write several problems into one HDF5 file, each under its name, with known solutions under `/solution`.
+    """Write several problems into one HDF5 file, each under its name, with known solutions under `/solution` and
+    starting points under `/guesses`.
 
     Raises FormatError as `save` does.
     """
@@ -84,7 +86,7 @@ def save_pack(
     file = Path(path)
     if file.suffix.lower() not in SUFFIXES:
         raise FormatError(file, "", f"a pack is HDF5: expected a name that ends in {' or '.join(SUFFIXES)}")
-    write_atomic(file, encode_pack(problems, solutions, compress=compress), force=force)
+    write_atomic(file, encode_pack(problems, solutions, guesses, compress=compress), force=force)
 
 
 def problem_files(paths: Iterable[str | Path]) -> list[str]:

@@ -12,7 +12,7 @@ from cpbench.errors import FormatError
 from cpbench.formulations.base import Point, Problem
 from cpbench.storage import fclib, native
 from cpbench.storage.base import SEPARATOR, Format, formats, stem
-from cpbench.storage.hdf5_points import put_solution
+from cpbench.storage.hdf5_points import put_guesses, put_solution
 from cpbench.storage.hdf5_tree import SIGNATURE, Tree, open_tree
 from cpbench.storage.hdf5_writer import new_file
 
@@ -63,9 +63,16 @@ def read_problem(root: Tree, member: str) -> Problem:
 
 
 def encode_pack(
-    problems: Mapping[str, Problem], solutions: Mapping[str, Point] | None = None, *, compress: bool = True
+    problems: Mapping[str, Problem],
+    solutions: Mapping[str, Point] | None = None,
+    guesses: Mapping[str, Sequence[Point]] | None = None,
+    *,
+    compress: bool = True,
 ) -> bytes:
-    """A pack: every problem a group of its own, with its solution; raises FormatError on a name that cannot be one."""
+    """A pack: every problem a group of its own, with its solution and starting points.
+
+    Raises FormatError on a name that cannot be one.
+    """
     with new_file() as (root, image):
         for name, problem in problems.items():
             if not name or "/" in name or SEPARATOR in name or name in (".", ".."):
@@ -76,6 +83,7 @@ def encode_pack(
             write_problem(group, problem, compress=compress)
             if solutions and name in solutions:
                 put_solution(group, problem, solutions[name], {"name": problem.name})
+            put_guesses(group, problem, (guesses or {}).get(name, ()))
     return image[0]
 
 

@@ -59,6 +59,8 @@ def kept(folder: Path, problem: Any, solution: Any, *guesses: Any) -> str:
         ("cold", COLD, "cold"),
         ("file", FILE, "file"),
         (" previous ", PREVIOUS, "previous"),
+        ("file:1", FILE, "file"),
+        ("file:3", StartPolicy(StartKind.FILE, guess=3), "file:3"),
         ("perturbed:1e-2", noise(0.01), "perturbed:0.01"),
         ("perturbed:0", noise(0.0), "perturbed:0.0"),
         ("perturbed:0.30000000000000004", noise(0.1 + 0.2), "perturbed:0.30000000000000004"),
@@ -86,6 +88,12 @@ def test_noise_is_a_number(text: str) -> None:
         parse_start(text)
 
 
+@pytest.mark.parametrize("text", ["file:0", "file:-1", "file:x", "file:1.5", "file:²", "file: 2"])
+def test_guesses_are_counted_from_one(text: str) -> None:
+    with pytest.raises(CpbenchError, match="expected its number from 1 on, as in file:2"):
+        parse_start(text)
+
+
 # -------------------------------------------------------------------------------------------- cold and file
 
 
@@ -99,6 +107,19 @@ def test_the_first_guess_of_a_file(planted_fc: Any, tmp_path: Path) -> None:
     found = start_for(FILE, problem, kept(tmp_path, problem, point, ones, point), tolerance=TOLERANCE)
     assert found.told == "file"
     np.testing.assert_array_equal(found.point.r, ones.r)
+
+
+def test_every_guess_of_a_file_can_be_asked_for(planted_fc: Any, tmp_path: Path) -> None:
+    problem, point = planted_fc
+    ones = FCPoint(r=np.ones(point.r.size))
+    storage.save_pack({"a": problem}, tmp_path / "pack.h5", guesses={"a": [point, ones, problem.zero_point()]})
+    address = f"{tmp_path}/pack.h5::a"
+    found = start_for(parse_start("file:2"), problem, address, tolerance=TOLERANCE)
+    assert found.told == "file:2"
+    np.testing.assert_array_equal(found.point.r, ones.r)
+    assert start_for(parse_start("file:3"), problem, address, tolerance=TOLERANCE).told == "file:3: zeros"
+    with pytest.raises(NotApplicable, match="start file:4: the file has 3 starting points, not 4"):
+        start_for(parse_start("file:4"), problem, address, tolerance=TOLERANCE)
 
 
 def test_a_guess_of_zeros_is_told(planted_fc: Any, tmp_path: Path) -> None:
