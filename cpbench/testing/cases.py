@@ -8,12 +8,15 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cpbench.expressions import Map
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
 from cpbench.formulations.conic import ConicProblem
 from cpbench.testing import (
     cases_conic,
     cases_contact,
+    cases_nonlinear,
     corners,
     corners_conic,
     corners_contact,
@@ -54,7 +57,7 @@ def infeasible(node: str) -> list[Case]:
         no_row = MLCP(A=np.zeros((1, 1)), B=np.eye(1), C=np.zeros((1, 1)), D=np.zeros((1, 1)), a=[1.0], b=[0.0])
         negative = MLCP(A=np.eye(1), B=-np.eye(1), C=np.zeros((1, 1)), D=np.zeros((1, 1)), a=[0.0], b=[-1.0])
         return [Case("no-row", no_row, None), Case("negative", negative, None)]
-    others = corners_contact.infeasible(node) | corners_conic.infeasible(node)
+    others = corners_contact.infeasible(node) | corners_conic.infeasible(node) | cases_nonlinear.infeasible(node)
     return [Case(name, problem, None) for name, problem in others.items()]
 
 
@@ -63,6 +66,9 @@ def draw(node: str, seed: int, size: int) -> Case:
     rng = np.random.default_rng(seed)
     sparse = bool(rng.integers(2))
     kind = str(rng.choice(["positive definite", "singular semidefinite", "monotone", "any"]))
+    nonlinear = cases_nonlinear.draw(node, rng, size, kind)
+    if nonlinear is not None:
+        return Case(f"{kind}-{size}-{seed}", *nonlinear)
     problem, point = {
         "lcp": lambda: planted.lcp(rng, size, kind, sparse=sparse),
         "mlcp": lambda: planted.mlcp(rng, size, int(rng.integers(0, size + 1)), kind, sparse=sparse),
@@ -105,6 +111,15 @@ _SYMBOLS: dict[str, dict[str, tuple[str, ...]]] = {
     "avi": {"n": ("z",), "m": ("lam",), "k": ("mu",)},
     "soclcp": {"n": ("x",), "k": ()},
     "coneqp": {"n": ("x",), "m": ("y",), "k": ()},
+    "ncp": {"n": ("z",)},
+    "micp": {"n": ("z",)},
+    "equation": {"n": ("z",)},
+    "nlp": {"n": ("z", "nu"), "m": ("lam",), "k": ("mu",)},
+    "vi": {"n": ("z",), "m": ("lam",), "k": ("mu",), "p": ("nu",), "c": ()},
+    "ge": {"n": ("z",), "c": ()},
+    "cp": {"n": ("x",), "m": ("lam",), "c": ()},
+    "qvi": {"n": ("z",), "p": ("nu",), "c": ()},
+    "nfc": {"n": ("v",), "m": ("r",), "nc": ()},
 }
 """Dimensions of a node whose order has no meaning, with the parts of a point that they count."""
 
@@ -124,17 +139,35 @@ def renumbered(case: Case, seed: int) -> Case | None:
         order["m"] = (d * order["nc"][:, None] + np.arange(d)).ravel()
     if isinstance(case.problem, ConicProblem):  # so do those of a factor
         rows = np.split(np.arange(case.problem.K.rows), np.cumsum(case.problem.cone_size.astype(int))[:-1])
-        order["n" if case.problem.node == "soclcp" else "m"] = np.concatenate(
-            [_NO_ROWS, *(rows[i] for i in order["k"])]
-        )
+        factors = order["c" if "c" in order else "k"]
+        if factors.size:
+            order["m" if case.problem.node == "coneqp" else "n"] = np.concatenate(
+                [_NO_ROWS, *(rows[i] for i in factors)]
+            )
+    if case.problem.node == "qvi":  # g is of (y, z); the bounds that move are as many as the unknowns, or none
+        n = order["n"].size
+        order |= {"2n": np.concatenate([order["n"], n + order["n"]])}
+        order |= {s: order["n"] if case.problem.sizes()[s] else _NO_ROWS for s in ("nl", "nu")}
     data: dict[str, Any] = {}
     for field in dataclasses.fields(case.problem):
         if "shape" in field.metadata:
             rows, *columns = (order.get(symbol, slice(None)) for symbol in field.metadata["shape"])
             value = getattr(case.problem, field.name)[rows]
             data[field.name] = value[:, columns[0]] if columns else value
+        elif "map" in field.metadata and getattr(case.problem, field.name).rows:
+            rows, columns = (order.get(symbol, _NO_ROWS) for symbol in field.metadata["map"])
+            data[field.name] = _reordered(getattr(case.problem, field.name), rows, columns)
     parts = {name: getattr(case.point, name)[order[symbol]] for symbol, names in symbols.items() for name in names}
     return Case(case.name, dataclasses.replace(case.problem, **data), type(case.point)(**parts))
+
+
+def _reordered(F: Map, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Map:
+    """x[columns] ↦ F(x)[rows]; the map to ℝ¹ has no rows to reorder."""
+    import casadi as ca
+
+    x = ca.SX.sym("x", F.inputs)
+    value = F.sx(x[np.argsort(columns).tolist()])
+    return Map.from_casadi(x, value[rows.tolist()] if rows.size else value)
 
 
 def _rng(seed: int) -> np.random.Generator:
@@ -221,6 +254,7 @@ _ALL_MAKERS = (
     _MAKERS,
     cases_contact.MAKERS,
     cases_conic.MAKERS,
+    cases_nonlinear.MAKERS,
     corners.MAKERS,
     corners_contact.MAKERS,
     corners_conic.MAKERS,

@@ -9,6 +9,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.errors import PointError, ProblemError
+from cpbench.expressions import Builder
 from cpbench.formulations import Problem
 from cpbench.testing.cases import Case, renumbered
 from cpbench.testing.expect import refused
@@ -47,12 +48,27 @@ def check_nan_is_not_solved(node: type[Problem], cases: list[Case]) -> None:
 
 
 def check_shapes_are_named(node: type[Problem], cases: list[Case]) -> None:
-    """An array that is one row too long is refused, and the refusal names it or what it disagrees with."""
+    """An array that is one row too long is refused, and the refusal names it or what it disagrees with; so is a map of
+    one unknown more. A dimension that nothing else has may be any."""
     for case in cases:
         for name, value in case.problem.data().items():
+            if _has_rows_of_its_own(node, name):
+                continue
             longer = np.append(value, 1.0) if value.ndim == 1 else _one_row_more(value)
             with refused(ProblemError, rf"^{node.node}\.\w+: ", f"{case.name}: {name} with one row more"):
                 dataclasses.replace(case.problem, **{name: longer})
+        for name, F in case.problem.maps().items():
+            if F.rows:
+                wider = Builder(F.inputs + 1).finish([0] * F.rows)
+                with refused(ProblemError, rf"^{node.node}\.\w+: ", f"{case.name}: {name} of one unknown more"):
+                    dataclasses.replace(case.problem, **{name: wider})
+
+
+def _has_rows_of_its_own(node: type[Problem], name: str) -> bool:
+    """Whether the number of rows of a field is a dimension that no other field has."""
+    shapes = {f.name: f.metadata.get("shape", f.metadata.get("map", ())) for f in dataclasses.fields(node)}
+    symbol = shapes.pop(name)[0]
+    return not symbol.isdigit() and not any(symbol in shape for shape in shapes.values())
 
 
 def _one_row_more(M: matrices.Matrix) -> matrices.Matrix:
@@ -94,6 +110,11 @@ def check_fingerprint_is_of_the_content(node: type[Problem], cases: list[Case]) 
                 except ProblemError:  # kinds and sizes of cones are not any numbers
                     continue
                 assert other.fingerprint != problem.fingerprint, f"{case.name}: does not depend on {name}"
+        for name, F in problem.maps().items():
+            if F.rows and F.inputs:
+                other = dataclasses.replace(problem, **{name: Builder(F.inputs).finish([0] * F.rows)})
+                same = other.fingerprint == problem.fingerprint
+                assert same == (other.maps()[name] == F), f"{case.name}: does not depend on {name}"
 
 
 def check_dense_and_sparse_have_the_same_residuals(node: type[Problem], cases: list[Case]) -> None:
