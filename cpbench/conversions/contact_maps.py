@@ -1,0 +1,114 @@
+"""Local contact problems as nonlinear maps, in units of their own.
+
+With r = Dx and u = D⁻¹s²y (D diagonal and constant on the forces of a contact, s a number) the law on (u, r) is that
+on (y, x): cones and disks do not notice D, which is near s√ρ_c, nor does rᵀu but for s². Then y = D(WDx + q)/s² has
+diagonal blocks near 1, |q| near 1, and the natural map of (x, y) at 1 is the energy norm that answers are judged by.
+Moments have the factor ℓ_c as in `ContactProblem.lengths`, so that μ_r changes. All factors are powers of two: nothing
+is rounded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.expressions import Map
+from cpbench.formulations.base import Trace
+from cpbench.formulations.contact import FCPoint, LocalContact
+from cpbench.matrices import Dense, Vector, max_abs, power_of_two
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """r = unit ∘ x and y = unit ∘ u/size²; unit has shape (nc·d,)."""
+
+    unit: Vector
+    size: float
+
+    def reactions(self, x: Vector) -> FCPoint:
+        return FCPoint(r=self.unit * x)
+
+    def own(self, point: FCPoint) -> Vector:
+        """x."""
+        return point.r / self.unit
+
+    @property
+    def trace(self) -> Trace:
+        return {"unit": self.unit, "size": self.size}
+
+    @classmethod
+    def of_trace(cls, trace: Trace) -> Units:
+        return cls(np.asarray(trace["unit"]), float(trace["size"]))
+
+
+def units(problem: LocalContact) -> Units:
+    """D and s of a problem."""
+    D = 1.0 / power_of_two(np.sqrt(problem.effective_mass))
+    top = max_abs(D * problem.q)
+    size = float(1.0 / power_of_two(np.array([top]))[0]) if top > 0 else 1.0
+    return Units(size * D, size)
+
+
+def rolling_coefficient(problem: Any, chosen: Units) -> Vector:
+    """μ_r in these units, shape (nc,)."""
+    D = chosen.unit.reshape(problem.nc, problem.dimension)
+    return problem.mu_r * D[:, 0] / D[:, -1]
+
+
+def velocities(problem: LocalContact, chosen: Units, x: Any) -> Any:
+    """y of an SX column x, as SX of shape (d, nc): a column a contact, each number once."""
+    import casadi as ca
+
+    unit, q = chosen.unit, chosen.unit * problem.q / chosen.size**2
+    W = matrices.sparse(problem.W).multiply(unit[:, None] / chosen.size**2).multiply(unit[None, :])
+    y = ca.mtimes(ca.DM(W.tocsc()), x) + ca.DM(q)
+    return ca.reshape(ca.densify(y), problem.dimension, problem.nc)
+
+
+def length(parts: Any) -> Any:
+    """Norms of the columns of an SX matrix, as a row; the derivative at 0 is 0, one of its subgradients."""
+    import casadi as ca
+
+    squares = ca.sum1(parts * parts)
+    positive = squares > 0
+    return ca.if_else(positive, ca.sqrt(ca.if_else(positive, squares, 1.0)), 0.0)
+
+
+def shifted(problem: LocalContact, chosen: Units) -> Map:
+    """x ↦ ŷ = y + μ‖y_T‖e_N, De Saxcé and Feng's change of variable; with rolling friction + μ_r‖ω‖e_N too."""
+    import casadi as ca
+
+    x = ca.SX.sym("x", problem.q.size)
+    y = velocities(problem, chosen, x)
+    rolls = hasattr(problem, "mu_r")
+    last = 1 + (problem.dimension - 1) // 2 if rolls else problem.dimension
+    normal = y[0, :] + ca.DM(problem.mu).T * length(y[1:last, :])
+    if rolls:
+        normal = normal + ca.DM(rolling_coefficient(problem, chosen)).T * length(y[last:, :])
+    return Map.from_casadi(x, ca.vec(ca.vertcat(normal, y[1:, :])))
+
+
+def plain(problem: LocalContact, chosen: Units) -> Map:
+    """x ↦ y."""
+    import casadi as ca
+
+    x = ca.SX.sym("x", problem.q.size)
+    return Map.from_casadi(x, ca.vec(velocities(problem, chosen, x)))
+
+
+def by_contact(x: Vector, nc: int) -> Dense:
+    """x with a row a contact; two columns where there is none."""
+    return x.reshape(nc, x.size // nc if nc else 2)
+
+
+def clipped(r: Dense, mu: Vector) -> Dense:
+    """r with r_N ≥ 0 and ‖r_T‖ ≤ μ r_N: what is too large is shortened, shape (nc, d)."""
+    R = r.copy()
+    R[:, 0] = np.maximum(R[:, 0], 0.0)
+    tangential = np.linalg.norm(R[:, 1:], axis=1)
+    outside = tangential > mu * R[:, 0]
+    R[outside, 1:] *= (mu[outside] * R[outside, 0] / tangential[outside])[:, None]
+    return R

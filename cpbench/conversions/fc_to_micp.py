@@ -1,0 +1,108 @@
+"""Frictional contact → mixed complementarity problem (equation (49)).
+
+Source  u = Wr + q,  0 ≤ u_N ⟂ r_N ≥ 0,  −u_T ∈ N_D(μ r_N)(r_T).
+Target  z = (x_N, x_T, ξ) a contact, in units of the problem with r_N = D x_N, r_T = μD x_T and y the velocities
+        that go with them (`contact_maps`), so that μ is 1:
+
+            0 ≤ x_N ⟂ y_N ≥ 0,   x_N y_T + ξ x_T = 0 (x_T free),   0 ≤ ξ ⟂ x_N² − ‖x_T‖² ≥ 0.
+
+        The middle row with x_N and not with ‖y_T‖ = ξ apart: with ξ alone r_T = 0, u_T ≠ 0, ξ = 0 would be let through.
+        Where μ = 0: 0 ≤ x_N ⟂ y_N ≥ 0, x_T = 0, ξ = 0.
+Lift    r = Dx, its x_T shortened to x_N where the last row leaves it longer.        Push  x = D⁻¹r, ξ = ‖y_T‖.
+Kind    equivalent in r. Where x_N = 0 < μ it is singular: ξ may be anything, and the rows of x_T and ξ have no
+        derivative that is regular for any ξ; x_T is then known to the root of the error, which the lift mends.
+        `singular` tells these contacts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench.conversions import contact_maps
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.conversions.contact_maps import Units
+from cpbench.expressions import Map
+from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.micp import MiCP, MiCPPoint
+from cpbench.matrices import max_abs
+
+NO_REACTION = 1e-8
+"""x_N at most this times the largest component of x counts as 0."""
+
+
+@conversions.register("fc-micp")
+@dataclass(frozen=True)
+class FCtoMiCP(Conversion):
+    """Coulomb's law by a multiplier ξ = μ‖u_T‖ of the disk. Trace: `unit`, `size`, `mu`; `W`, `q` for `push`."""
+
+    name = "fc-micp"
+    source = "fc"
+    target = "micp"
+    equation = "(49)"
+    kind = Kind.EQUIVALENT
+    cost = 4.0
+
+    def tolerance(self, tolerance: float) -> float:
+        """Three digits more: the last two rows are products, whose factors may both be as large as their root."""
+        return 1e-3 * tolerance
+
+    def apply(self, problem: FrictionContact) -> tuple[MiCP, Trace]:
+        """The start is x_N = ξ = 1, x_T = 0: at z = 0 the derivative is singular."""
+        nc, d = problem.nc, problem.dimension
+        chosen = _units(problem)
+        lb = np.full((nc, d + 1), -np.inf)
+        lb[:, [0, d]] = 0.0
+        start = np.zeros((nc, d + 1))
+        start[:, 0] = 1.0
+        start[:, d] = problem.mu > 0
+        F = _map(problem, chosen)
+        target = MiCP(F=F, lb=lb.ravel(), ub=np.full(lb.size, np.inf), start=start.ravel())
+        return target, {**chosen.trace, "mu": problem.mu, "W": problem.W, "q": problem.q}
+
+    def lift(self, point: MiCPPoint, trace: Trace) -> FCPoint:
+        chosen, mu = Units.of_trace(trace), np.asarray(trace["mu"])
+        x = contact_maps.by_contact(point.z, mu.size)[:, :-1]
+        return chosen.reactions(contact_maps.clipped(x, np.where(mu > 0, 1.0, 0.0)).ravel())
+
+    def push(self, point: FCPoint, trace: Trace) -> MiCPPoint:
+        chosen, mu = Units.of_trace(trace), np.asarray(trace["mu"])
+        y = chosen.unit * (trace["W"] @ point.r + trace["q"]) / chosen.size**2
+        x, y = (contact_maps.by_contact(part, mu.size) for part in (chosen.own(point), y))
+        xi = np.where(mu > 0, np.linalg.norm(y[:, 1:], axis=1), 0.0)
+        return MiCPPoint(z=np.column_stack([x, xi]).ravel() if mu.size else np.zeros(0))
+
+    def singular(self, point: MiCPPoint, trace: Trace) -> NDArray[np.intp]:
+        """Contacts at which (49) is singular in this answer: no reaction, and friction."""
+        mu = np.asarray(trace["mu"])
+        z = contact_maps.by_contact(point.z, mu.size)
+        return np.flatnonzero((mu > 0) & (z[:, 0] <= NO_REACTION * max_abs(z[:, :-1])))
+
+
+def _units(problem: FrictionContact) -> Units:
+    """As `contact_maps.units`, with μ among the tangential ones where it is positive."""
+    chosen = contact_maps.units(problem)
+    factor = np.ones((problem.nc, problem.dimension))
+    factor[:, 1:] = np.where(problem.mu > 0, problem.mu, 1.0)[:, None]
+    return Units(chosen.unit * factor.ravel(), chosen.size)
+
+
+def _map(problem: FrictionContact, chosen: Units) -> Map:
+    import casadi as ca
+
+    nc, d = problem.nc, problem.dimension
+    z = ca.SX.sym("z", (d + 1) * nc)
+    Z = ca.reshape(z, d + 1, nc)
+    x, xi = Z[:d, :], Z[d, :]
+    y = contact_maps.velocities(problem, chosen, ca.vec(x))
+    columns: list[Any] = []
+    for c in range(nc):
+        xn, xt = x[0, c], x[1:, c]
+        rubs = [xn * y[1:, c] + xi[c] * xt, xn * xn - ca.sumsqr(xt)]
+        columns.append(ca.vertcat(y[0, c], *(rubs if problem.mu[c] > 0 else [xt, xi[c]])))
+    return Map.from_casadi(z, ca.vec(ca.horzcat(*columns)) if nc else ca.SX(0, 1))

@@ -1,0 +1,80 @@
+"""Frictional contact with nonlinear dynamics → linear dynamics at one velocity: a step of Newton's method.
+
+Source  F(v) = Hr,  u = Hᵀv + w, contact law on (u, r).
+Target  Mv = Hr + f with M = F′(v₀), f = Mv₀ − F(v₀), the same H, w and law.
+Lift    v, r.        Push  v, r.
+Kind    equivalent where F is affine; else a relaxation: the terms of second order in v − v₀ are dropped, and the
+        answer is that of the source only where it is v₀ itself. The solver newton-contact takes such steps to the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GFCPoint
+from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
+from cpbench.matrices import Vector
+
+PLACES = ("free", "start")
+
+
+@conversions.register("nfc-gfc")
+@dataclass(frozen=True)
+class NFCtoGFC(Conversion):
+    """`at`: v₀ is the `free` motion, F(v₀) = 0, or the problem's `start`; `velocity`: v₀ itself, which then counts.
+
+    Trace: empty.
+    """
+
+    name = "nfc-gfc"
+    source = "nfc"
+    target = "gfc"
+    equation = "P to P_LM"
+    kind = Kind.RELAXATION
+    best_kind = Kind.EQUIVALENT
+    cost = 2.0
+
+    at: str = "free"
+    velocity: tuple[float, ...] = ()
+
+    def exactness(self, problem: Problem) -> Kind:
+        return Kind.EQUIVALENT if self._affine(problem) else Kind.RELAXATION
+
+    def reservation(self, problem: NonlinearFrictionContact) -> str:
+        if self._affine(problem):
+            return ""
+        terms = problem.F.compiled.C.shape[1]
+        return f"F has {terms} nonlinear terms, which are linearized at one velocity; use the solver newton-contact"
+
+    def _affine(self, problem: Problem) -> bool:
+        return isinstance(problem, NonlinearFrictionContact) and problem.F.compiled.affine
+
+    def obstacle(self, problem: NonlinearFrictionContact) -> str | None:
+        if self.at not in PLACES:
+            return f"at = '{self.at}' is no place to linearize at; use {' or '.join(PLACES)}"
+        if self.velocity and len(self.velocity) != problem.start.size:
+            return f"velocity has {len(self.velocity)} numbers, v has {problem.start.size}"
+        v = self._place(problem)
+        if not (np.isfinite(problem.F(v)).all() and np.isfinite(problem.F.jacobian(v).data).all()):
+            return f"F or its derivative is not finite at v₀ (‖v₀‖ = {np.linalg.norm(v):.1e}); use another `at`"
+        return None
+
+    def _place(self, problem: NonlinearFrictionContact) -> Vector:
+        if self.velocity:
+            return np.array(self.velocity, dtype=float)
+        return problem.free_motion if self.at == "free" else problem.start
+
+    def apply(self, problem: NonlinearFrictionContact) -> tuple[GlobalFrictionContact, Trace]:
+        self.require(problem)
+        return problem.linearized(self._place(problem)), {}
+
+    def lift(self, point: GFCPoint, trace: Trace) -> NFCPoint:
+        return NFCPoint(v=point.v, r=point.r)
+
+    def push(self, point: NFCPoint, trace: Trace) -> GFCPoint:
+        return GFCPoint(v=point.v, r=point.r)
