@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
+from cpbench.expressions import Map
 from cpbench.formulations.base import Problem, formulations
 
 ALIGNED = 64
@@ -27,14 +28,16 @@ LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 def write(problem: Problem, path: str | Path) -> None:
     """Raises OSError."""
-    data = problem.data()
+    data, maps = problem.data(), problem.maps()
     arrays = [(name, array) for name, matrix in data.items() for array in _arrays(matrix)]
-    others = {f.name for f in dataclasses.fields(problem)} - data.keys() - LEFT_BEHIND
+    arrays += [(name, array) for name, F in maps.items() for array in F.arrays().values()]
+    others = {f.name for f in dataclasses.fields(problem)} - data.keys() - maps.keys() - LEFT_BEHIND
     header = {
         "node": problem.node,
         "name": problem.name,
         "fields": {name: getattr(problem, name) for name in sorted(others)},
         "shapes": {name: matrix.shape for name, matrix in data.items()},
+        "inputs": {name: F.inputs for name, F in maps.items()},
         "arrays": [(name, array.dtype.str, array.size) for name, array in arrays],
     }
     head = json.dumps(header).encode()
@@ -58,6 +61,7 @@ def read(path: str | Path) -> Problem:
         found.setdefault(name, []).append(whole[at:end].view(kind))
         at = end
     parts = {name: _matrix(found[name], tuple(shape)) for name, shape in header["shapes"].items()}
+    parts |= {name: Map(inputs, *found[name]) for name, inputs in header["inputs"].items()}
     return formulations.get(header["node"])(name=header["name"], **parts, **header["fields"])
 
 

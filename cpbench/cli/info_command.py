@@ -48,6 +48,8 @@ def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
         click.echo(f"  {symbol:<12} {size}")
     for name, value in problem.data().items():
         click.echo(f"  {name:<12} {_describe(value)}")
+    for name, F in problem.maps().items():
+        click.echo(f"  {name:<12} map {F.rows}x{F.inputs}, {F.operations} operations, {F.constants.size} constants")
     for label in LABELS:
         text = getattr(problem.info, label)
         if text:
@@ -82,6 +84,10 @@ def _record(address: str, problem: Problem, measured: tuple[Fact, ...]) -> dict[
         "fingerprint": problem.fingerprint,
         "sizes": problem.sizes(),
         "data": {name: _data_record(value) for name, value in problem.data().items()},
+        "maps": {
+            name: {"shape": list(F.shape), "operations": F.operations, "constants": F.constants.size}
+            for name, F in problem.maps().items()
+        },
         "unknowns": problem.point_sizes,
         "info": {label: getattr(problem.info, label) for label in LABELS},
         "properties": {key: _plain(value) for key, value in problem.info.properties.items()},

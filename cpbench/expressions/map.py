@@ -99,11 +99,15 @@ class Map:
         """k."""
         return int(self.heads.size)
 
+    def arrays(self) -> dict[str, Vector | Index]:
+        """The list itself, without `inputs`, in the order in which the constructor takes it."""
+        return {name: getattr(self, name) for name in ("constants", "heads", "left", "right", "outputs")}
+
     @cached_property
     def digest(self) -> bytes:
         """SHA-256 of the list, the same however the map was built."""
         h = hashlib.sha256(f"map {self.inputs} {self.constants.size} {self.operations} {self.rows};".encode())
-        for array in (self.constants, self.heads, self.left, self.right, self.outputs):
+        for array in self.arrays().values():
             h.update(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
         return h.digest()
 
@@ -114,7 +118,7 @@ class Map:
         return hash(self.digest)
 
     def __reduce__(self) -> Any:
-        return (Map, (self.inputs, self.constants, self.heads, self.left, self.right, self.outputs))
+        return (Map, (self.inputs, *self.arrays().values()))
 
     # ----------------------------------------------------------------------------------- evaluation
 

@@ -73,7 +73,8 @@ def vector_field(size: str, *, finite: bool = True, fill: float | None = None) -
 
 
 def map_field(rows: str, cols: str, *, optional: bool = False) -> Any:
-    """A nonlinear map of the problem, with its dimensions; an optional one that is left out has no rows."""
+    """A nonlinear map of the problem, with its dimensions (`2n`: twice n); an optional one that is left out has no
+    rows."""
     return field(default=None, metadata={"map": (rows, cols)}) if optional else field(metadata={"map": (rows, cols)})
 
 
@@ -235,8 +236,8 @@ class Problem(ABC):
                 if np.isnan(value).any():
                     raise ProblemError(label, f"is NaN at {int(np.flatnonzero(np.isnan(value))[0])}")
             for symbol, size in zip(shape, value.shape, strict=True):
-                if symbol.isdigit():
-                    if size != int(symbol):
+                if symbol[0].isdigit():
+                    if size != _counted(symbol, sizes):
                         raise ProblemError(label, f"has shape {value.shape}, expected {' x '.join(shape)}")
                 elif sizes.setdefault(symbol, size) != size:
                     raise ProblemError(
@@ -251,7 +252,7 @@ class Problem(ABC):
     def _left_out(self, f: dataclasses.Field[Any], sizes: Mapping[str, int]) -> Matrix | Vector | Map:
         """What an optional field is when it is not given."""
         if "map" in f.metadata:
-            return Map.empty(sizes.get(f.metadata["map"][1], 0))
+            return Map.empty(_counted(f.metadata["map"][1], sizes))
         shape = tuple(sizes.get(symbol, 0) for symbol in f.metadata["shape"])
         if len(shape) == 1:
             if f.metadata["fill"] is None:
@@ -338,6 +339,13 @@ class Problem(ABC):
     def zero_point(self) -> Any:
         """The point of zeros."""
         return self.point_type(**{name: np.zeros(size) for name, size in self.point_sizes.items()})
+
+
+def _counted(symbol: str, sizes: Mapping[str, int]) -> int:
+    """What a dimension is: `3`, `n` or `2n`, n being 0 where no earlier field has it."""
+    digits = len(symbol) - len(symbol.lstrip("0123456789"))
+    unit = sizes.get(symbol[digits:], 0) if digits < len(symbol) else 1
+    return int(symbol[:digits] or 1) * unit
 
 
 formulations: Registry[type[Problem]] = Registry("formulation", "cpbench.formulations")

@@ -65,8 +65,6 @@ class QVI(SimpleSetProblem):
                 raise ProblemError(f"qvi.{name}", f"has {bound.rows} rows, expected {n} or none")
             if bound.rows and not self.in_free_factor.all():
                 raise ProblemError(f"qvi.{name}", "moves bounds beside factors of K; only free components may have any")
-        if self.g.rows and self.g.inputs != 2 * n:
-            raise ProblemError("qvi.g", f"has {self.g.inputs} unknowns, expected {2 * n}: y, then z")
 
     @property
     def point_sizes(self) -> dict[str, int]:

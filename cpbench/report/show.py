@@ -13,12 +13,16 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions.base import conversions
+from cpbench.expressions import Map
+from cpbench.expressions.infix import formulas
 from cpbench.formulations.base import Kind, Problem, Step
 from cpbench.matrices import Matrix, Vector
 from cpbench.report.text import counted, cut, one_line
 
 SMALL = 12
 """Largest dimension of a problem that is printed in numbers."""
+FORMULA = 200
+"""Characters of the longest formula, or part of one, that is written out."""
 PICTURE = 48
 """Largest side of a spy picture in dots; a Braille character has 2×4 of them."""
 
@@ -37,6 +41,8 @@ def text(problem: Problem) -> str:
     show = _numbers if is_small(problem) else _structure
     for label, value in problem.data().items():
         lines += ["", *show(label, value, shape(problem, label))]
+    for label, F in problem.maps().items():
+        lines += ["", *_map(problem, label, F)]
     return "\n".join(lines)
 
 
@@ -94,16 +100,16 @@ def scalars(problem: Problem) -> dict[str, Any]:
     return {
         f.name: getattr(problem, f.name)
         for f in fields(problem)
-        if "shape" not in f.metadata and isinstance(getattr(problem, f.name), (bool, int, float))
+        if not {"shape", "map"} & f.metadata.keys() and isinstance(getattr(problem, f.name), (bool, int, float))
     }
 
 
 def shape(problem: Problem, label: str) -> tuple[str, ...]:
     """The dimensions of a field by symbol."""
-    return next(f.metadata["shape"] for f in fields(problem) if f.name == label)
+    return next(f.metadata.get("shape") or f.metadata["map"] for f in fields(problem) if f.name == label)
 
 
-def sized(symbols: tuple[str, ...], value: Matrix | Vector, times: str = "×") -> str:
+def sized(symbols: tuple[str, ...], value: Matrix | Vector | Map, times: str = "×") -> str:
     """`n×m = 20×3`, `2` where a symbol is a number itself."""
     symbolic, numeric = times.join(symbols), times.join(map(str, value.shape))
     return numeric if symbolic == numeric else f"{symbolic} = {numeric}"
@@ -147,6 +153,20 @@ def _structure(label: str, value: Matrix | Vector, symbols: tuple[str, ...]) -> 
         yield f"  ┌{'─' * len(picture[0])}┐"
         yield from (f"  │{line}│" for line in picture)
         yield f"  └{'─' * len(picture[0])}┘"
+
+
+def _map(problem: Problem, label: str, F: Map) -> Iterator[str]:
+    """Its size, and the formulas where it is small."""
+    symbols = shape(problem, label)
+    if not F.rows:
+        yield f"{label} is empty ({sized(symbols, F)})"
+        return
+    yield f"{label} ({sized(symbols, F)}): a map of {counted(F.operations, 'operation')}"
+    if is_small(problem):
+        unknown, size = next(iter(problem.point_sizes.items()))
+        names = [f"{letter}{k}" for letter in ("y", unknown) for k in range(1, size + 1)]
+        written = formulas(F, names[len(names) - F.inputs :], FORMULA)
+        yield from (f"    {label}{k} = {formula}" for k, formula in enumerate(written, 1))
 
 
 def spy(M: Matrix) -> list[str]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions.base import conversions
+from cpbench.expressions import Map
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Matrix, Vector
 from cpbench.report import show
@@ -20,13 +21,14 @@ def fragment(problem: Problem) -> str:
     """The law, and the data as matrices when small, else as spaces with their dimensions and nonzeros."""
     label = f" \\texttt{{{prose(one_line(problem.name))}}}" if problem.name else ""
     lines = ["% needs amsmath", f"\\noindent {prose(problem.title.capitalize())}{label}, {prose(problem.equation)}:"]
-    names = list(problem.data())
+    names = [*problem.data(), *problem.maps()]
     lines += _aligned([f"& {law(relation, names)}" for relation in show.relations(type(problem))])
     lines += [_made_by(problem)] if problem.provenance else []
     data = [
         _entry(label, value) if show.is_small(problem) else _space(problem, label, value)
         for label, value in problem.data().items()
     ]
+    data += [_map(problem, label, F) for label, F in problem.maps().items()]
     return "\n".join([*lines, *_aligned(data)])
 
 
@@ -57,13 +59,19 @@ def _entry(label: str, value: Matrix | Vector) -> str:
 
 
 def _space(problem: Problem, label: str, value: Matrix | Vector) -> str:
-    symbols = r" \times ".join(s if s.isdigit() else name(s) for s in show.shape(problem, label))
+    symbols = r" \times ".join(s if s[0].isdigit() else name(s) for s in show.shape(problem, label))
     row = f"{name(label)} &\\in \\mathbf{{R}}^{{{symbols}}} = \\mathbf{{R}}^{{{_size(value)}}}"
     if value.ndim == 1:
         return row
     count, whole = matrices.nnz(value), math.prod(value.shape)
     share = f", {100 * count / whole:.2g} \\%" if whole else ""
     return f"{row} && \\text{{{count} nonzeros{share}}}"
+
+
+def _map(problem: Problem, label: str, F: Map) -> str:
+    rows, columns = (s if s[0].isdigit() else name(s) for s in show.shape(problem, label))
+    between = f"\\mathbf{{R}}^{{{columns}}} \\to \\mathbf{{R}}^{{{rows}}}"
+    return f"{name(label)} &\\colon {between} && \\text{{{F.operations} operations, {F.rows} values}}"
 
 
 def _size(value: Matrix | Vector) -> str:

@@ -54,6 +54,8 @@ def check_round_trip_is_exact(form: Format, cases: list[Case]) -> None:
             assert again.node == case.problem.node, f"{case.name}: comes back as {again.node}"
             for name, value in case.problem.data().items():
                 assert _same(again.data()[name], value), f"{case.name}: {name} changed"
+            for name, F in case.problem.maps().items():
+                assert again.maps()[name] == F, f"{case.name}: {name} changed"
 
 
 def _same(a: Any, b: Any) -> bool:

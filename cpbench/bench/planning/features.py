@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from cpbench import matrices
-from cpbench.formulations import MLCP
+from cpbench.formulations import MLCP, NonlinearFrictionContact
 from cpbench.formulations.base import Problem, formulations
 from cpbench.matrices import Matrix
 
 DENSE = 200
 """Rows of the largest matrix whose eigenvalues or singular values are computed: some milliseconds."""
 TEXTS = ("node", "family", "name", "sequence")
-GLOBAL = ("gfc", "grfc")
+GLOBAL = ("gfc", "grfc", "nfc")
 """Nodes whose n is the number of degrees of freedom; the local ones do not know it."""
 NUMBERS: Mapping[str, str] = {
     "unknowns": "numbers in an answer",
@@ -31,6 +32,7 @@ NUMBERS: Mapping[str, str] = {
     "entries": "entries of all matrices, zero or not",
     "density": "nnz / entries",
     "step": "in its sequence",
+    "operations": "operations of the nonlinear maps",
     "asymmetry": "max|M - Mᵀ| / max|M| of the operator, 0 where symmetric",
     "dominant": "share of the operator's rows with M_ii >= sum of |M_ij|",
     "negative_couplings": "share of the operator's nonzeros off the diagonal that are negative (1: a Z-matrix)",
@@ -41,8 +43,8 @@ NUMBERS: Mapping[str, str] = {
     "rank": f"of the operator; of H in a global contact problem (up to {DENSE} rows or columns)",
     "deficiency": "rows or columns, whichever are fewer, less the rank",
     "condition": "largest singular value over the least that counts for the rank",
-    "equalities": "equations beside the complementarity: rows of C, of A in an MLCP, bilateral constraints",
-    "inequalities": "rows of Az >= b",
+    "equalities": "equations beside the complementarity: rows of C and h, of A in an MLCP, bilateral constraints",
+    "inequalities": "rows of Az >= b and of g(z) >= 0",
     "bounds": "finite bounds on single unknowns",
     "driven": "share of q that is negative, of its normal components in a contact problem: 0 is solved by z = 0",
     "mu_min": "least coefficient of friction",
@@ -72,6 +74,8 @@ def features(problem: Problem) -> dict[str, float | str]:
     found |= {"nnz": float(nonzeros), "entries": float(entries)}
     if entries:
         found["density"] = nonzeros / entries
+    if problem.maps():
+        found["operations"] = float(sum(F.operations for F in problem.maps().values()))
     if problem.node in GLOBAL:
         found["ndof"] = float(sizes["n"])
     dimension = getattr(problem, "dimension", None)
@@ -90,9 +94,9 @@ def known() -> dict[str, type]:
     symbols = {
         symbol
         for formulation in formulations
-        for data in formulation._data_fields()
-        for symbol in data.metadata["shape"]
-        if not symbol.isdigit()
+        for data in fields(formulation)
+        for symbol in data.metadata.get("shape") or data.metadata.get("map", ())
+        if not symbol[0].isdigit()
     }
     return dict.fromkeys(TEXTS, str) | dict.fromkeys([*sorted(symbols), *NUMBERS], float)
 
@@ -103,7 +107,9 @@ def _of_operator(problem: Problem) -> dict[str, float]:
     if isinstance(problem, MLCP):
         M = matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
     else:
-        M = next(getattr(problem, name) for name in _OPERATORS if hasattr(problem, name))
+        M = next((getattr(problem, name) for name in _OPERATORS if hasattr(problem, name)), None)
+        if M is None:  # the operator is a nonlinear map
+            return _singular(problem.H) if isinstance(problem, NonlinearFrictionContact) else {}
     n, top = M.shape[0], matrices.max_abs(M)
     if not n or top == 0.0:
         return {}
@@ -115,6 +121,7 @@ def _of_operator(problem: Problem) -> dict[str, float]:
         negative = int(np.count_nonzero(values < 0)) - int(np.count_nonzero(diagonal < 0))
         off = int(np.count_nonzero(values)) - int(np.count_nonzero(diagonal))
         found = {
+            "operations": "operations of the nonlinear maps",
             "asymmetry": matrices.asymmetry(M),
             "dominant": float(np.mean(diagonal >= apart)),
             "zero_diagonal": float(np.mean(size == 0)),
@@ -163,8 +170,10 @@ def _of_constraints(problem: Problem) -> dict[str, float]:
     found: dict[str, float] = {}
     if isinstance(problem, MLCP):
         found["equalities"] = sizes["n"]
-    elif problem.node in ("qp", "avi"):
+    elif problem.node in ("qp", "avi", "nlp"):
         found |= {"equalities": sizes["k"], "inequalities": sizes["m"]}
+    elif problem.node in ("vi", "cp", "qvi"):
+        found |= {"equalities": sizes.get("k", 0), "inequalities": sizes.get("m", 0) + sizes.get("p", 0)}
     elif "p" in sizes:
         found["equalities"] = sizes["p"]
     bounds: list[Any] = [getattr(problem, name) for name in ("lb", "ub") if hasattr(problem, name)]

@@ -127,6 +127,9 @@ def checksum(problem: Problem) -> int:
         parts: list[Any] = [matrix.data, matrix.indices, matrix.indptr] if sp.issparse(matrix) else [matrix]
         for part in parts:
             value = zlib.crc32(cast(Any, np.ascontiguousarray(part)), value)
+    for F in problem.maps().values():
+        for part in F.arrays().values():
+            value = zlib.crc32(cast(Any, part), value)
     return value
 
 

@@ -1,9 +1,9 @@
 """`hdf5`: a problem as `cpbench` itself keeps it, in one HDF5 file.
 
 A sparse matrix M is a group `cpbench/M` as in FCLIB (nzmax, m, n, nz, p, i, x), a dense one a 2-D data set; vectors are
-data sets of `cpbench/vectors`; node and name are attributes of `cpbench`. Contact problems stand in FCLIB's own group,
-see `fclib`. An answer is an HDF5 file with a group `/solution`, one data set for every part of the node's point; a
-contact problem's λ is FCLIB's `l`, and may be missing where it is empty. Nothing else in the file is looked at, but
+data sets of `cpbench/vectors`, nonlinear maps the string `cpbench/mof`, a model in MathOptFormat; node and name are
+attributes of `cpbench`. Contact problems stand in FCLIB's own group, see `fclib`. An answer is an HDF5 file with a
+group `/solution`, one data set for every part of the node's point; a contact problem's λ is FCLIB's `l`, and may be missing where it is empty. Nothing else in the file is looked at, but
 `solution` may say by the attributes `node` and `fingerprint` which problem it answers, and is then held to that.
 """
 
@@ -29,6 +29,7 @@ class HDF5File(Exchange):
     summary = "one HDF5 file in cpbench's own schema"
     suffix = ".h5"
     format = "native"
+    maps = True
 
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
         if dense:

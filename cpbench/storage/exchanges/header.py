@@ -18,7 +18,9 @@ _LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 def encode(problem: Problem) -> bytes:
     """The file for `problem`."""
-    others = {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - _LEFT_BEHIND
+    others = (
+        {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - problem.maps().keys() - _LEFT_BEHIND
+    )
     header = {"node": problem.node, "name": problem.name}
     return json.dumps(header | {name: getattr(problem, name) for name in sorted(others)}).encode()
 

@@ -44,6 +44,7 @@ class MathOptFormat(Exchange):
     summary = "one MathOptFormat file (.mof.json), as JuMP reads it; answers in JSON"
     suffix = mof.SUFFIX
     nodes = mof.MOF.writes
+    maps = True
 
     def obstacle(self, problem: Problem) -> str | None:
         why = mof.obstacle(problem)
