@@ -121,7 +121,6 @@ def _of_operator(problem: Problem) -> dict[str, float]:
         negative = int(np.count_nonzero(values < 0)) - int(np.count_nonzero(diagonal < 0))
         off = int(np.count_nonzero(values)) - int(np.count_nonzero(diagonal))
         found = {
-            "operations": "operations of the nonlinear maps",
             "asymmetry": matrices.asymmetry(M),
             "dominant": float(np.mean(diagonal >= apart)),
             "zero_diagonal": float(np.mean(size == 0)),

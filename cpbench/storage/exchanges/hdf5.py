@@ -3,8 +3,9 @@
 A sparse matrix M is a group `cpbench/M` as in FCLIB (nzmax, m, n, nz, p, i, x), a dense one a 2-D data set; vectors are
 data sets of `cpbench/vectors`, nonlinear maps the string `cpbench/mof`, a model in MathOptFormat; node and name are
 attributes of `cpbench`. Contact problems stand in FCLIB's own group, see `fclib`. An answer is an HDF5 file with a
-group `/solution`, one data set for every part of the node's point; a contact problem's λ is FCLIB's `l`, and may be missing where it is empty. Nothing else in the file is looked at, but
-`solution` may say by the attributes `node` and `fingerprint` which problem it answers, and is then held to that.
+group `/solution`, one data set for every part of the node's point; a contact problem's λ is FCLIB's `l`, and may be
+missing where it is empty. Nothing else in the file is looked at, but `solution` may say by the attributes `node` and
+`fingerprint` which problem it answers, and is then held to that.
 """
 
 from __future__ import annotations
