@@ -22,6 +22,7 @@ from cpbench.solvers.native.lcp_claims import (
     scale,
     solve_linear,
 )
+from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
 
 ARMIJO = 1e-4
@@ -105,14 +106,14 @@ class NewtonMin(Solver):
 
 def _step(M: Matrix, q: Vector, z: Vector, w: Vector, delta: float, counters: dict[str, int]) -> Vector | None:
     """The next iterate, None when none of the three directions lowers the merit."""
-    phi, a, b = _fischer_burmeister(z, w)
+    phi, a, b = fischer_burmeister(z, w)
     merit = 0.5 * float(phi @ phi)
     gradient = a * phi + M.T @ (b * phi)
     counters["matrix_vector_products"] += 1
 
     def merit_at(x: Vector) -> float:
         counters["matrix_vector_products"] += 1
-        value = _fischer_burmeister(x, M @ x + q)[0]
+        value = fischer_burmeister(x, M @ x + q)[0]
         return 0.5 * float(value @ value)
 
     counters["factorizations"] += 1
@@ -131,19 +132,6 @@ def _step(M: Matrix, q: Vector, z: Vector, w: Vector, delta: float, counters: di
             if found is not None:
                 return found
     return None
-
-
-def _fischer_burmeister(z: Vector, w: Vector) -> tuple[Vector, Vector, Vector]:
-    """φ = z + w - √(z² + w²) and the weights of its generalized derivative, diag(a) + diag(b) M."""
-    root = np.hypot(z, w)
-    at_zero = root == 0.0
-    safe = np.where(at_zero, 1.0, root)
-    # at the kink any element of the generalized gradient will do: the one in direction (1, 1)
-    kink = 1.0 - np.sqrt(0.5)
-    # z + w - root, without cancellation when both are positive
-    both = (z > 0) & (w > 0)
-    phi = np.where(both, 2.0 * z * w / np.where(both, z + w + root, 1.0), z + w - root)
-    return phi, np.where(at_zero, kink, 1.0 - z / safe), np.where(at_zero, kink, 1.0 - w / safe)
 
 
 def _min_direction(M: Matrix, q: Vector, z: Vector, w: Vector, delta: float) -> Vector | None:

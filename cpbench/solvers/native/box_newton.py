@@ -1,0 +1,300 @@
+"""What the Newton methods for nonlinear complementarity share: the problem with its counters, the loop that watches,
+records and starts again elsewhere, and the nonmonotone line search on the merit ½‖Φ‖² (39).
+
+A method that is stuck (no step lowers its merit, or nothing is gained for long) begins again at a random point, drawn
+with the budget's seed and ever farther from the first start; `restarts` counts that.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.cones import project_box
+from cpbench.expressions import Builder, Operator
+from cpbench.formulations.base import scaled
+from cpbench.formulations.micp import MiCP, MiCPPoint
+from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
+from cpbench.solvers.native.lcp_claims import CLOSE, solve_linear
+from cpbench.solvers.native.ncp_functions import NCPFunction, Reformulation
+
+DENSE_LIMIT = 150
+"""Up to this size Jacobians are dense: SuperLU costs more."""
+FAR_ENOUGH = 1e-10
+"""An iterate of this error that gains nothing any more is as good as rounding allows: no other start is tried."""
+WINDOW = 60
+"""Iterations without gain of a tenth after which a method counts as stuck."""
+DRAWS = 30
+
+ARMIJO = 1e-4
+ACCEPT = 0.9
+"""A full step that cuts the merit to this share is taken without further question."""
+BACKTRACKS = 40
+
+
+class Box:
+    """F and F′ of a problem on its bounds, counted.
+
+    Attributes
+    ----------
+    lb, ub : (n,). equation : Φ of its bounds. counters : of the solver's answer.
+    """
+
+    def __init__(self, problem: MiCP) -> None:
+        self.problem, self.lb, self.ub = problem, problem.lb, problem.ub
+        self.n = problem.start.size
+        self.equation = Reformulation(problem.lb, problem.ub)
+        self.counters = {"iterations": 0, "evaluations": 0, "jacobians": 0, "factorizations": 0, "restarts": 0}
+
+    def F(self, z: Vector) -> Vector:
+        """NaN and ∞ where it is not defined."""
+        self.counters["evaluations"] += 1
+        with np.errstate(all="ignore"):
+            return self.problem.F(z)
+
+    def jacobian(self, z: Vector) -> Matrix | None:
+        """Dense for a small problem; None where an entry is no number."""
+        self.counters["jacobians"] += 1
+        with np.errstate(all="ignore"):
+            J: Sparse = self.problem.F.jacobian(z)
+        if not np.isfinite(J.data).all():
+            return None
+        return dense(J) if self.n <= DENSE_LIMIT else J
+
+    def project(self, z: Vector) -> Vector:
+        return project_box(z, self.lb, self.ub)
+
+    def error(self, z: Vector, F: Vector) -> float:
+        """The judged error of z, of which F is F(z)."""
+        with np.errstate(all="ignore"):
+            error = scaled(norm(z - self.project(z - F)), self.problem.scale)
+        return error if math.isfinite(error) else math.inf
+
+    def solve(self, A: Matrix, b: Vector) -> Vector | None:
+        """A⁻¹b, None where A is singular."""
+        self.counters["factorizations"] += 1
+        with np.errstate(all="ignore"):
+            return solve_linear(A, b)
+
+
+class Method(ABC):
+    """A way from one iterate to the next. `z` and `F` = F(z) are the present ones; both are there after `begin`."""
+
+    z: Vector
+    F: Vector
+
+    def __init__(self, box: Box) -> None:
+        self.box = box
+
+    @abstractmethod
+    def begin(self, z: Vector, F: Vector) -> None:
+        """Forget everything and stand at z, a point within the bounds."""
+
+    @abstractmethod
+    def step(self) -> bool:
+        """Go to the next iterate; False when there is none."""
+
+
+@dataclass
+class _Best:
+    z: Vector
+    error: float = math.inf
+
+
+def run(
+    method: Method, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
+) -> SolverOutput:
+    """Steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
+    box = method.box
+    counters = box.counters
+    rng = np.random.default_rng(budget.seed)
+    deadline = time.monotonic() + budget.seconds
+    first = box.project(box.problem.start if start is None else start)
+    F = box.F(first)
+    if not np.isfinite(F).all():
+        found = _drawn(box, first, 0, rng)
+        if found is None:
+            message = "F is not finite at the start nor near it: give another start"
+            return SolverOutput(claim=Claim.FAILED, point=MiCPPoint(first), counters=counters, message=message)
+        z, F = found
+    else:
+        z = first
+    best, claim, message = _Best(z), Claim.MAX_ITER, f"{limit} iterations"
+    method.begin(z, F)
+    gained, level = 0, math.inf
+    while True:
+        done = counters["iterations"]
+        z, F = method.z, method.F
+        shown = box.project(z)
+        error = box.error(shown, F if np.array_equal(shown, z) else box.F(shown))
+        if record is not None:
+            record(done, error, partial(MiCPPoint, shown))
+        if error < best.error:
+            best = _Best(shown, error)
+        if error < 0.9 * level:
+            gained, level = done, error
+        if error <= budget.tolerance or done >= limit:
+            break
+        if time.monotonic() > deadline:
+            claim, message = Claim.FAILED, f"out of time after {done} iterations"
+            break
+        counters["iterations"] = done + 1
+        if done - gained < WINDOW and method.step():
+            continue
+        if best.error <= max(CLOSE * budget.tolerance, FAR_ENOUGH) or counters["restarts"] >= restarts:
+            claim = Claim.INACCURATE if best.error <= CLOSE * budget.tolerance else Claim.FAILED
+            message = f"stuck at error {best.error:.1e} after {done} iterations and {counters['restarts']} restarts"
+            break
+        counters["restarts"] += 1
+        found = _drawn(box, first, counters["restarts"], rng)
+        if found is None:
+            claim, message = Claim.FAILED, f"stuck at error {best.error:.1e}, and F is not finite at other starts"
+            break
+        method.begin(*found)
+        gained, level = done + 1, math.inf
+    if best.error <= budget.tolerance:
+        claim, message = Claim.SOLVED, ""
+    return SolverOutput(claim=claim, point=MiCPPoint(best.z), counters=dict(counters), message=message)
+
+
+def _drawn(box: Box, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
+    """A point within the bounds where F is finite, and F there; the scatter doubles with every second number."""
+    size = 0.25 * 2.0 ** (0.5 * number) * np.maximum(1.0, np.abs(first))
+    for draw in range(DRAWS):
+        z = box.project(first + size * rng.standard_normal(box.n))
+        # at a bound a root or a logarithm may have no derivative: half of the draws stay away from the bounds
+        if draw % 2:
+            inside = box.project(first + size * np.abs(rng.standard_normal(box.n)))
+            z = np.where(np.isfinite(box.lb) & ~np.isfinite(box.ub), inside, z)
+        F = box.F(z)
+        if np.isfinite(F).all():
+            return z, F
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class At:
+    """A point with Φ there. z, F, phi, alpha, beta : (n,). merit : ½‖Φ‖², ∞ where Φ is no number."""
+
+    z: Vector
+    F: Vector
+    phi: Vector
+    alpha: Vector
+    beta: Vector
+    merit: float
+
+
+class Descent:
+    """Nonmonotone line search on ½‖Φ‖² for one NCP function (Grippo, Lampariello and Lucidi 1986): a step must lower
+    the largest of the last `memory` merits. With `project` trial points are put into the bounds."""
+
+    def __init__(self, box: Box, psi: NCPFunction, memory: int, project: bool) -> None:
+        self._box, self._psi, self._project = box, psi, project
+        self._merits: deque[float] = deque(maxlen=memory)
+
+    def begin(self, at: At) -> None:
+        self._merits.clear()
+        self._merits.append(at.merit)
+
+    def at(self, z: Vector, F: Vector | None = None) -> At:
+        F = self._box.F(z) if F is None else F
+        phi, alpha, beta = self._box.equation(self._psi, z, F)
+        with np.errstate(all="ignore"):
+            merit = 0.5 * float(phi @ phi)
+        return At(z, F, phi, alpha, beta, merit if math.isfinite(merit) else math.inf)
+
+    def gradient(self, at: At, J: Matrix) -> Vector:
+        """Of the merit: VᵀΦ for any element V of the generalized derivative, where the merit is smooth."""
+        return at.alpha * at.phi + J.T @ (at.beta * at.phi)
+
+    def newton(self, at: At, J: Matrix) -> Vector | None:
+        """−V⁻¹Φ, None where V is singular."""
+        return self._box.solve(_generalized(at, J), -at.phi)
+
+    def levenberg(self, at: At, J: Matrix, share: float) -> Vector | None:
+        """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
+        V = _generalized(at, J)
+        top = float(np.abs(V.data if sp.issparse(V) else V).max(initial=0.0))
+        root = math.sqrt(share * min(1.0, norm(at.phi))) * max(top, 1e-8)
+        zero = np.zeros(at.z.size)
+        if not sp.issparse(V):
+            with np.errstate(all="ignore"):
+                stacked = np.vstack([V, root * np.eye(zero.size)])
+                self._box.counters["factorizations"] += 1
+                d: Any = np.linalg.lstsq(stacked, np.concatenate([-at.phi, zero]))[0]
+            return d if np.isfinite(d).all() else None
+        # the augmented system keeps V's sparsity and, unlike the normal equations, its condition number
+        eye = sp.eye_array(zero.size)
+        augmented = sp.csr_array(sp.block_array([[root * eye, V], [V.T, -root * eye]]))
+        both = self._box.solve(augmented, np.concatenate([-at.phi, zero]))
+        return None if both is None else both[zero.size :]
+
+    def search(self, at: At, d: Vector | None, slope: float) -> At | None:
+        """The first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
+        if d is None:
+            return None
+        reference = max(self._merits)
+        descends = slope < -1e-14 * at.merit
+        t = 1.0
+        for k in range(BACKTRACKS):
+            z = at.z + t * d
+            trial = self.at(self._box.project(z) if self._project else z)
+            if (k == 0 and trial.merit <= ACCEPT * at.merit) or (
+                descends and trial.merit <= reference + ARMIJO * t * slope
+            ):
+                if norm(trial.z - at.z) <= 1e-16 * norm(at.z):
+                    return None
+                self._merits.append(trial.merit)
+                return trial
+            if not descends and k >= 2:
+                return None
+            t *= 0.5
+        return None
+
+
+SHARES = (1e-8, 1e-4, 1e-1)
+"""Levenberg–Marquardt's regularizations that are tried one after the other."""
+
+
+def fall_back(descent: Descent, at: At, J: Matrix, gradient: Vector) -> At | None:
+    """A step along a regularized direction or, in the end, along minus the gradient."""
+    for share in SHARES:
+        d = descent.levenberg(at, J, share)
+        if d is not None:
+            found = descent.search(at, d, float(gradient @ d))
+            if found is not None:
+                return found
+    return descent.search(at, -gradient, -float(gradient @ gradient))
+
+
+def _generalized(at: At, J: Matrix) -> Matrix:
+    """diag(α) + diag(β) F′(z)."""
+    if sp.issparse(J):
+        return sp.csr_array(sp.diags_array(at.beta) @ J + sp.diags_array(at.alpha))
+    V = at.beta[:, None] * dense(J)
+    V[np.diag_indices(at.z.size)] += at.alpha
+    return V
+
+
+def small_problem() -> MiCP:
+    """exp(z) = 2, for a warm-up: it brings in what differentiates."""
+    build = Builder(1)
+    value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
+    return MiCP(F=build.finish([value]), lb=np.zeros(1), ub=np.full(1, np.inf))
+
+
+def compile_map(problem: MiCP) -> None:
+    """Have F and F′ ready, so that it is timed as setup."""
+    with np.errstate(all="ignore"):
+        z: Any = problem.project(problem.start)
+        problem.F(z)
+        problem.F.jacobian(z)
