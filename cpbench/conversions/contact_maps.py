@@ -46,10 +46,15 @@ class Units:
 
 def units(problem: LocalContact) -> Units:
     """D and s of a problem."""
-    D = 1.0 / power_of_two(np.sqrt(problem.effective_mass))
+    D = _nearest(np.sqrt(problem.effective_mass))
     top = max_abs(D * problem.q)
-    size = float(1.0 / power_of_two(np.array([top]))[0]) if top > 0 else 1.0
+    size = float(_nearest(np.array([top]))[0]) if top > 0 else 1.0
     return Units(size * D, size)
+
+
+def _nearest(x: Vector) -> Vector:
+    """The powers of two within a factor √2 of positive numbers."""
+    return 0.5 / power_of_two(np.sqrt(2.0) * x)
 
 
 def rolling_coefficient(problem: Any, chosen: Units) -> Vector:

@@ -53,7 +53,8 @@ class FCtoMiCP(Conversion):
         return 1e-3 * tolerance
 
     def apply(self, problem: FrictionContact) -> tuple[MiCP, Trace]:
-        """The start is x_N = ξ = 1, x_T = 0: at z = 0 the derivative is singular."""
+        """The start is x_N = ξ = 1 and half of the friction that there may be, against the free velocity: the
+        derivative is singular at z = 0, and that by ξ is 0 where x_T is."""
         nc, d = problem.nc, problem.dimension
         chosen = _units(problem)
         lb = np.full((nc, d + 1), -np.inf)
@@ -61,6 +62,10 @@ class FCtoMiCP(Conversion):
         start = np.zeros((nc, d + 1))
         start[:, 0] = 1.0
         start[:, d] = problem.mu > 0
+        slides = contact_maps.by_contact(chosen.unit * problem.q, nc)[:, 1:]
+        size = np.linalg.norm(slides, axis=1)
+        moves = (problem.mu > 0) & (size > 0)
+        start[moves, 1:d] = -0.5 * slides[moves] / size[moves, None]
         F = _map(problem, chosen)
         target = MiCP(F=F, lb=lb.ravel(), ub=np.full(lb.size, np.inf), start=start.ravel())
         return target, {**chosen.trace, "mu": problem.mu, "W": problem.W, "q": problem.q}

@@ -1,0 +1,268 @@
+"""Edges from frictional contact to nonlinear nodes, and between linear and nonlinear dynamics."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cpbench import cones, graph, storage
+from cpbench.conversions.base import make
+from cpbench.errors import NotApplicable
+from cpbench.expressions import Map
+from cpbench.formulations import FCPoint, FrictionContact, Kind, MiCPPoint, NFCPoint, NonlinearFrictionContact
+from cpbench.solvers import Budget, solvers
+from cpbench.testing import planted, planted_contact
+
+CLOSE = 1e-9
+FC_EDGES = ("fc-micp", "fc-cp", "fc-vi", "fc-qvi")
+RFC_EDGES = ("rfc-cp", "rfc-vi")
+LARGEST = 60
+"""Contacts of a real file."""
+quick = settings(max_examples=25, deadline=None, derandomize=True)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def both_ways(edge, problem, point, close=CLOSE):
+    target = edge.step(problem)
+    there = graph.push(target, point)
+    assert target.residuals(there).error <= close
+    assert problem.residuals(graph.lift(target, there)).error <= close
+    return target, there
+
+
+@quick
+@given(seeds, st.integers(0, 6), st.sampled_from([2, 3]), st.booleans(), st.sampled_from(FC_EDGES))
+def test_planted_contacts_go_there_and_back(seed, nc, d, sparse, name):
+    problem, point = planted.fc(np.random.default_rng(seed), nc, d, "any", sparse=sparse)
+    both_ways(make(name), problem, point)
+
+
+@quick
+@given(seeds, st.integers(0, 5), st.sampled_from([3, 5]), st.booleans(), st.sampled_from(RFC_EDGES))
+def test_planted_rolling_contacts_go_there_and_back(seed, nc, d, sparse, name):
+    problem, point = planted_contact.rfc(np.random.default_rng(seed), nc, d, "any", sparse=sparse)
+    both_ways(make(name), problem, point)
+
+
+@pytest.mark.parametrize("name", FC_EDGES)
+@pytest.mark.parametrize("mass", [1e-8, 1.0, 1e8])
+def test_errors_are_those_of_the_source_whatever_the_units(rng, name, mass):
+    """An answer that is a little wrong here is about as wrong there."""
+    problem, point = planted.fc(rng, 5, 3, "positive definite")
+    problem = FrictionContact(W=problem.W / mass, q=problem.q, mu=problem.mu, dimension=3)
+    edge = make(name)
+    target = edge.step(problem)
+    wrong = FCPoint(r=mass * point.r * (1 + 1e-5 * rng.standard_normal(point.r.size)))
+    there, here = target.residuals(graph.push(target, wrong)).error, problem.residuals(wrong).error
+    assert here / 30 <= there <= 30 * here
+
+
+@pytest.mark.parametrize("name", [*FC_EDGES, *RFC_EDGES])
+def test_derivatives_are_those_of_differences_and_finite_at_rest(rng, name):
+    if name in RFC_EDGES:
+        problem, _ = planted_contact.rfc(rng, 3, 5)
+    else:
+        problem, _ = planted.fc(rng, 3, 3, "positive definite")
+    F = make(name).step(problem).F
+    z, way = rng.standard_normal(F.inputs), rng.standard_normal(F.inputs)
+    slope = (F(z + 1e-6 * way) - F(z - 1e-6 * way)) / 2e-6
+    np.testing.assert_allclose(F.jacobian(z) @ way, slope, rtol=1e-6, atol=1e-6)
+    assert np.isfinite(F.jacobian(np.zeros(F.inputs)).data).all()
+    # W = 0 and q = 0: every velocity is 0, where ‖u_T‖ has no derivative
+    still = type(problem)(**{**problem.data(), "W": 0 * problem.W, "q": 0 * problem.q}, dimension=problem.dimension)
+    F = make(name).step(still).F
+    assert np.isfinite(F.jacobian(z).data).all()
+
+
+@pytest.mark.parametrize("name", ["fc-cp", "fc-vi"])
+def test_the_map_is_de_saxces(rng, name):
+    problem, point = planted.fc(rng, 4, 3, "any")
+    target = make(name).step(problem)
+    trace = target.provenance[-1].trace
+    x = rng.standard_normal(point.r.size)
+    u = (problem.W @ (trace["unit"] * x) + problem.q).reshape(-1, 3)
+    expected = trace["unit"] / trace["size"] ** 2 * cones.de_saxce(u, problem.mu).ravel()
+    np.testing.assert_allclose(target.F(x), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_the_cylinder_moves_with_the_normal_reaction():
+    """One contact in the plane that slides: X(r) = ℝ₊ × [−μ r_N, μ r_N] at the planted answer."""
+    problem = FrictionContact(W=np.eye(2), q=[-2.0, 3.0], mu=[0.5], dimension=2)
+    point = FCPoint(r=[2.0, -1.0])  # u = (0, 2)
+    target, there = both_ways(make("fc-qvi"), problem, point)
+    K, _, _ = target.set_at(there.z)
+    assert K.mu[0] == pytest.approx(abs(there.z[1]))
+    half = type(there)(z=there.z * [0.5, 1.0])
+    assert target.residuals(half).error > 0.1
+
+
+# -------------------------------------------------------------------------------------------- (49)
+
+
+def test_micp_has_no_answer_that_the_law_has_not():
+    """With ξ apart, r_T = 0 and ξ = 0 would let a contact slide without friction; (49) as written here does not."""
+    problem = FrictionContact(W=np.eye(3), q=[-1.0, 1.0, 0.0], mu=[0.5])
+    edge = make("fc-micp")
+    target = edge.step(problem)
+    slides_freely = MiCPPoint(z=np.eye(4)[0])
+    assert edge.lift(slides_freely, target.provenance[-1].trace).r[0] == 1.0  # u = (0, 1, 0)
+    assert target.residuals(slides_freely).error > 0.1
+
+
+def test_micp_tells_where_it_is_singular(rng):
+    nc = 12
+    problem, point = planted.fc(rng, nc, 3, "positive definite")
+    edge = make("fc-micp")
+    target, there = both_ways(edge, problem, point)
+    trace = target.provenance[-1].trace
+    expected = np.flatnonzero((problem.mu > 0) & (point.r[::3] == 0))
+    assert 0 < expected.size < nc
+    np.testing.assert_array_equal(edge.singular(there, trace), expected)
+    # with those contacts left out the derivative is regular at the answer, with them it is not
+    for keep, singular in ((np.setdiff1d(np.arange(nc), expected), False), (np.arange(nc), True)):
+        rows = (3 * keep[:, None] + np.arange(3)).ravel()
+        W, r = problem.W[np.ix_(rows, rows)], point.r[rows]
+        u = problem.slacks(point)["u"][rows]
+        part = FrictionContact(W=W, q=u - W @ r, mu=problem.mu[keep])
+        target = edge.step(part)
+        z = graph.push(target, FCPoint(r=r)).z
+        basic = z > 0
+        basic.reshape(-1, 4)[:, 1:3] = True
+        J = target.F.jacobian(z).toarray()[np.ix_(basic, basic)]
+        assert (np.linalg.cond(J) > 1e12) == singular
+
+
+def test_micp_lift_mends_what_a_singular_contact_leaves_open():
+    """x_N = 0 leaves ‖x_T‖ ≤ √error: the lifted reaction is in its cone all the same."""
+    problem = FrictionContact(W=np.eye(3), q=[1.0, 1.0, 0.0], mu=[0.5])
+    edge = make("fc-micp")
+    target = edge.step(problem)
+    almost = MiCPPoint(z=[0.0, 1e-6, 0.0, 0.0])
+    assert target.residuals(almost).error <= 1e-11
+    assert problem.residuals(edge.lift(almost, target.provenance[-1].trace)).error <= 1e-11
+
+
+def test_micp_start_is_regular(rng):
+    problem, _ = planted.fc(rng, 8, 3, "positive definite")
+    target = make("fc-micp").step(problem)
+    assert np.linalg.cond(target.F.jacobian(target.start).toarray()) < 1e6
+    assert np.linalg.cond(target.F.jacobian(0 * target.start).toarray()) > 1e12
+
+
+# -------------------------------------------------------------------------------------- real files
+
+
+def real_files(folder: Path):
+    """Local problems of up to LARGEST contacts, by name."""
+    for path in sorted((folder / "fc3d_local").iterdir()):
+        if path.suffix in (".dat", ".hdf5"):
+            problem = storage.load(path)
+            if isinstance(problem, FrictionContact) and problem.nc <= LARGEST:
+                yield path.name, problem
+
+
+NOT_BY_NSGS = {"BoxesStack1-i100000-32.hdf5.dat", "OneObject-i100000-316.hdf5.dat", "fclib_local_problem_test.hdf5"}
+"""Files of which Gauss–Seidel ends at 1e-6 (or 2e-3)."""
+
+
+def test_real_files_there_and_back(shared_data):
+    """What Gauss–Seidel found natively has an error there that is about the one here, and comes back with the same."""
+    singular = contacts = files = 0
+    for name, problem in real_files(shared_data):
+        if name in NOT_BY_NSGS:
+            continue
+        point = solvers.get("nsgs").run(problem, Budget(tolerance=1e-10)).point
+        here = problem.residuals(point).error
+        assert here <= 1e-10, name
+        for label in FC_EDGES:
+            edge = make(label)
+            target = edge.step(problem)
+            there = graph.push(target, point)
+            assert target.residuals(there).error <= 1e-8, (name, label)
+            assert problem.residuals(graph.lift(target, there)).error <= 1.01 * here + 1e-14, (name, label)
+            if label == "fc-micp":
+                singular += len(edge.singular(there, target.provenance[-1].trace))
+        contacts, files = contacts + problem.nc, files + 1
+    assert files >= 25
+    assert 0 < singular < contacts
+
+
+# ------------------------------------------------------------------------------- nonlinear dynamics
+
+
+def pendulum(rng, nc=2, drag=1.0):
+    """n = 4, F(v) = Mv + drag·(v³ + sin v) − f with a planted contact state."""
+    n = 4
+    M = planted.square(rng, n, "positive definite") + np.eye(n)
+    H = rng.standard_normal((n, 3 * nc))
+    mu = np.full(nc, 0.5)
+    r, u = planted.contact_state(rng, nc, 3, mu)
+    v = rng.standard_normal(n)
+    f = M @ v + drag * (v**3 + np.sin(v)) - H @ r
+    z = ca.SX.sym("v", n)
+    F = Map.from_casadi(z, ca.mtimes(ca.DM(M), z) + drag * (z**3 + ca.sin(z)) - ca.DM(f))
+    problem = NonlinearFrictionContact(F=F, H=H, w=u - H.T @ v, mu=mu)
+    return problem, NFCPoint(v=v, r=r)
+
+
+def test_a_linearization_where_the_answer_is_has_it(rng):
+    problem, point = pendulum(rng)
+    assert problem.residuals(point).error <= 1e-12
+    edge = make("nfc-gfc", {"velocity": tuple(point.v.tolist())})
+    both_ways(edge, problem, point)
+    assert edge.exactness(problem) is Kind.RELAXATION
+    assert "8 nonlinear terms" in edge.reservation(problem)
+
+
+def test_default_routes_linearize_only_what_is_linear(rng):
+    problem, _ = pendulum(rng)
+    assert make("nfc-gfc").exactness(problem) is Kind.RELAXATION
+    assert not list(itertools.islice(graph.arrivals(problem, "gfc"), 1))
+    linear, point = pendulum(rng, drag=0.0)
+    arrival = graph.arrive(linear, "gfc")
+    assert arrival.kind is Kind.EQUIVALENT
+    both_ways(make("nfc-gfc"), linear, point)
+
+
+@pytest.mark.parametrize("at", ["free", "start"])
+def test_a_linearization_errs_by_the_square_of_the_distance(rng, at):
+    """Both places; two problems whose terms of second order are ten times apart in size."""
+    errors = []
+    for drag in (1e-3, 1e-4):
+        problem, _ = pendulum(np.random.default_rng(8), drag=drag)
+        target = make("nfc-gfc", {"at": at}).step(problem)
+        local = graph.arrive(target, "fc").problem
+        answer = solvers.get("nsgs").run(local, Budget(tolerance=1e-12)).point
+        errors.append(problem.residuals(graph.lift(local, answer)).error)
+    assert 3 < errors[0] / errors[1] < 40
+
+
+def test_linearization_refuses_what_it_cannot_do(rng):
+    problem, _ = pendulum(rng)
+    with pytest.raises(NotApplicable, match="use free or start"):
+        make("nfc-gfc", {"at": "end"}).apply(problem)
+    with pytest.raises(NotApplicable, match="velocity has 1 numbers, v has 4"):
+        make("nfc-gfc", {"velocity": (1.0,)}).apply(problem)
+    v = ca.SX.sym("v", 1)
+    broken = NonlinearFrictionContact(
+        F=Map.from_casadi(v, ca.log(v)), H=np.eye(1, 2), w=np.zeros(2), mu=[0.5], dimension=2, start=[-1.0]
+    )
+    with pytest.raises(NotApplicable, match="not finite"):
+        make("nfc-gfc").apply(broken)
+
+
+def test_linear_dynamics_become_a_map_and_come_back(rng):
+    problem, point = planted.gfc(rng, 3, 4, 3)
+    target, _ = both_ways(make("gfc-nfc"), problem, point)
+    back = make("nfc-gfc").step(target)
+    np.testing.assert_allclose(back.M.toarray(), problem.M, rtol=1e-14)
+    np.testing.assert_allclose(back.f, problem.f, rtol=1e-9, atol=1e-12)
+    jointed, _ = planted_contact.gfc(rng, 3, 4, 2, 3)
+    with pytest.raises(NotApplicable, match="G has 2 joints"):
+        make("gfc-nfc").apply(jointed)
