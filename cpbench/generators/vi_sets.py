@@ -1,0 +1,230 @@
+"""Variational inequalities over every kind of set: those that carry a name, and planted ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpbench.expressions import Map
+from cpbench.formulations.conic import cone_fields
+from cpbench.formulations.cp import CP, CPPoint
+from cpbench.formulations.variational import VIPoint
+from cpbench.formulations.vi import VI
+from cpbench.generators.base import Instance, collection, dyadic, generator
+from cpbench.generators.ncp_classics import kojima_shindo_map, of
+from cpbench.generators.symbols import Symbol, mapped, product, total, unknowns
+from cpbench.matrices import Vector
+from cpbench.product_cones import Cone, ProductCone
+
+BASIN = (21.14479601540966, 16.027853447025258, 2.7259627008817033)
+"""Normalized equilibrium of the river basin, published as 21.149, 16.028, 2.722; digits by exact fractions."""
+BASIN_PRICE = 0.5743599993552443
+"""Of the first limit, published as 0.574."""
+
+
+@collection(
+    "vi-classics",
+    "vi",
+    "VIs that carry a name, over simplices, a polyhedron and an ellipsoid",
+    "Solodov and Svaiter 1999, SIAM J. Control Optim. 37:765 (Kojima–Shindo and Mathiesen over polyhedra); Fukushima "
+    "1986, Math. Prog. 35:58; Krawczyk and Uryasev 2000, Environ. Model. Assess. 5:63 (river basin)",
+)
+def build() -> list[Instance]:
+    return [kojima_shindo_simplex(), mathiesen_polyhedron(), fukushima(), river_basin()]
+
+
+@collection(
+    "vi-planted",
+    "vi",
+    "cubic monotone VIs over boxes, polyhedra, balls, second-order cones and products of them",
+    "planted by cpbench",
+)
+def build_planted() -> list[Instance]:
+    return [box(12), polyhedron(20, 8, 3), balls(5), cones(6), product_set(4)]
+
+
+@collection("cp-planted", "cp", "cubic monotone cone complementarity problems", "planted by cpbench")
+def build_cones() -> list[Instance]:
+    return [cone_complementarity(k) for k in (3, 12)]
+
+
+def kojima_shindo_simplex() -> Instance:
+    """Over {z ≥ 0, Σz = 4}, which holds the regular solution (1, 0, 3, 0) of the complementarity problem."""
+    starts = tuple(VIPoint(z=np.array(z, dtype=float), mu=np.zeros(1)) for z in ((1, 1, 1, 1), (0, 0, 0, 4)))
+    problem = VI(
+        F=kojima_shindo_map(), lb=np.zeros(4), C=np.ones((1, 4)), d=np.array([4.0]), start=starts[0].z,
+        name="kojima-shindo-simplex",
+    )  # fmt: skip
+    solution = VIPoint(z=np.array([1.0, 0, 3, 0]), mu=np.zeros(1))
+    return Instance(problem, solution, "published", None, {"class": "not monotone"}, starts)
+
+
+def mathiesen_polyhedron() -> Instance:
+    """Mathiesen's market over {p ≥ 0, Σp = 1, p₁ ≤ p₂ + p₃}: the multiplier of the last is the activity, 3."""
+
+    def F(p: list[Symbol]) -> list[Any]:
+        income = 5.0 * p[1] + 3.0 * p[2]
+        return [0.0 - 0.9 * income / p[0], 5.0 - 0.1 * income / p[1], 3.0]
+
+    problem = VI(
+        F=of(3, F), lb=np.zeros(3), A=np.array([[-1.0, 1, 1]]), b=np.zeros(1), C=np.ones((1, 3)), d=np.ones(1),
+        start=np.array([0.25, 0.5, 0.25]), name="mathiesen-polyhedron",
+    )  # fmt: skip
+    solution = VIPoint(z=np.array([6.0, 1, 5]) / 12.0, lam=np.array([3.0]), mu=np.zeros(1))
+    return Instance(problem, solution, "published", properties={"class": "not defined at p1 = 0 or p2 = 0"})
+
+
+def fukushima() -> Instance:
+    """Over {1 − z₁² − 0.4z₂² − 0.6z₃² ≥ 0}: z = (1, 0, 0), ν = 0.9."""
+
+    def F(z: list[Symbol]) -> list[Symbol]:
+        a, b, c = z
+        return [
+            2.0 * a + 0.2 * a**3 - 0.5 * b + 0.1 * c - 4.0,
+            b + 0.1 * b**3 - 0.5 * a + 0.5,
+            0.5 * a - 0.2 * b + 2.0 * c - 0.5,
+        ]
+
+    g = of(3, lambda z: [1.0 - z[0] ** 2 - 0.4 * z[1] ** 2 - 0.6 * z[2] ** 2])
+    problem = VI(F=of(3, F), g=g, name="fukushima")
+    return Instance(
+        problem, VIPoint(z=[1.0, 0, 0], nu=[0.9]), "published", properties={"class": "strongly monotone", "set": "g"}
+    )
+
+
+def river_basin() -> Instance:
+    """Three polluters with two common limits: the equilibrium at which the limits have one price for all."""
+    linear, square = (0.10, 0.12, 0.15), (0.01, 0.05, 0.01)
+    emission = np.array([0.5, 0.25, 0.75])
+    reach = np.array([[6.5, 5.0, 5.5], [4.583, 6.25, 3.75]])
+
+    def F(z: list[Symbol]) -> list[Symbol]:
+        all_of_them = 0.01 * total(z)
+        return [all_of_them + 0.01 * x + (2.0 * s) * x + (c - 3.0) for x, c, s in zip(z, linear, square, strict=True)]
+
+    problem = VI(F=of(3, F), lb=np.zeros(3), A=-reach * emission, b=np.full(2, -100.0), name="river-basin")
+    solution = VIPoint(z=BASIN, lam=[BASIN_PRICE, 0.0])
+    return Instance(problem, solution, "published", properties={"class": "affine, strongly monotone"})
+
+
+# ------------------------------------------------------------------------------------------- planted
+
+
+def _map(z: Vector, value: Vector, rng: np.random.Generator) -> Map:
+    """F(x) = Mx + D x³ + q with F(z) = value, M = LLᵀ/8 + I + skew: strongly monotone, and exact at z."""
+    n = z.size
+    L, B = dyadic(rng, (n, n), -1, 1, 2), np.triu(dyadic(rng, (n, n), -1, 1, 4), 1)
+    M, d = L @ L.T / 8.0 + np.eye(n) + B - B.T, dyadic(rng, n, 0, 1, 4) / 8.0
+    q = value - M @ z - d * z**3
+    x = unknowns(n)
+    parts = zip(product(M, x), d.tolist(), x, q.tolist(), strict=True)
+    return mapped(x, [row + k * s**3 + c if k else row + c for row, k, s, c in parts])
+
+
+def _planted(problem: VI, solution: VIPoint, kind: str) -> Instance:
+    return Instance(problem, solution, "planted", properties={"class": "strongly monotone", "set": kind})
+
+
+def _sides(rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
+    """z in [−1, 2]ⁿ and the value of F there: positive at the lower bound, negative at the upper, 0 between."""
+    side, size = rng.integers(-1, 2, n), dyadic(rng, n, 1, 2)
+    return np.select([side < 0, side > 0], [-1.0, 2.0], size - 1.0), -side * size
+
+
+def box(n: int) -> Instance:
+    rng = generator(n)
+    z, w = _sides(rng, n)
+    problem = VI(F=_map(z, w, rng), lb=np.full(n, -1.0), ub=np.full(n, 2.0), name=f"box-{n}")
+    return _planted(problem, VIPoint(z=z), "box")
+
+
+def polyhedron(n: int, m: int, k: int) -> Instance:
+    """n unknowns in a box, m inequalities, half of them active, and k equations."""
+    rng = generator(100 + n)
+    z, w = _sides(rng, n)
+    A, C = dyadic(rng, (m, n), -1, 1, 2), dyadic(rng, (k, n), -1, 1, 2)
+    active = np.arange(m) % 2 == 0
+    lam, slack = np.where(active, dyadic(rng, m, 1, 2), 0.0), np.where(active, 0.0, dyadic(rng, m, 1, 2))
+    mu = dyadic(rng, k, -2, 2)
+    problem = VI(
+        F=_map(z, w + A.T @ lam + C.T @ mu, rng), lb=np.full(n, -1.0), ub=np.full(n, 2.0), A=A, b=A @ z - slack,
+        C=C, d=C @ z, name=f"polyhedron-{n}-{m}-{k}",
+    )  # fmt: skip
+    return _planted(problem, VIPoint(z=z, lam=lam, mu=mu), "polyhedron")
+
+
+BOUNDARY = np.array([[3.0, 4, 0], [0, -3, 4], [-4, 0, 3], [2, -1, -2], [-1, 2, 2]])
+"""Vectors of whole length: 5, 5, 5, 3, 3."""
+
+
+def balls(count: int) -> Instance:
+    """Balls in ℝ³, every third solution inside."""
+    rng = generator(200 + count)
+    z = BOUNDARY[np.arange(count) % 5]
+    inside = np.arange(count) % 3 == 2
+    radius = np.sqrt((z**2).sum(axis=1)) * np.where(inside, 2.0, 1.0)
+    w = -z * np.where(inside, 0.0, dyadic(rng, count, 1, 2))[:, None]
+    K = ProductCone.of((Cone.BALL, count, 3, radius))
+    problem = VI(F=_map(z.ravel(), w.ravel(), rng), **cone_fields(K), name=f"balls-{count}")
+    return _planted(problem, VIPoint(z=z.ravel()), "balls")
+
+
+def _on_cones(rng: np.random.Generator, count: int) -> tuple[Vector, Vector, Vector]:
+    """(x, y, μ) with K_μ ∋ x ⟂ y ∈ K*_μ in ℝ³: both on the boundary, x inside, x = 0 and y inside, by turns."""
+    T = np.array([[3.0, 4], [-4, 3], [4, -3], [-3, -4]])[np.arange(count) % 4]
+    mu = np.array([0.5, 1.0, 2.0])[rng.integers(0, 3, count)]
+    scale = dyadic(rng, (2, count), 1, 2)
+    x = np.column_stack([5.0 / mu * scale[0], T * scale[0][:, None]])
+    y = np.column_stack([5.0 * mu * scale[1], -T * scale[1][:, None]])
+    kind = np.arange(count) % 3
+    x[kind == 1, 0] *= 2.0
+    y[kind == 1] = 0.0
+    x[kind == 2] = 0.0
+    y[kind == 2, 0] *= 2.0
+    return x.ravel(), y.ravel(), mu
+
+
+def cones(count: int) -> Instance:
+    """Second-order cones in ℝ³ with μ = ½, 1 or 2."""
+    rng = generator(300 + count)
+    x, y, mu = _on_cones(rng, count)
+    K = ProductCone.of((Cone.SECOND_ORDER, count, 3, mu))
+    problem = VI(F=_map(x, y, rng), **cone_fields(K), name=f"cones-{count}")
+    return _planted(problem, VIPoint(z=x), "second-order cones")
+
+
+def product_set(count: int) -> Instance:
+    """Bounded free components beside an orthant, second-order cones and a ball, with one equation through all."""
+    rng = generator(400 + count)
+    z, w = _sides(rng, 4)
+    positive, size = np.arange(4) % 2 == 0, dyadic(rng, 4, 1, 2)
+    x, y, mu = _on_cones(rng, count)
+    at = np.concatenate([z, np.where(positive, size, 0.0), x, BOUNDARY[3]])
+    value = np.concatenate([w, np.where(positive, 0.0, size), y, -0.5 * BOUNDARY[3]])
+    K = ProductCone.of(
+        (Cone.FREE, 1, 4), (Cone.NONNEGATIVE, 1, 4), (Cone.SECOND_ORDER, count, 3, mu), (Cone.BALL, 1, 3, 3.0)
+    )
+    C = dyadic(rng, (1, at.size), -1, 1, 2)
+    free = np.arange(at.size) < 4
+    problem = VI(
+        F=_map(at, value + 0.5 * C[0], rng), C=C, d=C @ at, lb=np.where(free, -1.0, -np.inf),
+        ub=np.where(free, 2.0, np.inf), **cone_fields(K), name=f"product-{count}",
+    )  # fmt: skip
+    return _planted(problem, VIPoint(z=at, mu=[0.5]), "product")
+
+
+def cone_complementarity(count: int) -> Instance:
+    """Orthant, equations and second-order cones, with two rows Ax ≥ 0, one of them active."""
+    rng = generator(500 + count)
+    positive, size = np.arange(4) % 2 == 0, dyadic(rng, 4, 1, 2)
+    x, y, mu = _on_cones(rng, count)
+    at = np.concatenate([np.where(positive, size, 0.0), [1.0, -1.5], x])
+    value = np.concatenate([np.where(positive, 0.0, size), np.zeros(2), y])
+    A = dyadic(rng, (2, at.size), -1, 1, 2)
+    A[:, 4] += np.array([0.0, 2.0]) - A @ at  # Ax = (0, 2)
+    lam = np.array([0.75, 0.0])
+    K = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.FREE, 1, 2), (Cone.SECOND_ORDER, count, 3, mu))
+    problem = CP(F=_map(at, value + A.T @ lam, rng), A=A, **cone_fields(K), name=f"cone-complementarity-{count}")
+    said = {"class": "strongly monotone"}
+    return Instance(problem, CPPoint(x=at, lam=lam), "planted", properties=said)
