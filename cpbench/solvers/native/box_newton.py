@@ -205,6 +205,15 @@ class Descent:
         self._merits.clear()
         self._merits.append(at.merit)
 
+    @property
+    def reference(self) -> float:
+        """The merit that a step must lower."""
+        return max(self._merits)
+
+    def accept(self, at: At) -> None:
+        """Note the merit of a point that the method went to."""
+        self._merits.append(at.merit)
+
     def at(self, z: Vector, F: Vector | None = None) -> At:
         F = self._box.F(z) if F is None else F
         phi, alpha, beta = self._box.equation(self._psi, z, F)
@@ -242,7 +251,7 @@ class Descent:
         """The first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
         if d is None:
             return None
-        reference = max(self._merits)
+        reference = self.reference
         descends = slope < -1e-14 * at.merit
         t = 1.0
         for k in range(BACKTRACKS):
@@ -253,7 +262,6 @@ class Descent:
             ):
                 if norm(trial.z - at.z) <= 1e-16 * norm(at.z):
                     return None
-                self._merits.append(trial.merit)
                 return trial
             if not descends and k >= 2:
                 return None

@@ -93,6 +93,7 @@ class _Semismooth(Method):
             found = fall_back(descent, at, J, gradient)
         if found is None:
             return False
+        descent.accept(found)
         self._stand(found)
         return True
 

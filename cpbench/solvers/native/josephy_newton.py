@@ -1,0 +1,142 @@
+"""Josephy–Newton: linearize F, solve the complementarity problem that this gives, by any registered solver."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.cones import project_box
+from cpbench.errors import UnknownName
+from cpbench.formulations.micp import MiCP
+from cpbench.matrices import Matrix, Vector, norm
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
+from cpbench.solvers.native.box_linear import NODES, BoxLinear
+from cpbench.solvers.native.box_newton import At, Box, Descent, Method, compile_map, fall_back, run, small_problem
+from cpbench.solvers.native.ncp_functions import fischer_burmeister
+from cpbench.solvers.options import fixed, searched
+
+SMALL_ENOUGH = 0.5
+"""A solution of the linear problem is used when its natural residual is below this share of that of F at z."""
+INNER_TOLERANCE = 1e-14
+SEPARATOR = "+"
+
+
+@dataclass(frozen=True)
+class JosephyNewtonOptions:
+    """`inner` : solver of the linear problems, of node lcp, mlcp or avi; several are joined by + and tried one after
+    the other. `max_iterations` : linear problems. `memory` : merits that the line search compares with. `restarts` :
+    other starts that are tried in the end."""
+
+    inner: str = "newton-min+lemke"
+    max_iterations: int = fixed(500)
+    memory: int = searched(5, low=1, high=20)
+    restarts: int = fixed(20)
+
+
+@register
+class JosephyNewton(Solver):
+    """z⁺ solves −(F(z) + F′(z)(z⁺ − z)) ∈ N_[lb,ub](z⁺): quadratic convergence to strongly regular solutions.
+
+    A step must lower the Fischer–Burmeister merit, nonmonotonely; where the linear problem has no solution or its
+    direction does not descend, a Levenberg–Marquardt step or a gradient step of that merit is taken.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="josephy-newton",
+        node="micp",
+        summary="Newton's method for generalized equations, linear problems by a registered LCP, MLCP or AVI solver",
+        method="Josephy-Newton",
+        citation="Josephy 1979, MRC report 1965; Facchinei and Pang 2003, section 7.3",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=JosephyNewtonOptions,
+    )
+
+    def setup(self, problem: MiCP, budget: Budget, options: JosephyNewtonOptions) -> MiCP:
+        compile_map(problem)
+        return problem
+
+    def warmup(self) -> None:
+        self.run(small_problem())
+        for name in JosephyNewtonOptions().inner.split(SEPARATOR):
+            solvers.get(name).warmup()
+
+    def solve(
+        self,
+        prepared: MiCP,
+        budget: Budget,
+        options: JosephyNewtonOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        method = _JosephyNewton(Box(prepared), options, budget)
+        limit = budget.iterations or options.max_iterations
+        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+
+
+def _inner(names: str) -> list[Solver]:
+    """The solvers named; raises UnknownName for one that is of another node or not there."""
+    chosen = [solvers.get(name.strip()) for name in names.split(SEPARATOR)]
+    for solver in chosen:
+        if solver.spec.node not in NODES:
+            fitting = [s.spec.name for s in solvers if s.spec.node in NODES]
+            raise UnknownName(f"inner solver (of {', '.join(NODES)})", solver.spec.name, fitting)
+    return chosen
+
+
+class _JosephyNewton(Method):
+    def __init__(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> None:
+        super().__init__(box)
+        self._inner = _inner(options.inner)
+        self._budget = replace(budget, tolerance=INNER_TOLERANCE, iterations=None)
+        self._deadline = time.monotonic() + budget.seconds
+        self._descent = Descent(box, fischer_burmeister, options.memory, project=True)
+        box.counters["subproblems"] = 0
+
+    def begin(self, z: Vector, F: Vector) -> None:
+        self._stand(self._descent.at(z, F))
+        self._descent.begin(self._at)
+
+    def _stand(self, at: At) -> None:
+        self._at, self.z, self.F = at, at.z, at.F
+
+    def step(self) -> bool:
+        at, descent = self._at, self._descent
+        J = self.box.jacobian(at.z)
+        if J is None:
+            return False
+        gradient = descent.gradient(at, J)
+        found = None
+        for solver in self._inner:
+            target = self._linear_solution(J, solver)
+            if target is not None:
+                d = target - at.z
+                found = descent.search(at, d, float(gradient @ d))
+                if found is not None:
+                    break
+        if found is None:
+            found = fall_back(descent, at, J, gradient)
+        if found is None:
+            return False
+        descent.accept(found)
+        self._stand(found)
+        return True
+
+    def _linear_solution(self, J: Matrix, solver: Solver) -> Vector | None:
+        """z⁺ within the bounds, None where the solver finds none."""
+        box, at = self.box, self._at
+        box.counters["subproblems"] += 1
+        left = max(self._deadline - time.monotonic(), 0.1) if math.isfinite(self._deadline) else math.inf
+        q = at.F - J @ at.z
+        linear = BoxLinear(J, q, box.lb, box.ub, at.z)
+        z = linear.solve(solver, replace(self._budget, seconds=left))
+        if z is None:
+            return None
+        with np.errstate(all="ignore"):
+            z = project_box(z, box.lb, box.ub)
+            defect = norm(z - project_box(z - (J @ z + q), box.lb, box.ub))
+            now = norm(at.z - project_box(at.z - at.F, box.lb, box.ub))
+        return z if defect <= SMALL_ENOUGH * now else None
