@@ -237,7 +237,7 @@ class Problem(ABC):
                     raise ProblemError(label, f"is NaN at {int(np.flatnonzero(np.isnan(value))[0])}")
             for symbol, size in zip(shape, value.shape, strict=True):
                 if symbol[0].isdigit():
-                    if size != _counted(symbol, sizes):
+                    if size != counted(symbol, sizes):
                         raise ProblemError(label, f"has shape {value.shape}, expected {' x '.join(shape)}")
                 elif sizes.setdefault(symbol, size) != size:
                     raise ProblemError(
@@ -252,7 +252,7 @@ class Problem(ABC):
     def _left_out(self, f: dataclasses.Field[Any], sizes: Mapping[str, int]) -> Matrix | Vector | Map:
         """What an optional field is when it is not given."""
         if "map" in f.metadata:
-            return Map.empty(_counted(f.metadata["map"][1], sizes))
+            return Map.empty(counted(f.metadata["map"][1], sizes))
         shape = tuple(sizes.get(symbol, 0) for symbol in f.metadata["shape"])
         if len(shape) == 1:
             if f.metadata["fill"] is None:
@@ -341,7 +341,7 @@ class Problem(ABC):
         return self.point_type(**{name: np.zeros(size) for name, size in self.point_sizes.items()})
 
 
-def _counted(symbol: str, sizes: Mapping[str, int]) -> int:
+def counted(symbol: str, sizes: Mapping[str, int]) -> int:
     """What a dimension is: `3`, `n` or `2n`, n being 0 where no earlier field has it."""
     digits = len(symbol) - len(symbol.lstrip("0123456789"))
     unit = sizes.get(symbol[digits:], 0) if digits < len(symbol) else 1

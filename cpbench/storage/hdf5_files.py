@@ -134,6 +134,7 @@ class Native(HDF5):
     summary = "cpbench's own HDF5: any formulation, with provenance, sequence and contact geometry"
     writes = frozenset(
         {"lcp", "mlcp", "qp", "fc", "gfc", "fcm", "rfc", "grfc", "afc", "relay", "avi", "soclcp", "coneqp"}
+        | {"nlp", "ncp", "micp", "cp", "vi", "qvi", "ge", "nfc", "equation"}
     )
 
     def _require(self, parent: Tree, group: str) -> None:

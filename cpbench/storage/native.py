@@ -3,6 +3,7 @@
     <problem>/cpbench            attributes format_version = 1, node, name (and `fields`: further scalars, JSON)
     <problem>/cpbench/<M>        sparse: a group as in FCLIB; dense: a 2-D float64 data set
     <problem>/cpbench/vectors/*  float64 data sets
+    <problem>/cpbench/mof        nonlinear maps: a string, MathOptFormat 1.9, each map a constraint of its name in Reals
 
 Contact problems that FCLIB has (fc, fcm, gfc, grfc) keep its own group beside `cpbench`, which then holds the name,
 the geometry and which matrices were dense. A new node needs no code here: its fields are read from its class.
@@ -17,8 +18,9 @@ from typing import Any, cast
 import h5py
 
 from cpbench import matrices
-from cpbench.errors import UnknownName
-from cpbench.formulations.base import Info, Problem, formulations
+from cpbench.errors import FormatError, UnknownName
+from cpbench.expressions import Map, from_mof, mof_json, to_mof
+from cpbench.formulations.base import Info, Problem, counted, formulations
 from cpbench.storage import fclib
 from cpbench.storage.annotations import (
     read_info,
@@ -31,7 +33,7 @@ from cpbench.storage.annotations import (
 from cpbench.storage.base import build
 from cpbench.storage.hdf5_matrices import read_matrix, write_matrix
 from cpbench.storage.hdf5_tree import Tree
-from cpbench.storage.hdf5_writer import put_array, put_attribute
+from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text
 
 VERSION = 1
 _ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
@@ -52,6 +54,7 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
             put_attribute(own, "dense", " ".join(dense))
     else:
         _write_data(own, problem, compress=compress)
+        _write_maps(own, problem)
     write_place(own, problem, compress=compress)
     write_info(parent, problem.info, texts=not contact)
     write_provenance(parent, problem.provenance, compress=compress)
@@ -76,6 +79,7 @@ def read(parent: Tree, name: str) -> Problem:
     for field, shape in declared:
         if len(shape) == 2:
             parts[field] = read_matrix(own, field, (sizes.get(shape[0]), sizes.get(shape[1])))
+    parts |= _read_maps(own, cls, sizes)
     parts |= _read_fields(own, said, cls)
     parts |= read_place(own)
     info = read_info(parent, parent.child("info")) if "info" in parent else Info()
@@ -98,8 +102,11 @@ def _node(own: Tree, said: dict[str, Any]) -> str:
 
 
 def _scalar_fields(cls: type[Problem]) -> list[str]:
-    data = {f.name for f in cls._data_fields()}
-    return [f.name for f in dataclasses.fields(cls) if f.name not in data | _ANNOTATIONS]
+    return [
+        f.name
+        for f in dataclasses.fields(cls)
+        if f.name not in _ANNOTATIONS and not {"shape", "map"} & f.metadata.keys()
+    ]
 
 
 def _write_data(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
@@ -112,6 +119,32 @@ def _write_data(own: h5py.Group, problem: Problem, *, compress: bool) -> None:
     scalars = {name: getattr(problem, name) for name in _scalar_fields(type(problem))}
     if scalars:
         put_attribute(own, "fields", json.dumps(scalars))
+
+
+def _write_maps(own: h5py.Group, problem: Problem) -> None:
+    maps = problem.maps()
+    if not maps:
+        return
+    inputs = max(F.inputs for F in maps.values())
+    n = min((F.inputs for F in maps.values()), default=0)  # a map of 2n numbers takes (y, z)
+    names = [f"y[{k}]" for k in range(1, inputs - n + 1)] + [f"z[{k}]" for k in range(1, n + 1)]
+    text = json.dumps(to_mof.model(maps, names), separators=(",", ":"), allow_nan=False)
+    if mof_json.memory(text.encode()) > mof_json.LARGEST:
+        operations = sum(F.operations for F in maps.values())
+        raise FormatError(problem.name or problem.node, "", f"has {operations} operations, more than can be read again")
+    put_text(own, "mof", text)
+
+
+def _read_maps(own: Tree, cls: type[Problem], sizes: dict[str, int]) -> dict[str, Map]:
+    declared = {f.name: f.metadata["map"][1] for f in dataclasses.fields(cls) if "map" in f.metadata}
+    if not declared:
+        return {}
+    inputs = {
+        name: counted(symbol, sizes) if symbol.lstrip("0123456789") in sizes else None
+        for name, symbol in declared.items()
+    }
+    found = from_mof.maps(own.text("mof").encode(), f"{own.path}: {own.where}/mof", inputs)
+    return {name: found.get(name, Map.empty(size or 0)) for name, size in inputs.items()}
 
 
 def _read_fields(own: Tree, said: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:

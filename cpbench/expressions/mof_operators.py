@@ -1,0 +1,146 @@
+"""Operators of MathOptFormat's nonlinear functions, and what each is in operations of a map.
+
+Only what is named here is read. The special functions but erf (gamma, besselj0, ...) and complex numbers are no
+operators of a map; erfc(x) = 1 − erf(x) would lose its digits where x is large.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cpbench.expressions.map import Builder
+from cpbench.expressions.operators import Operator
+
+UNARY: Mapping[str, Operator] = {
+    "-": Operator.NEG,
+    **{o.name.lower(): o for o in Operator if not o.binary and o not in (Operator.NEG, Operator.NOT)},
+}
+BINARY: Mapping[str, Operator] = {
+    "/": Operator.DIV, "^": Operator.POW, "atan": Operator.ATAN2, "&&": Operator.AND, "||": Operator.OR,
+    "<": Operator.LT, "<=": Operator.LE, "==": Operator.EQ,
+}  # fmt: skip
+MANY: Mapping[str, Operator] = {
+    "+": Operator.ADD, "-": Operator.SUB, "*": Operator.MUL, "min": Operator.MIN, "max": Operator.MAX,
+}  # fmt: skip
+"""With any number of arguments, from the left: a − b − c = (a − b) − c."""
+CHAINED = frozenset({Operator.ADD, Operator.MUL, Operator.MIN, Operator.MAX})
+"""Written with all the arguments of a chain; SUB is not, as readers may know it with two only."""
+WRITTEN: Mapping[Operator, str] = {o: name for table in (UNARY, BINARY, MANY) for name, o in table.items()}
+"""What an operation is called; NOT a is ifelse(a, 0, 1) and CHOOSE(a, b) is ifelse(a, b, 0)."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value of a map that is being built, with arithmetic."""
+
+    build: Builder
+    number: int
+
+    def of(self, operator: Operator, *others: Value) -> Value:
+        """operator(self, others)."""
+        return Value(self.build, self.build.apply(operator, self.number, *(other.number for other in others)))
+
+    def _constant(self, value: float) -> Value:
+        return Value(self.build, self.build.constant(value))
+
+    def __add__(self, other: Value) -> Value:
+        return self.of(Operator.ADD, other)
+
+    def __sub__(self, other: Value) -> Value:
+        return self.of(Operator.SUB, other)
+
+    def __mul__(self, other: Value | float) -> Value:
+        return self.of(Operator.MUL, other if isinstance(other, Value) else self._constant(other))
+
+    def __truediv__(self, other: float) -> Value:
+        return self.of(Operator.DIV, self._constant(other))
+
+    def __rtruediv__(self, other: float) -> Value:
+        return self._constant(other).of(Operator.DIV, self)
+
+    def __rpow__(self, other: float) -> Value:
+        return self._constant(other).of(Operator.POW, self)
+
+    def __pow__(self, other: float) -> Value:
+        return self.of(Operator.POW, self._constant(other))
+
+    def is_constant(self, value: float) -> bool:
+        return self.number == self.build.constant(value)
+
+    def signed(self, size: Value) -> Value:
+        """`size` with the sign of this, 0 where this is 0."""
+        zero = self._constant(0.0)
+        above, below = zero.of(Operator.LT, self), self.of(Operator.LT, zero)
+        return above.of(Operator.CHOOSE, size) - below.of(Operator.CHOOSE, size)
+
+
+def _choice(condition: Value, yes: Value, no: Value) -> Value:
+    """ifelse, in as few operations as there are; what NOT and CHOOSE are written as becomes these again."""
+    if no.is_constant(0.0):
+        return condition.of(Operator.CHOOSE, yes)
+    otherwise = condition.of(Operator.NOT)
+    if yes.is_constant(0.0) and no.is_constant(1.0):
+        return otherwise
+    return condition.of(Operator.CHOOSE, yes) + otherwise.of(Operator.CHOOSE, no)
+
+
+_LN2, _LN10, _DEGREE = math.log(2.0), math.log(10.0), math.pi / 180.0
+_CIRCULAR = {"sec": Operator.COS, "csc": Operator.SIN, "cot": Operator.TAN}
+_HYPERBOLIC = {"sech": Operator.COSH, "csch": Operator.SINH, "coth": Operator.TANH}
+_ARCS = {"asec": Operator.ACOS, "acsc": Operator.ASIN, "acot": Operator.ATAN}
+_AREAS = {"asech": Operator.ACOSH, "acsch": Operator.ASINH, "acoth": Operator.ATANH}
+
+
+def _named(table: Mapping[str, Operator], suffix: str, formula: Callable[[Value, Operator], Value]) -> dict[str, Any]:
+    """`formula` of an argument and an operator, for every name of a table."""
+    return {f"{name}{suffix}": (1, lambda x, o=o: formula(x, o)) for name, o in table.items()}
+
+
+_SINES = {name: UNARY[name] for name in ("sin", "cos", "tan")}
+_ARCSINES = {name: UNARY[name] for name in ("asin", "acos", "atan")}
+FORMULAS: Mapping[str, tuple[int, Callable[..., Value]]] = {
+    "ifelse": (3, _choice),
+    ">": (2, lambda a, b: b.of(Operator.LT, a)),
+    ">=": (2, lambda a, b: b.of(Operator.LE, a)),
+    "abs2": (1, lambda x: x * x),
+    "inv": (1, lambda x: 1.0 / x),
+    "cbrt": (1, lambda x: x.signed(x.of(Operator.ABS) ** (1.0 / 3.0))),
+    "log2": (1, lambda x: x.of(Operator.LOG) / _LN2),
+    "log10": (1, lambda x: x.of(Operator.LOG) / _LN10),
+    "exp2": (1, lambda x: 2.0**x),
+    "deg2rad": (1, lambda x: x * _DEGREE),
+    "rad2deg": (1, lambda x: x / _DEGREE),
+    **_named(_CIRCULAR | _HYPERBOLIC, "", lambda x, o: 1.0 / x.of(o)),
+    **_named(_ARCS | _AREAS, "", lambda x, o: (1.0 / x).of(o)),
+    **_named(_SINES, "d", lambda x, o: (x * _DEGREE).of(o)),
+    **_named(_CIRCULAR, "d", lambda x, o: 1.0 / (x * _DEGREE).of(o)),
+    **_named(_ARCSINES, "d", lambda x, o: x.of(o) / _DEGREE),
+    **_named(_ARCS, "d", lambda x, o: (1.0 / x).of(o) / _DEGREE),
+}
+"""The other operators: how many arguments, and what they are in those above. Those in degrees are right to rounding,
+so that sind(180) is 1e-16."""
+
+
+def combine(build: Builder, head: str, arguments: list[int]) -> int | None:
+    """The value of an operation, None where it is none with so many arguments."""
+    count = len(arguments)
+    if count == 1 and head in UNARY:
+        return build.apply(UNARY[head], arguments[0])
+    if count == 2 and head in BINARY:
+        return build.apply(BINARY[head], *arguments)
+    if count and head in MANY:
+        total = arguments[0]
+        for argument in arguments[1:]:
+            total = build.apply(MANY[head], total, argument)
+        return total
+    if head in FORMULAS and count == FORMULAS[head][0]:
+        return FORMULAS[head][1](*(Value(build, a) for a in arguments)).number
+    return None
+
+
+def known(head: str) -> bool:
+    """Whether there is an operator of this name."""
+    return head in UNARY or head in BINARY or head in MANY or head in FORMULAS
