@@ -1,0 +1,84 @@
+"""NCP functions φ, zero exactly where 0 ≤ a ⟂ b ≥ 0, and the equations Φ(z) = 0 that they make of a MiCP.
+
+All have the sign of min(a, b): the lecture's (36) and (37) are −φ. Then Φᵢ is
+
+    Fᵢ                                          where zᵢ is free,
+    φ(zᵢ − lbᵢ, Fᵢ)                             with a lower bound,      −φ(ubᵢ − zᵢ, −Fᵢ)    with an upper one,
+    φ(zᵢ − lbᵢ, −φ(ubᵢ − zᵢ, −Fᵢ))              with both (Billups, "Algorithms for complementarity problems and
+                                                generalized equations", thesis, Wisconsin 1995), and
+    zᵢ − lbᵢ                                    where the two are the same.
+
+For φ = min the third is the median of zᵢ − lbᵢ, zᵢ − ubᵢ and Fᵢ, so that Φ is the natural map z − P(z − F(z)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+
+from cpbench.conversions.base import Conversion
+from cpbench.expressions import Map
+from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.micp import MiCP, MiCPPoint
+
+Function: TypeAlias = Callable[[Any, Any], Any]
+"""φ of two SX columns."""
+
+
+def fischer_burmeister(a: Any, b: Any) -> Any:
+    """a + b − √(a² + b²), written as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would lose all digits
+    of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""
+    import casadi as ca
+
+    squares = a * a + b * b
+    root = ca.if_else(squares > 0, ca.sqrt(ca.if_else(squares > 0, squares, 1)), 0)
+    upper = a + b > 0
+    return ca.if_else(upper, 2 * a * b / ca.if_else(upper, a + b + root, 1), a + b - root)
+
+
+def equations(problem: MiCP, phi: Function) -> Map:
+    """Φ."""
+    import casadi as ca
+
+    z = ca.SX.sym("z", problem.start.size)
+    F, lb, ub = problem.F.sx(z), problem.lb, problem.ub
+    below, above = np.isfinite(lb), np.isfinite(ub)
+    result = ca.SX(z)
+    for members, make in (
+        (~below & ~above, lambda x, w, lo, up: w),
+        (below & ~above, lambda x, w, lo, up: phi(x - lo, w)),
+        (~below & above, lambda x, w, lo, up: -phi(up - x, -w)),
+        (below & above & (lb < ub), lambda x, w, lo, up: phi(x - lo, -phi(up - x, -w))),
+        (below & above & (lb == ub), lambda x, w, lo, up: x - lo),
+    ):
+        at = np.flatnonzero(members).tolist()
+        if at:
+            result[at] = make(z[at], F[at], ca.DM(lb[at]), ca.DM(ub[at]))
+    return Map.from_casadi(z, result)
+
+
+@dataclass(frozen=True)
+class MiCPtoEquation(Conversion):
+    """What the edges by an NCP function share; `function` is theirs. Trace: empty."""
+
+    source: ClassVar[str] = "micp"
+    target: ClassVar[str] = "equation"
+    kind: ClassVar[Kind] = Kind.EQUIVALENT
+
+    def function(self, a: Any, b: Any) -> Any:
+        """φ(a, b)."""
+        raise NotImplementedError
+
+    def apply(self, problem: MiCP) -> tuple[Equation, Trace]:
+        self.require(problem)
+        return Equation(F=equations(problem, self.function), start=problem.start), {}
+
+    def lift(self, point: EquationPoint, trace: Trace) -> MiCPPoint:
+        return MiCPPoint(z=point.z)
+
+    def push(self, point: MiCPPoint, trace: Trace) -> EquationPoint:
+        return EquationPoint(z=point.z)

@@ -1,0 +1,127 @@
+"""First-order conditions as maps, with multipliers among the unknowns: what edges out of `nlp` and `vi` share.
+
+Of a program, F(z, λ, μ) = (∇f − ∇gᵀλ − ∇hᵀμ, g, h); of a VI, F(z, λ, μ, ν) = (F − Aᵀλ − Cᵀμ − ∇gᵀν, Az − b,
+Cz − d, g). Beside z with its own set, inequalities have multipliers ≥ 0 and equalities free ones.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.conversions import maps, qualification
+from cpbench.expressions import Map
+from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.nlp import NLP, NLPPoint
+from cpbench.formulations.variational import VIPoint
+from cpbench.formulations.vi import VI
+from cpbench.matrices import Matrix, Vector
+
+# ------------------------------------------------------------------------------------------- programs
+
+
+def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
+    """F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
+    import casadi as ca
+
+    n, m, k = problem.start.size, problem.g.rows, problem.h.rows
+    x = ca.SX.sym("x", n + m + k)
+    z, lam, mu = x[:n], x[n : n + m], x[n + m :]
+    f, g, h = problem.f.sx(z), problem.g.sx(z), problem.h.sx(z)
+    slope = ca.gradient(f, z) - _transposed(g, z, lam) - _transposed(h, z, mu)
+    F = Map.from_casadi(x, ca.vertcat(slope, g, h))
+    lb = np.concatenate([problem.lb, np.zeros(m), np.full(k, -np.inf)])
+    ub = np.concatenate([problem.ub, np.full(m + k, np.inf)])
+    force = maps.kept(F.only(F.outputs[:n].tolist()))
+    trace: Trace = {"n": n, "m": m, "lb": problem.lb, "ub": problem.ub, "force": force}
+    return F, lb, ub, np.concatenate([problem.start, np.zeros(m + k)]), trace
+
+
+def program_point(x: Vector, trace: Trace) -> NLPPoint:
+    """z, λ, μ, and ν: the force on z where a bound takes it, 0 where z is free to follow it.
+
+    Of the force and the distance to the bound that it presses against, the smaller counts as 0.
+    """
+    n, m, lb, ub = trace["n"], trace["m"], trace["lb"], trace["ub"]
+    z = x[:n]
+    with np.errstate(all="ignore"):
+        force = maps.restored(trace["force"])(x)
+        pressed = ((force > 0) & (force > z - lb)) | ((force < 0) & (-force > ub - z)) | (lb == ub)
+    return NLPPoint(z=z, lam=x[n : n + m], mu=x[n + m :], nu=np.where(pressed, force, 0.0))
+
+
+def program_vector(point: NLPPoint) -> Vector:
+    return np.concatenate([point.z, point.lam, point.mu])
+
+
+def program_kind(problem: NLP) -> Kind:
+    """Equivalent, one-way or necessary; see `unsettled` for the programs of which none can be said."""
+    if not problem.convex:
+        return Kind.NECESSARY
+    return Kind.ONE_WAY if qualification.of_program(problem) else Kind.EQUIVALENT
+
+
+def program_reservation(problem: NLP) -> str:
+    if not problem.convex:
+        return "the program is not said to be convex, so that a stationary point need not be a minimum"
+    return f"no constraint qualification is known: {qualification.of_program(problem)}"
+
+
+def unsettled(problem: NLP, name: str) -> str | None:
+    """That nothing can be said of an edge: a minimum may have no multipliers, and a point with multipliers may be no
+    minimum; else None."""
+    why = "" if problem.convex else qualification.of_program(problem)
+    if not why:
+        return None
+    return f"{why}, so that a minimum may have no multipliers; where it has, use {name}[qualified=1]"
+
+
+# -------------------------------------------------------------------------------------- inequalities
+
+
+def of_inequality(problem: VI) -> tuple[Map, Vector, Vector]:
+    """F, and the bounds of the multipliers (λ, μ, ν), of which none is bounded from above."""
+    m, k, p = problem.b.size, problem.d.size, problem.g.rows
+    if not m + k + p:
+        return problem.F, np.zeros(0), np.zeros(0)
+    import casadi as ca
+
+    n = problem.start.size
+    x = ca.SX.sym("x", n + m + k + p)
+    z, lam, mu, nu = x[:n], x[n : n + m], x[n + m : n + m + k], x[n + m + k :]
+    A, C, g = _constant(problem.A), _constant(problem.C), problem.g.sx(z)
+    force = problem.F.sx(z) - A.T @ lam - C.T @ mu - _transposed(g, z, nu)
+    rows = ca.vertcat(A @ z - problem.b, C @ z - problem.d, g)
+    lb = np.concatenate([np.zeros(m), np.full(k, -np.inf), np.zeros(p)])
+    return Map.from_casadi(x, ca.vertcat(force, rows)), lb, np.full(m + k + p, np.inf)
+
+
+def inequality_sizes(problem: VI) -> Trace:
+    return {"n": problem.start.size, "m": problem.b.size, "k": problem.d.size}
+
+
+def inequality_point(x: Vector, trace: Trace) -> VIPoint:
+    z, lam, mu, nu = np.split(x, np.cumsum([trace["n"], trace["m"], trace["k"]]))
+    return VIPoint(z=z, lam=lam, mu=mu, nu=nu)
+
+
+def inequality_vector(point: VIPoint) -> Vector:
+    return np.concatenate([point.z, point.lam, point.mu, point.nu])
+
+
+# ----------------------------------------------------------------------------------------- in CasADi
+
+
+def _transposed(g: Any, z: Any, weights: Any) -> Any:
+    """∇gᵀ weights."""
+    import casadi as ca
+
+    return ca.jtimes(g, z, weights, True) if g.shape[0] else ca.SX(z.shape[0], 1)
+
+
+def _constant(M: Matrix) -> Any:
+    import casadi as ca
+
+    return ca.DM(matrices.sparse(M).tocsc())

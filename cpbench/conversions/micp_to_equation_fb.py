@@ -1,0 +1,33 @@
+"""MiCP → nonsmooth equations by Fischer and Burmeister's function (equations (31) and (36)).
+
+Source  lb ≤ z ≤ ub: Fᵢ ≥ 0 at lbᵢ, Fᵢ ≤ 0 at ubᵢ, Fᵢ = 0 in between.
+Target  Φ(z) = 0 with φ(a, b) = a + b − √(a² + b²), which is (36) with the other sign.
+Lift    z.        Push  z.
+Kind    equivalent. ½‖Φ‖² is continuously differentiable; Φ is not where a = b = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from cpbench.conversions.base import conversions
+from cpbench.conversions.complementarity_functions import MiCPtoEquation, fischer_burmeister
+
+
+@conversions.register("micp-equation-fb")
+@dataclass(frozen=True)
+class MiCPtoEquationFB(MiCPtoEquation):
+    """Fischer–Burmeister's equations. Trace: empty."""
+
+    name = "micp-equation-fb"
+    equation = "(36)"
+    cost = 2.0
+
+    def function(self, a: Any, b: Any) -> Any:
+        return fischer_burmeister(a, b)
+
+    def tolerance(self, tolerance: float) -> float:
+        """|min(a, b)| is up to 1/(2 − √2) |φ(a, b)| (Tseng 1996), and Φ is up to twice as large as F where both are
+        scaled; two bounds do that twice."""
+        return 0.05 * tolerance

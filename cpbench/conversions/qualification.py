@@ -1,0 +1,90 @@
+"""Constraint qualifications that can be checked: under one, a solution has multipliers, and the conditions of Karush,
+Kuhn and Tucker miss none.
+
+Two are, for sets {g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub}: every row is affine; or, g being concave and h affine, Slater's:
+some point has gᵢ > 0 in the rows that are not affine and meets the others. The one point that is looked at is the
+start of the problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench.expressions import Map
+from cpbench.formulations.nlp import NLP
+from cpbench.formulations.vi import VI
+from cpbench.matrices import Vector, max_abs
+
+ROUNDING = 1e-10
+"""Violation of an affine row, beside the size of its terms, that is none."""
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """g(z) ≥ 0, h(z) = 0 and bounds, with the point that may be Slater's."""
+
+    g: Map
+    h: Map
+    lb: Vector
+    ub: Vector
+    start: Vector
+
+    @classmethod
+    def of_program(cls, problem: NLP) -> Constraints:
+        return cls(problem.g, problem.h, problem.lb, problem.ub, problem.start)
+
+    @cached_property
+    def curved(self) -> NDArray[np.bool_]:
+        """Which rows of g are not affine."""
+        return np.diff(self.g.compiled.C.indptr) > 0
+
+    @property
+    def affine(self) -> bool:
+        return self.h.compiled.affine and not self.curved.any()
+
+    def no_slater(self) -> str:
+        """Why the start is no point of Slater's, with the number; empty where it is one."""
+        if not self.h.compiled.affine:
+            return "h is not affine"
+        z = self.start
+        with np.errstate(all="ignore"):
+            g, h = self.g(z), self.h(z)
+            near = ROUNDING * (1.0 + max(max_abs(z), max_abs(self.h.compiled.q), max_abs(self.g.compiled.q)))
+            outside = float(np.max(np.maximum(self.lb - z, z - self.ub), initial=0.0))
+            inside, met = g[self.curved], g[~self.curved]
+        if outside > near:
+            return f"the start is {outside:.1e} outside the bounds"
+        if not (np.abs(h) <= near).all():
+            return f"the start has max|h| = {max_abs(h):.1e}"
+        if not ((inside > 0.0).all() and (met >= -near).all()):
+            return f"the start has a gᵢ = {g.min():.1e}"
+        return ""
+
+
+def of_program(problem: NLP) -> str:
+    """Why no qualification of a program is known, with the number; empty where one is."""
+    rows = Constraints.of_program(problem)
+    if rows.affine:
+        return ""
+    if not problem.convex:
+        return f"{int(rows.curved.sum())} rows of g and h are not affine, and the program is not said to be convex"
+    return rows.no_slater()
+
+
+def of_set(problem: VI) -> str:
+    """The same of the set of a VI whose g is concave."""
+    if not problem.g.rows:
+        return ""
+    h = Map.empty(problem.start.size)
+    rows = Constraints(problem.g, h, *problem.box, problem.start)
+    if rows.affine:
+        return ""
+    slack, equality = problem.A @ problem.start - problem.b, problem.C @ problem.start - problem.d
+    violated = max(max_abs(np.minimum(slack, 0.0)), max_abs(equality))
+    if violated > ROUNDING * (1.0 + max(max_abs(problem.start), max_abs(problem.b), max_abs(problem.d))):
+        return f"the start misses the rows of A and C by {violated:.1e}"
+    return rows.no_slater()

@@ -1,0 +1,56 @@
+"""Sets S = {z ∈ K : lb ≤ z ≤ ub} that are boxes, or cones: what edges between the variational nodes share."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from cpbench.formulations.variational import SimpleSetProblem
+from cpbench.product_cones import Cone, ProductCone
+
+
+def no_box(problem: SimpleSetProblem, instead: str) -> str | None:
+    """That a factor of K is no box, with its kind; else None."""
+    if problem.only_box:
+        return None
+    kind = problem.K.kind
+    at = int(np.flatnonzero(~np.isin(kind, (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)))[0])
+    return f"factor {at} of K is a {_name(kind[at])}, which is no box; use {instead}"
+
+
+def no_cone(problem: SimpleSetProblem) -> str | None:
+    """That S is no cone, with the bound or the factor that makes it none; else None."""
+    kind = problem.K.kind
+    round_ = np.flatnonzero(np.isin(kind, (Cone.CYLINDER, Cone.BALL)))
+    if round_.size:
+        return f"factor {round_[0]} of K is a {_name(kind[round_[0]])}, which is no cone"
+    lb, ub = problem.lb, problem.ub
+    bad = np.flatnonzero((np.isfinite(lb) & (lb != 0.0)) | (np.isfinite(ub) & (ub != 0.0)))
+    if bad.size:
+        i = int(bad[0])
+        return f"{bad.size} components have bounds that are not 0, the first is {i} with [{lb[i]:g}, {ub[i]:g}]"
+    above = np.flatnonzero((ub == 0.0) & (lb < 0.0))
+    if above.size:
+        return f"{above.size} components are bounded from above alone, the first is {above[0]}, which no factor says"
+    return None
+
+
+def as_cone(problem: SimpleSetProblem) -> ProductCone:
+    """S, which is a cone, as a product: components of free factors that have the bounds 0 become {0} and ℝ₊."""
+    K, parts = problem.K, []
+    bounded = np.where(problem.ub == 0.0, Cone.ZERO, np.where(problem.lb == 0.0, Cone.NONNEGATIVE, Cone.FREE))
+    at = 0
+    for kind, size, mu, mu_r in zip(K.kind, K.size.astype(int).tolist(), K.mu, K.mu_r, strict=True):
+        if kind == Cone.FREE:
+            own = bounded[at : at + size]
+            ends = [0, *(np.flatnonzero(np.diff(own)) + 1).tolist(), size] if size else [0]
+            parts += [(Cone(int(own[a])), 1, b - a) for a, b in itertools.pairwise(ends)]
+        else:
+            parts.append((Cone(int(kind)), 1, size, mu, mu_r))
+        at += size
+    return ProductCone.of(*parts)
+
+
+def _name(kind: float) -> str:
+    return Cone(int(kind)).name.lower().replace("_", "-")
