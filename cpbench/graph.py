@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 from cpbench.conversions.base import Conversion, lift_step, make
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations.base import Kind, Problem, Step, formulations
-from cpbench.routes import Prefix, Route, best_first, best_kind, edges, weakest
+from cpbench.routes import Prefix, Route, best_first, best_kind, edges, nodes_of_maps, weakest
 
 EXACT = frozenset({Kind.EQUIVALENT, Kind.ONE_WAY})
 ALL = frozenset(Kind)
@@ -223,10 +223,12 @@ def _no_route(
 
 def reachable(node: str, kinds: frozenset[Kind] = EXACT) -> list[str]:
     """Nodes that some path of edges of these kinds connects to `node`, itself included."""
-    usable = [edge for edge in edges() if best_kind(edge) in kinds]
-    found, new = {node}, {node}
+    usable, maps = [edge for edge in edges() if best_kind(edge) in kinds], nodes_of_maps()
+    onward = [edge for edge in usable if edge.source not in maps or edge.target in maps]
+    new = {edge.target for edge in usable if edge.source == node}
+    found = {node, *new}
     while new:
-        new = {edge.target for edge in usable if edge.source in new} - found
+        new = {edge.target for edge in onward if edge.source in new} - found
         found |= new
     return [name for name in formulations.names() if name in found]
 

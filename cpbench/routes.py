@@ -2,17 +2,21 @@
 
 The search grows prefixes of paths, best first: the next one is that with the least cost so far plus the least that
 any path would add from there to the target (A*). What a prefix makes of its parent is the caller's business.
+
+A path leaves a node whose problems have maps for one whose problems have matrices with its first step or not at all:
+an affine problem is one of matrices at once, and a detour through nonlinear nodes ends where shorter paths end. Without
+this rule most of the paths would be such detours.
 """
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Generic, TypeVar
 
 from cpbench.conversions.base import Conversion, conversions, make
-from cpbench.formulations.base import Kind
+from cpbench.formulations.base import Kind, formulations
 
 S = TypeVar("S")
 
@@ -60,6 +64,13 @@ def edges(extra: Iterable[Conversion] = ()) -> list[Conversion]:
     return [by_name[name] for name in sorted(by_name)]
 
 
+def nodes_of_maps() -> frozenset[str]:
+    """The nodes whose problems have a nonlinear map."""
+    return frozenset(
+        name for name in formulations.names() if any("map" in f.metadata for f in fields(formulations.get(name)))
+    )
+
+
 def best_kind(edge: Conversion) -> Kind:
     """The strongest promise an edge can make on some problem."""
     return getattr(edge, "best_kind", edge.kind)
@@ -85,7 +96,7 @@ def best_first(
     """
     pinned = frozenset(edge.name for edge in via)
     usable = [e for e in edges(via) if e.name in pinned or (best_kind(e) in kinds and e.source != e.target)]
-    ahead = _cost_ahead(target, usable, pinned)
+    ahead, maps = _cost_ahead(target, usable, pinned), nodes_of_maps()
     if (source, pinned) not in ahead:
         return
     heap = [Prefix(ahead[source, pinned], "", (), start, frozenset({source}), pinned)]
@@ -103,7 +114,8 @@ def best_first(
         for edge in usable:
             left = prefix.left - {edge.name}
             again = edge.target in prefix.seen and (edge.target != node or left == prefix.left)
-            if edge.source == node and not again and (edge.target, left) in ahead:
+            late = path and edge.source in maps and edge.target not in maps and edge.name not in pinned
+            if edge.source == node and not again and not late and (edge.target, left) in ahead:
                 seen = prefix.seen | {edge.target}
                 if _is_open(edge.target, target, usable, seen):
                     longer = Route((*path, edge))

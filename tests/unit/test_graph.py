@@ -246,7 +246,7 @@ def test_every_real_search_is_short():
     """Over the registered graph, all kinds: no pair has so many routes that a list of them would hurt."""
     begun = time.perf_counter()
     most = max(len(graph.candidates(a, b, graph.ALL)) for a in formulations.names() for b in formulations.names())
-    assert most < 2000
+    assert most < 4000  # to `equation`, where the last step alone is one of five
     assert time.perf_counter() - begun < 20.0
 
 

@@ -133,6 +133,7 @@ def _pairs(
             tolerance,
             part.limits(threads),
             relaxations=part.allowed_routes == "all",
+            detours=bool(part.solvers or part.via),
             start=part.start,
             set=part.name,
             measure=part.measure,

@@ -17,6 +17,7 @@ from typing import Any
 from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
+from cpbench.routes import nodes_of_maps
 from cpbench.solvers.base import parse_options, solvers
 from cpbench.solvers.external.declared import declare_text
 
@@ -231,20 +232,25 @@ def pairs(
     limits: Limits = Limits(),
     *,
     relaxations: bool = False,
+    detours: bool = True,
     start: str = "cold",
     set: str = "",
     measure: str | None = None,
 ) -> list[Pair]:
     """Every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
 
-    The requests of BEYOND take only the nodes that no exact route opens.
+    The requests of BEYOND take only the nodes that no exact route opens. Without `detours`, problems of matrices do not
+    go to solvers of nonlinear maps.
     """
     planned: dict[str, Pair] = {}
+    maps = nodes_of_maps()
     for survey in surveys:
         for request in asked:
             nodes = {*survey["nodes"][request.name]}
             if request.name in BEYOND:
                 nodes -= {*survey["nodes"].get("exact", [])}
+            if not (detours or survey["node"] in maps):
+                nodes -= maps
             for entry in entries:
                 spec = solvers.get(entry.solver).spec
                 if spec.node not in nodes or (spec.kind == Kind.RELAXATION and not relaxations):
