@@ -1,8 +1,9 @@
 """What the Newton methods for nonlinear complementarity share: the problem with its counters, the loop that watches,
 records and starts again elsewhere, and the nonmonotone line search on the merit ½‖Φ‖² (39).
 
-A method that is stuck (no step lowers its merit, or nothing is gained for long) begins again at a random point, drawn
-with the budget's seed and ever farther from the first start; `restarts` counts that.
+A method that is stuck (no step lowers its merit, or nothing is gained for long) begins again: at the same point by its
+other strategies, if it has any, then at random points, drawn with the budget's seed, its strategies in turn;
+`restarts` counts that.
 """
 
 from __future__ import annotations
@@ -31,8 +32,10 @@ DENSE_LIMIT = 150
 """Up to this size Jacobians are dense: SuperLU costs more."""
 FAR_ENOUGH = 1e-10
 """An iterate of this error that gains nothing any more is as good as rounding allows: no other start is tried."""
-WINDOW = 60
+WINDOW = 30
 """Iterations without gain of a tenth after which a method counts as stuck."""
+SPREAD = (-1.0, 1.0)
+"""Random starts scatter by a power of 10 drawn from here, times max(1, |z|)."""
 DRAWS = 30
 
 ARMIJO = 1e-4
@@ -91,12 +94,14 @@ class Method(ABC):
 
     z: Vector
     F: Vector
+    strategies: int = 1
+    """How many ways `begin` knows to go on from one point."""
 
     def __init__(self, box: Box) -> None:
         self.box = box
 
     @abstractmethod
-    def begin(self, z: Vector, F: Vector) -> None:
+    def begin(self, z: Vector, F: Vector, strategy: int) -> None:
         """Forget everything and stand at z, a point within the bounds."""
 
     @abstractmethod
@@ -129,7 +134,8 @@ def run(
     else:
         z = first
     best, claim, message = _Best(z), Claim.MAX_ITER, f"{limit} iterations"
-    method.begin(z, F)
+    begun = z, F
+    method.begin(z, F, 0)
     gained, level = 0, math.inf
     while True:
         done = counters["iterations"]
@@ -155,11 +161,12 @@ def run(
             message = f"stuck at error {best.error:.1e} after {done} iterations and {counters['restarts']} restarts"
             break
         counters["restarts"] += 1
-        found = _drawn(box, first, counters["restarts"], rng)
+        number = counters["restarts"]
+        found = begun if number < method.strategies else _drawn(box, first, number - method.strategies, rng)
         if found is None:
             claim, message = Claim.FAILED, f"stuck at error {best.error:.1e}, and F is not finite at other starts"
             break
-        method.begin(*found)
+        method.begin(*found, number % method.strategies)
         gained, level = done + 1, math.inf
     if best.error <= budget.tolerance:
         claim, message = Claim.SOLVED, ""
@@ -167,14 +174,14 @@ def run(
 
 
 def _drawn(box: Box, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
-    """A point within the bounds where F is finite, and F there; the scatter doubles with every second number."""
-    size = 0.25 * 2.0 ** (0.5 * number) * np.maximum(1.0, np.abs(first))
+    """A point within the bounds where F is finite, and F there; around the first start and around P(0) in turn."""
+    centre = box.project(np.zeros(box.n)) if number % 2 else first
     for draw in range(DRAWS):
-        z = box.project(first + size * rng.standard_normal(box.n))
-        # at a bound a root or a logarithm may have no derivative: half of the draws stay away from the bounds
-        if draw % 2:
-            inside = box.project(first + size * np.abs(rng.standard_normal(box.n)))
-            z = np.where(np.isfinite(box.lb) & ~np.isfinite(box.ub), inside, z)
+        size = 10.0 ** rng.uniform(*SPREAD) * np.maximum(1.0, np.abs(first))
+        shift = rng.standard_normal(box.n)
+        if draw % 2:  # away from bounds: there, a root or a logarithm may have no derivative
+            shift = np.where(np.isfinite(box.lb), np.abs(shift), np.where(np.isfinite(box.ub), -np.abs(shift), shift))
+        z = box.project(centre + size * shift)
         F = box.F(z)
         if np.isfinite(F).all():
             return z, F
@@ -195,10 +202,10 @@ class At:
 
 class Descent:
     """Nonmonotone line search on ½‖Φ‖² for one NCP function (Grippo, Lampariello and Lucidi 1986): a step must lower
-    the largest of the last `memory` merits. With `project` trial points are put into the bounds."""
+    the largest of the last `memory` merits. Where `project` trial points are put into the bounds."""
 
     def __init__(self, box: Box, psi: NCPFunction, memory: int, project: bool) -> None:
-        self._box, self._psi, self._project = box, psi, project
+        self._box, self._psi, self.project = box, psi, project
         self._merits: deque[float] = deque(maxlen=memory)
 
     def begin(self, at: At) -> None:
@@ -256,7 +263,7 @@ class Descent:
         t = 1.0
         for k in range(BACKTRACKS):
             z = at.z + t * d
-            trial = self.at(self._box.project(z) if self._project else z)
+            trial = self.at(self._box.project(z) if self.project else z)
             if (k == 0 and trial.merit <= ACCEPT * at.merit) or (
                 descends and trial.merit <= reference + ARMIJO * t * slope
             ):

@@ -91,12 +91,15 @@ class _JosephyNewton(Method):
     def __init__(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> None:
         super().__init__(box)
         self._inner = _inner(options.inner)
+        self.strategies = len(self._inner)
         self._budget = replace(budget, tolerance=INNER_TOLERANCE, iterations=None)
         self._deadline = time.monotonic() + budget.seconds
         self._descent = Descent(box, fischer_burmeister, options.memory, project=True)
         box.counters["subproblems"] = 0
 
-    def begin(self, z: Vector, F: Vector) -> None:
+    def begin(self, z: Vector, F: Vector, strategy: int) -> None:
+        """The strategies differ in which inner solver is asked first."""
+        self._turn = self._inner[strategy:] + self._inner[:strategy]
         self._stand(self._descent.at(z, F))
         self._descent.begin(self._at)
 
@@ -110,7 +113,7 @@ class _JosephyNewton(Method):
             return False
         gradient = descent.gradient(at, J)
         found = None
-        for solver in self._inner:
+        for solver in self._turn:
             target = self._linear_solution(J, solver)
             if target is not None:
                 d = target - at.z

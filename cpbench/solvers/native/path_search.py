@@ -35,13 +35,15 @@ WILD = 1e3
 """A watched step may raise the merit by this factor, not more."""
 FEW = 0.02
 """The crash phase ends when it changes no more than this share of the active set."""
+MANY = 100
+"""Problems with fewer unknowns have no crash phase: their paths are short, and less prone to end in a local minimum."""
 
 
 @dataclass(frozen=True)
 class PathSearchOptions:
-    """`crash` : the most Gauss–Newton steps before the first path. `watchdog` : steps that may go uphill. `memory` :
-    merits that a search compares with. `max_pivots` : of one path, 0 for 10n + 200. `max_iterations` : steps.
-    `restarts` : other starts that are tried in the end."""
+    """`crash` : the most projected Newton steps before the first path. `watchdog` : steps that may go uphill.
+    `memory` : merits that a search compares with. `max_pivots` : of one path, 0 for 10n + 200. `max_iterations` :
+    steps. `restarts` : other starts that are tried in the end."""
 
     crash: int = searched(20, low=0, high=50)
     watchdog: int = searched(4, low=0, high=10)
@@ -97,12 +99,15 @@ class _PathSearch(Method):
         self._options, self._deadline = options, deadline
         self._most = options.max_pivots or 10 * box.n + 200
         self._descent = Descent(box, fischer_burmeister, options.memory, project=True)
+        self.strategies = 2 if options.crash and box.n >= MANY else 1
         box.counters |= {"pivots": 0, "crash_steps": 0}
 
-    def begin(self, z: Vector, F: Vector) -> None:
+    def begin(self, z: Vector, F: Vector, strategy: int) -> None:
+        """The other strategy goes without a crash phase."""
         at = self._descent.at(z, F)
         self._descent.begin(at)
-        self._checkpoint, self._watched, self._crashing = at, 0, self._options.crash
+        self._checkpoint, self._watched = at, 0
+        self._crashing = 0 if strategy or self.box.n < MANY else self._options.crash
         self._stand(at)
 
     def _stand(self, at: At) -> None:

@@ -64,12 +64,16 @@ class SemismoothNewton(Solver):
 
 
 class _Semismooth(Method):
+    strategies = 2
+
     def __init__(self, box: Box, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:
         super().__init__(box)
-        self._psi, self._same = psi, psi is merit
+        self._psi, self._same, self._project = psi, psi is merit, options.project
         self._descent = Descent(box, merit, options.memory, options.project)
 
-    def begin(self, z: Vector, F: Vector) -> None:
+    def begin(self, z: Vector, F: Vector, strategy: int) -> None:
+        """The other strategy is to leave the bounds where `project` stays within them, and the other way round."""
+        self._descent.project = self._project != bool(strategy)
         self._stand(self._descent.at(z, F))
         self._descent.begin(self._at)
 

@@ -1,0 +1,143 @@
+"""Newton's method on Robinson's normal map, made global by a nonmonotone line search and by steps on another merit."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.micp import MiCP
+from cpbench.matrices import Matrix, Vector, identity, max_abs, norm
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.box_newton import (
+    ARMIJO,
+    Box,
+    Descent,
+    Method,
+    compile_map,
+    fall_back,
+    run,
+    small_problem,
+)
+from cpbench.solvers.native.ncp_functions import fischer_burmeister
+from cpbench.solvers.native.normal_path import PERTURBATIONS, cell_matrix, normal_point
+from cpbench.solvers.options import fixed, searched
+
+BACKTRACKS = 12
+
+
+@dataclass(frozen=True)
+class NormalMapOptions:
+    """`memory` : values of ‖F₊‖ that the line search compares with. `max_iterations` : steps. `restarts` : other
+    starts that are tried in the end."""
+
+    memory: int = searched(5, low=1, high=20)
+    max_iterations: int = fixed(1000)
+    restarts: int = fixed(20)
+
+
+@register
+class NormalMapNewton(Solver):
+    """F₊(x) = F(P(x)) + x − P(x) = 0, z = P(x): F is asked for within the bounds only.
+
+    The direction is that of the piece which x is in; its steps must lower ½‖F₊‖², nonmonotonely. F₊ has kinks, so
+    that no direction may do: then z takes a step on the Fischer–Burmeister merit, and x is put above or below it anew.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="normal-map-newton",
+        node="micp",
+        summary="Newton on the normal map, nonmonotone line search",
+        method="semismooth Newton",
+        citation="Robinson 1992, Math. Oper. Res. 17:691; 1994, Set-Valued Anal. 2:291",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=NormalMapOptions,
+    )
+
+    def setup(self, problem: MiCP, budget: Budget, options: NormalMapOptions) -> MiCP:
+        compile_map(problem)
+        return problem
+
+    def warmup(self) -> None:
+        self.run(small_problem())
+
+    def solve(
+        self,
+        prepared: MiCP,
+        budget: Budget,
+        options: NormalMapOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        method = _NormalMap(Box(prepared), options)
+        limit = budget.iterations or options.max_iterations
+        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+
+
+class _NormalMap(Method):
+    def __init__(self, box: Box, options: NormalMapOptions) -> None:
+        super().__init__(box)
+        self._merits: deque[float] = deque(maxlen=options.memory)
+        self._descent = Descent(box, fischer_burmeister, 1, project=True)
+
+    def begin(self, z: Vector, F: Vector, strategy: int) -> None:
+        self._merits.clear()
+        self._stand(normal_point(z, F, self.box.lb, self.box.ub), z, F)
+
+    def _stand(self, x: Vector, z: Vector, F: Vector) -> None:
+        self.x, self.z, self.F = x, z, F
+        self._merits.append(_merit(F + x - z))
+
+    def step(self) -> bool:
+        J = self.box.jacobian(self.z)
+        return J is not None and (self._newton(J) or self._merit_step(J))
+
+    def _newton(self, J: Matrix) -> bool:
+        box = self.box
+        value = self.F + self.x - self.z
+        between = (self.x > box.lb) & (self.x < box.ub)
+        reference, merit = max(self._merits), _merit(value)
+        for share in PERTURBATIONS:
+            d = box.solve(cell_matrix(_shifted(J, share), between), -value)
+            if d is None:
+                continue
+            t = 1.0
+            for _ in range(BACKTRACKS):
+                x = self.x + t * d
+                z = box.project(x)
+                F = box.F(z)
+                if _merit(F + x - z) <= reference - 2.0 * ARMIJO * t * merit and norm(x - self.x) > 0.0:
+                    self._stand(x, z, F)
+                    return True
+                t *= 0.5
+        return False
+
+    def _merit_step(self, J: Matrix) -> bool:
+        descent = self._descent
+        at = descent.at(self.z, self.F)
+        descent.begin(at)
+        found = fall_back(descent, at, J, descent.gradient(at, J))
+        if found is None:
+            return False
+        # the two merits are no bounds of each other: what was reached by this one counts afresh in the other
+        self._merits.clear()
+        self._stand(normal_point(found.z, found.F, self.box.lb, self.box.ub), found.z, found.F)
+        return True
+
+
+def _merit(value: Vector) -> float:
+    with np.errstate(all="ignore"):
+        merit = 0.5 * float(value @ value)
+    return merit if math.isfinite(merit) else math.inf
+
+
+def _shifted(J: Matrix, share: float) -> Matrix:
+    """J + share · max|J| I."""
+    if share == 0.0:
+        return J
+    shifted = J + share * (max_abs(J) or 1.0) * identity(J.shape[0], J)
+    return sp.csr_array(shifted) if sp.issparse(J) else np.asarray(shifted)
