@@ -9,6 +9,7 @@ from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.generators.base import Instance, collection, dyadic, generator
+from cpbench.generators.portable import arctan
 from cpbench.generators.symbols import atan, mapped, product, unknowns
 from cpbench.matrices import Dense, Vector
 
@@ -45,22 +46,11 @@ class _Monotone:
 
     def map(self, z: Vector, value: Vector) -> Map:
         """F with F(z) = value, to the last digits of arctan."""
-        q = value - self.M @ z - self.d * _arctan(z)
+        q = value - self.M @ z - self.d * arctan(z)
         x = unknowns(self.n)
         linear = product(self.M, x)
         parts = zip(linear, self.d.tolist(), x, q.tolist(), strict=True)
         return mapped(x, [row + d * atan(s) + c for row, d, s, c in parts])
-
-
-def _arctan(z: Vector) -> Vector:
-    """By operations that round alike on every machine: four halvings of the angle, then the series up to t¹⁷."""
-    t = z
-    for _ in range(4):
-        t = t / (1.0 + np.sqrt(1.0 + t * t))
-    series = np.zeros_like(t)
-    for k in range(17, 0, -2):
-        series = 1.0 / k - t * t * series
-    return 16.0 * t * series
 
 
 def complementarity(n: int) -> Instance:

@@ -12,7 +12,8 @@ import numpy as np
 
 from cpbench.expressions import Map
 from cpbench.formulations.micp import MiCP
-from cpbench.generators.base import Instance, collection, snapped
+from cpbench.generators.base import Instance, collection
+from cpbench.generators.portable import sine
 from cpbench.generators.symbols import Symbol, exp, mapped, sqrt, total, unknowns
 from cpbench.matrices import Dense
 
@@ -70,8 +71,8 @@ def membrane(n: int, load: float = 1.0) -> Instance:
     """−Δu = load between (sin 9.2x · sin 9.3y)³ and (sin 9.2x · sin 9.3y)² + 0.2; starts at max(0, lb)."""
     u = _Square(n)
     at = np.arange(1, n + 1) * u.h
-    wave = np.multiply.outer(np.sin(9.2 * at), np.sin(9.3 * at)).ravel()
-    lb, ub = snapped(wave**3), snapped(wave**2 + 0.2)
+    wave = np.multiply.outer(sine(9.2 * at), sine(9.3 * at)).ravel()
+    lb, ub = wave * wave * wave, wave * wave + 0.2
     F = u.map([u.laplacian(i, j) - load * u.h**2 for i, j in u.inside])
     problem = MiCP(F=F, lb=lb, ub=ub, start=np.maximum(lb, 0.0), name=f"membrane-{n}x{n}")
     said = {"class": "affine, SPD M-matrix", "symmetric": True, "bounds": "both"}

@@ -1,0 +1,589 @@
+"""Nonlinear problems from formulas: known solutions by other means, formulas written a second time, and the same bits
+whatever a machine's sines are."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.optimize import linprog, minimize
+
+from cpbench import matrices, verification
+from cpbench.expressions import Map, Operator
+from cpbench.formulations import NCP, VI, MiCP, NCPPoint, QVIPoint
+from cpbench.generators import Instance, generators, membranes, oligopoly, portable, traffic, vi_sets, walras
+from cpbench.generators import ncp_classics as classics
+from cpbench.testing.checks_problem import KNOWN, _marks
+
+FAMILIES = (
+    "ncp-classics", "nash-cournot", "walras", "walras-simplex", "scarf-activities", "harker-pang", "harker-pang-sets",
+    "membranes", "traffic-paths", "traffic-grid", "hock-schittkowski", "vi-classics", "vi-planted", "cp-planted",
+    "qvi-games", "qvi-friction", "qvi-obstacles",
+)  # fmt: skip
+LARGE = ("nash-cournot-large", "walras-large", "harker-pang-large", "traffic-grid-large", "membranes-large")
+COLLECTIONS = {name: generators.get(name) for name in FAMILIES}
+INSTANCES = {i.name: i for c in COLLECTIONS.values() for i in c.instances()}
+LARGER = {i.name: i for name in LARGE for i in generators.get(name).instances()}
+SOLVED = [name for name, i in {**INSTANCES, **LARGER}.items() if i.solution is not None]
+
+
+def instance(name: str) -> Instance:
+    return {**INSTANCES, **LARGER}[name]
+
+
+# ------------------------------------------------------------------------------------------ all of them
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_known_solutions_solve(name: str) -> None:
+    one = instance(name)
+    verdict = verification.judge(one.problem, one.solution, KNOWN[one.known])
+    assert verdict.error <= min(KNOWN[one.known], 1e-12)
+    assert set(verdict.flags) <= {"stationary"}
+
+
+def test_there_are_some_of_every_kind() -> None:
+    assert {i.problem.node for i in INSTANCES.values()} >= {"ncp", "micp", "vi", "cp", "qvi", "nlp"}
+    assert sum(i.known == "published" for i in INSTANCES.values()) >= 50
+    assert len(INSTANCES) == sum(len(c.build()) for c in COLLECTIONS.values())  # names are their own
+    assert all(c.builtin for c in COLLECTIONS.values())
+    assert not any(generators.get(name).builtin for name in LARGE)
+
+
+@pytest.mark.parametrize("name", INSTANCES)
+def test_starts_are_where_everything_is_defined(name: str) -> None:
+    problem, starts = instance(name).problem, instance(name).starts
+    for point in starts:
+        problem.check_point(point)
+    begin = [p.arrays()[next(iter(problem.point_sizes))] for p in starts]
+    if begin:
+        np.testing.assert_array_equal(begin[0], problem.start)
+    for z in [problem.start, *begin]:
+        for F in problem.maps().values():
+            at = np.concatenate([z, z]) if F.inputs == 2 * z.size else z
+            assert np.isfinite(F(at)).all()
+            assert np.isfinite(F.jacobian(at).data).all()
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_last_bits_of_a_library_do_not_matter(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where sines, exponentials and powers are one unit in the last place larger, the problems have the same bits."""
+    collection = COLLECTIONS[name]
+    expected = _marks(collection.instances())
+
+    def nudged(function: Any) -> Any:
+        return lambda *x: np.nextafter(function(*x), np.inf)
+
+    for function in ("sin", "cos", "exp", "log", "arctan", "power", "exp2"):
+        monkeypatch.setattr(np, function, nudged(getattr(np, function)))
+    for function in ("sin", "cos", "exp", "log", "atan", "pow"):
+        monkeypatch.setattr(math, function, nudged(getattr(math, function)))
+    assert _marks(collection.instances()) == expected
+
+
+_EXACT = {
+    Operator.ADD: lambda a, b: a + b,
+    Operator.SUB: lambda a, b: a - b,
+    Operator.MUL: lambda a, b: a * b,
+    Operator.DIV: lambda a, b: a / b,
+    Operator.NEG: lambda a: -a,
+    Operator.SQRT: lambda a: _root(a),
+}
+
+
+def _root(x: Fraction) -> Fraction:
+    root = Fraction(math.isqrt(x.numerator), math.isqrt(x.denominator))
+    assert root * root == x
+    return root
+
+
+def _exactly(F: Map, z: np.ndarray) -> list[Fraction]:
+    """F(z) without rounding: by the list of operations, and by none of the code that evaluates it."""
+    values = [Fraction(float(x)) for x in (*z, *F.constants)]
+    for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):
+        values.append(_EXACT[Operator(head)](*(values[k] for k in (a, b) if k >= 0)))
+    return [values[k] for k in F.outputs.tolist()]
+
+
+PLANTED = [n for n in SOLVED if instance(n).known == "planted" and isinstance(instance(n).problem, NCP | MiCP | VI)]
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in PLANTED if n in INSTANCES and not instance(n).problem.data().get("cone_kind", np.zeros(0)).size]
+)
+def test_planted_solutions_hold_without_any_rounding(name: str) -> None:
+    problem, point = instance(name).problem, instance(name).solution
+    z, F = point.z, _exactly(problem.F, point.z)
+    lb = getattr(problem, "lb", np.zeros(z.size))
+    ub = getattr(problem, "ub", np.full(z.size, np.inf))
+    if isinstance(problem, VI):
+        for rows, multipliers in ((problem.A, point.lam), (problem.C, point.mu)):
+            for row, y in zip(matrices.dense(rows), multipliers, strict=True):
+                F = [f - Fraction(float(a)) * Fraction(float(y)) for f, a in zip(F, row, strict=True)]
+        slack = matrices.dense(problem.A) @ z - problem.b
+        assert ((point.lam >= 0) & (slack >= 0) & (point.lam * slack == 0)).all()
+        assert (matrices.dense(problem.C) @ z == problem.d).all()
+    for x, f, lo, hi in zip(z, F, lb, ub, strict=True):
+        assert lo <= x <= hi
+        assert lo == hi or ((f <= 0 or x == lo) and (f >= 0 or x == hi))
+
+
+# ---------------------------------------------------------------------------------------- NCP classics
+
+
+def _kojima(second: tuple[int, int], third: tuple[int, int, int]) -> Any:
+    return lambda a, b, c, d: (
+        3 * a * a + 2 * a * b + 2 * b * b + c + 3 * d - 6,
+        2 * a * a + a + b * b + second[0] * c + second[1] * d - 2,
+        3 * a * a + a * b + 2 * b * b + third[0] * c + third[1] * d - third[2],
+        a * a + 3 * b * b + 2 * c + 3 * d - 3,
+    )
+
+
+def _mathiesen(share: str, rest: str, b2: str, b3: str) -> Any:
+    share, rest, b2, b3 = map(mpmath.mpf, (share, rest, b2, b3))
+
+    def F(y: Any, p1: Any, p2: Any, p3: Any) -> Any:
+        income = b2 * p2 + b3 * p3
+        return p2 + p3 - p1, y - share * income / p1, b2 - y - rest * income / p2, b3 - y
+
+    return F
+
+
+def _cournot(c: list[int], beta: list[str], scale: str, gamma: str) -> Any:
+    def F(*q: Any) -> Any:
+        Q, g = sum(q), mpmath.mpf(gamma)
+        price = (5000 / Q) ** (1 / g)
+        return [
+            k + (mpmath.mpf(scale) * x) ** (1 / mpmath.mpf(b)) - price + x * price / (g * Q)
+            for k, b, x in zip(c, beta, q, strict=True)
+        ]
+
+    return F
+
+
+NAMED: dict[str, tuple[Any, tuple[float, ...]]] = {
+    "kojima-shindo": (_kojima((10, 2), (2, 9, 9)), (1, 0, 3, 0)),
+    "josephy": (_kojima((3, 2), (2, 3, 1)), (1.2247, 0, 0, 0.5)),
+    "billups": (lambda x: [(x - 1) ** 2 - mpmath.mpf("1.01")], (2.005,)),
+    "munson1": (lambda a, b, c: (a + 2 * b + 3 * c - 1, b - c + 1, a + b + 1), (1, 0, 0)),
+    "nash-cournot-5": (
+        _cournot([10, 8, 6, 4, 2], ["1.2", "1.1", "1", "0.9", "0.8"], "0.2", "1.1"),
+        (36.93, 41.82, 43.71, 42.66, 39.18),
+    ),
+    "nash-cournot-10": (
+        _cournot(
+            [5, 3, 8, 5, 1, 3, 7, 4, 6, 3],
+            ["1.2", "1", "0.9", "0.6", "1.5", "1", "0.7", "1.1", "0.95", "0.75"],
+            "10",
+            "1.2",
+        ),
+        (7.4415, 4.0978, 2.5906, 0.9354, 17.9490, 4.0978, 1.3047, 5.5901, 3.2222, 1.6771),
+    ),
+}
+"""Formulas written a second time, and the solutions as they are printed."""
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_printed_solutions_refined_by_mpmath_are_those_of_the_instances(name: str) -> None:
+    formula, printed = NAMED[name]
+    inside = [k for k, x in enumerate(printed) if x > 0]
+
+    def of(values: Any) -> list[Any]:
+        z = [mpmath.mpf(0)] * len(printed)
+        for k, x in zip(inside, values, strict=True):
+            z[k] = x
+        return z
+
+    with mpmath.workdps(40):
+        square = lambda *x: [formula(*of(x))[k] for k in inside]  # noqa: E731
+        root = of(mpmath.findroot(square, [printed[k] for k in inside], tol=1e-35))
+        slack = formula(*root)
+        assert all(w >= -(mpmath.mpf(10) ** -30) for w in slack)
+        digits = [float(x) for x in root]
+    np.testing.assert_allclose(instance(name).solution.z, digits, rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(digits, printed, atol=6e-3 if name == "nash-cournot-5" else 1e-4)
+
+
+@pytest.mark.parametrize("name", [*NAMED, "mathiesen", "mathiesen-hard"])
+def test_maps_are_the_formulas(name: str, rng: np.random.Generator) -> None:
+    others = {
+        "mathiesen": (_mathiesen("0.75", "0.25", "1", "0.5"), None),
+        "mathiesen-hard": (_mathiesen("0.9", "0.1", "5", "3"), None),
+    }
+    formula, _ = {**NAMED, **others}[name]
+    F = instance(name).problem.F
+    for _ in range(5):
+        z = rng.uniform(0.5, 3.0, F.inputs)
+        with mpmath.workdps(30):
+            expected = [float(f) for f in formula(*map(mpmath.mpf, z.tolist()))]
+        np.testing.assert_allclose(F(z), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_kojima_and_shindo_have_two_solutions_and_one_is_degenerate() -> None:
+    problem = instance("kojima-shindo").problem
+    for z, degenerate in ((classics.REGULAR, False), (classics.DEGENERATE, True)):
+        point = NCPPoint(z=np.array(z))
+        assert verification.judge(problem, point, 1e-12).solved
+        assert (np.maximum(point.z, problem.F(point.z)) < 1e-12).any() == degenerate
+    assert instance("kojima-shindo").properties["degenerate"] is True
+    assert instance("josephy").properties["degenerate"] is False
+    w = instance("josephy").problem.F(instance("josephy").solution.z)
+    assert w == pytest.approx([0, 2 + math.sqrt(6) / 2, 5, 0], abs=1e-14)
+    assert len(instance("kojima-shindo").starts) == len(instance("josephy").starts) == 8
+    assert len(instance("nash-cournot-10").starts) == 4
+
+
+@pytest.mark.parametrize("name", ["mathiesen", "mathiesen-hard"])
+def test_a_market_is_solved_by_a_ray_where_the_jacobian_is_singular(name: str) -> None:
+    problem, z = instance(name).problem, instance(name).solution.z
+    for t in (0.25, 1.0, 7.0):
+        assert verification.judge(problem, NCPPoint(z=z * [1, t, t, t]), 1e-12).solved
+    J = problem.F.jacobian(z).toarray()
+    assert np.linalg.matrix_rank(J, tol=1e-9) == 3
+    np.testing.assert_allclose(J @ [0, *z[1:]], 0, atol=1e-14)
+
+
+# ----------------------------------------------------------------------------------- firms and markets
+
+
+@pytest.mark.parametrize("n", [5, 33])
+def test_firms_have_as_many_unknowns_as_asked(n: int) -> None:
+    made = oligopoly.firms(n)
+    assert made.problem.sizes() == {"n": n}
+    assert verification.judge(made.problem, made.solution, 1e-12).solved
+    assert made.properties["out_of_the_market"] == n // 5
+
+
+def test_no_firm_earns_more_by_producing_otherwise() -> None:
+    """Profit p(Q) q − cost by itself, maximized over one firm's own production on a fine grid."""
+    beta = np.array([1.2, 1.1, 1.0, 0.9, 0.8])
+    c, q = np.array([10.0, 8, 6, 4, 2]), np.array(oligopoly.FIVE)
+
+    def profit(i: int, own: np.ndarray) -> np.ndarray:
+        price = (5000 / (q.sum() - q[i] + own)) ** (1 / 1.1)
+        variable = beta[i] / (1 + beta[i]) * 5.0 ** (-1 / beta[i]) * own ** (1 + 1 / beta[i])
+        return price * own - c[i] * own - variable
+
+    for i in range(5):
+        grid = np.linspace(0.0, 100.0, 4001)
+        assert profit(i, grid).max() <= profit(i, q[i : i + 1])[0] + 1e-9
+
+
+@pytest.mark.parametrize("goods", [4, 9])
+def test_walras_law_and_homogeneity(goods: int, rng: np.random.Generator) -> None:
+    for made in (walras.cobb_douglas(goods, 3), walras.substitution(goods, 3, 0.5), walras.substitution(goods, 3, 2.0)):
+        p = rng.uniform(0.5, 2.0, goods)
+        F = made.problem.F
+        assert abs(p @ F(p)) <= 1e-11 * np.abs(F(p)).max()
+        np.testing.assert_allclose(F(3.0 * p), F(p), rtol=1e-11, atol=1e-10)
+
+
+def test_demand_is_what_a_consumer_wants_most(rng: np.random.Generator) -> None:
+    """Of the economies' demand functions: no affordable basket has more utility, Cobb–Douglas and σ = ½, 2."""
+    economy = walras._Economy(4, 3, 403)
+    p = rng.uniform(0.5, 2.0, 4)
+    a = economy.shares[0] + 0.01
+    wealth = 5.0
+    for sigma in (1.0, 0.5, 2.0):
+        if sigma == 1.0:
+            x = a / a.sum() * wealth / p
+            utility = lambda y: a @ np.log(y)  # noqa: E731
+        else:
+            x = a * wealth * p**-sigma / (a @ p ** (1 - sigma))
+            power = 1 - 1 / sigma
+            utility = lambda y: np.sign(power) * (a ** (1 / sigma)) @ y**power  # noqa: B023, E731
+        assert p @ x == pytest.approx(wealth)
+        for _ in range(50):
+            other = x * rng.uniform(0.8, 1.25, 4)
+            assert utility(other * wealth / (p @ other)) <= utility(x) + 1e-12
+
+
+def test_endowments_are_no_debts() -> None:
+    for goods, people in ((4, 3), (10, 5), (40, 12)):
+        economy = walras._Economy(goods, people, 100 * goods + people)
+        assert (economy.e >= 0).all()
+        assert (economy.shares.sum(axis=0) > 0).all()
+        np.testing.assert_array_equal(economy.e @ economy.p, economy.x @ economy.p)
+
+
+def test_activities_break_even_or_lie_idle() -> None:
+    made = walras.activities(12, 5, 10)
+    y, profit = made.solution.z[:10], -made.problem.F(made.solution.z)[:10]
+    assert (profit[y > 0] == 0).all()
+    assert (profit[y == 0] < 0).all()
+    assert made.problem.lb[10] == made.problem.ub[10] == 1.0
+
+
+# ------------------------------------------------------------------------------------------- membranes
+
+
+def _five_point(u: np.ndarray) -> np.ndarray:
+    w = np.pad(u, 1)
+    return 4 * u - w[:-2, 1:-1] - w[2:, 1:-1] - w[1:-1, :-2] - w[1:-1, 2:]
+
+
+def test_membranes_are_their_stencils(rng: np.random.Generator) -> None:
+    n, h = 7, 1 / 8
+    u = rng.uniform(0.0, 1.0, (n, n))
+    flat = u.ravel()
+    np.testing.assert_allclose(membranes.membrane(n).problem.F(flat), (_five_point(u) - h * h).ravel(), atol=1e-14)
+    bratu = membranes.bratu(n, 6.0, 0.5).problem
+    np.testing.assert_allclose(bratu.F(flat), (_five_point(u) - 6 * h * h * np.exp(u)).ravel(), atol=1e-14)
+
+
+def _area(n: int, u: np.ndarray) -> float:
+    """Of the two triangles of every cell."""
+    axis = np.arange(n + 2) / (n + 1)
+    whole = np.zeros((n + 2, n + 2))
+    whole[:, 0] = whole[:, -1] = 1 - (2 * axis - 1) ** 2
+    whole[1:-1, 1:-1] = u.reshape(n, n)
+    h = 1 / (n + 1)
+    dx, dy = np.diff(whole, axis=0) / h, np.diff(whole, axis=1) / h
+    lower = np.sqrt(1 + dx[:, :-1] ** 2 + dy[:-1, :] ** 2)
+    upper = np.sqrt(1 + dx[:, 1:] ** 2 + dy[1:, :] ** 2)
+    return float((lower.sum() + upper.sum()) * h * h / 2)
+
+
+def test_the_surface_is_the_gradient_of_its_area(rng: np.random.Generator) -> None:
+    n, step = 4, 1e-6
+    F = membranes.minimal_surface(n).problem.F
+    u = rng.uniform(0.0, 1.0, n * n)
+    slopes = [(_area(n, u + step * e) - _area(n, u - step * e)) / (2 * step) for e in np.eye(n * n)]
+    np.testing.assert_allclose(F(u), slopes, atol=1e-9)
+
+
+def _active_sets(problem: MiCP) -> np.ndarray:
+    """A primal-dual active set method with full Newton steps, by dense algebra: nothing of the solvers."""
+    z = np.clip(problem.start, problem.lb, problem.ub)
+    for _ in range(100):
+        F, J = problem.F(z), problem.F.jacobian(z).toarray()
+        down, up = z - F / 10 <= problem.lb, z - F / 10 >= problem.ub
+        J[down | up] = np.eye(z.size)[down | up]
+        step = np.linalg.solve(J, np.select([down, up], [problem.lb - z, problem.ub - z], -F))
+        z = z + step
+        if np.abs(step).max() < 1e-13:
+            return z
+    raise AssertionError("no solution")
+
+
+MESHES = [n for n, i in INSTANCES.items() if isinstance(i.problem, MiCP) and i.known == "nothing"]
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_membranes_lie_between_their_obstacles_and_touch_them(name: str) -> None:
+    problem = instance(name).problem
+    z = _active_sets(problem)
+    verdict = verification.judge(problem, problem.point_from_vector(z), 1e-10)
+    assert verdict.solved
+    on = (z <= problem.lb + 1e-12) | (z >= problem.ub - 1e-12)
+    assert 0 < on.sum() < z.size
+    side = math.isqrt(z.size)
+    if not name.startswith("membrane"):
+        np.testing.assert_allclose(z.reshape(side, side), z.reshape(side, side)[::-1, ::-1], atol=1e-10)
+    if name.startswith("minimal"):
+        assert _area(side, z) <= _area(side, problem.start)
+
+
+# --------------------------------------------------------------------------------------------- traffic
+
+
+def test_a_bridge_makes_everybody_late() -> None:
+    assert instance("braess-without-bridge").solution.z[-1] == 83.0
+    assert instance("braess").solution.z[-1] == 92.0
+    z = instance("braess").solution.z
+    links = {"first": z[0] + z[2], "last": z[1] + z[2]}
+    assert 10 * links["first"] + z[0] + 50 == 10 * links["first"] + z[2] + 10 + 10 * links["last"] == 92.0
+
+
+@pytest.mark.parametrize(("side", "destinations"), [(3, 1), (5, 2)])
+def test_every_used_way_is_a_shortest_one(side: int, destinations: int) -> None:
+    """Wardrop's principle, with the shortest ways by SciPy's Dijkstra for the times of the flows."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    made = traffic.grid(side, destinations)
+    net = traffic._Grid(side, 10 * side + destinations)
+    arcs = len(net.arcs)
+    flows = made.solution.z.reshape(destinations, -1)[:, :arcs]
+    times = net.time  # those at the flows, by construction; the map says the same
+    np.testing.assert_allclose(
+        made.problem.F(made.solution.z).reshape(destinations, -1)[0, :arcs][flows[0] > 0], 0.0, atol=1e-13
+    )
+    tails, heads = np.array(net.arcs).T
+    for flow in flows:
+        back = np.bincount(tails, flow, side * side) - np.bincount(heads, flow, side * side)
+        goal = int(np.argmin(back))
+        far = dijkstra(csr_array((times, (heads, tails)), shape=(side * side,) * 2), indices=goal)
+        np.testing.assert_array_equal((times + far[heads] - far[tails])[flow > 0], 0.0)
+    assert made.problem.sizes()["n"] == destinations * (arcs + side * side - 1)
+
+
+def test_costs_of_the_grid_grow_with_the_fourth_power() -> None:
+    problem = traffic.grid(3, 1).problem
+    arcs = 24
+    rise = [problem.F(np.full(32, x))[:arcs] - problem.F(np.zeros(32))[:arcs] for x in (0.0, 4.0, 8.0)]
+    potential = np.array(
+        [0.0 if (problem.F.jacobian(np.zeros(32)).toarray()[a, arcs:] != 0).sum() == 2 else 1.0 for a in range(arcs)]
+    )
+    for x, r in zip((4.0, 8.0), rise[1:], strict=True):
+        bare = np.where(potential == 0, r, np.nan)
+        assert np.nanmin(bare) > 0, x
+    inner = potential == 0
+    np.testing.assert_allclose(rise[2][inner], 16 * rise[1][inner], rtol=1e-10)
+
+
+# ------------------------------------------------------------------------------------- sets and cones
+
+
+POLYHEDRAL = [
+    n
+    for n, i in INSTANCES.items()
+    if isinstance(i.problem, VI) and not i.problem.g.rows and not i.problem.cone_kind.size
+]
+
+
+@pytest.mark.parametrize("name", POLYHEDRAL)
+def test_no_point_of_a_polyhedron_is_better_by_linear_programming(name: str) -> None:
+    """F(z)ᵀ(y − z) ≥ 0 for all y ∈ X, with y by HiGHS."""
+    problem, z = instance(name).problem, instance(name).solution.z
+    F = problem.F(z)
+    inequalities = {"A_ub": -matrices.dense(problem.A), "b_ub": -problem.b} if problem.b.size else {}
+    equations = {"A_eq": matrices.dense(problem.C), "b_eq": problem.d} if problem.d.size else {}
+    best = linprog(F, **inequalities, **equations, bounds=np.column_stack([problem.lb, problem.ub]))
+    assert best.status == 0
+    assert best.fun == pytest.approx(F @ z, abs=1e-7 * max(1.0, np.abs(F).max()))
+
+
+def test_no_point_of_the_ellipsoid_is_better(rng: np.random.Generator) -> None:
+    problem, z = instance("fukushima").problem, instance("fukushima").solution.z
+    y = rng.standard_normal((1000, 3))
+    y /= np.sqrt((y**2 * [1, 0.4, 0.6]).sum(axis=1))[:, None]
+    assert ((y - z) @ problem.F(z)).min() >= -1e-12
+    np.testing.assert_allclose([problem.g(x)[0] for x in y[:5]], 0.0, atol=1e-14)
+
+
+def test_portable_functions_are_those_of_the_library() -> None:
+    z = np.linspace(-8.0, 8.0, 4001)
+    np.testing.assert_allclose(portable.arctan(z), np.arctan(z), rtol=4e-15, atol=0.0)
+    np.testing.assert_allclose(portable.sine(2 * z), np.sin(2 * z), atol=4e-15)
+
+
+MONOTONE = [n for n, i in INSTANCES.items() if "strongly monotone" in str(i.properties.get("class"))]
+
+
+@pytest.mark.parametrize("name", MONOTONE)
+def test_monotone_is_as_said(name: str, rng: np.random.Generator) -> None:
+    F = instance(name).problem.F
+    for _ in range(5):
+        J = F.jacobian(rng.uniform(-3.0, 3.0, F.inputs)).toarray()
+        assert np.linalg.eigvalsh(J + J.T)[0] > 0
+
+
+def test_the_river_has_one_price_for_its_first_limit() -> None:
+    problem, point = instance("river-basin").problem, instance("river-basin").solution
+    assert point.z == pytest.approx([21.149, 16.028, 2.722], abs=6e-3)
+    assert point.lam[0] == pytest.approx(0.574, abs=5e-4)
+    assert (problem.A @ point.z)[0] == pytest.approx(-100.0, abs=1e-12)
+    assert (problem.A @ point.z)[1] > -100.0
+
+
+@pytest.mark.parametrize("make", [vi_sets.box, vi_sets.balls, vi_sets.cones, vi_sets.product_set])
+def test_sets_have_a_size(make: Any) -> None:
+    small, large = make(3), make(9)
+    assert small.problem.sizes()["n"] < large.problem.sizes()["n"]
+    for made in (small, large):
+        assert verification.judge(made.problem, made.solution, 1e-12).solved
+
+
+@pytest.mark.parametrize("name", ["duopoly", "duopoly-rows"])
+def test_the_duopoly_has_the_equilibria_of_the_paper_and_no_others(name: str) -> None:
+    problem = instance(name).problem
+
+    def error(a: float, b: float) -> float:
+        z = np.array([a, b])
+        nu = np.maximum(-problem.F(z), 0.0) if name == "duopoly-rows" and a + b == 15.0 else np.zeros(problem.g.rows)
+        if name == "duopoly-rows":
+            nu = np.where(z < 10.0, nu, 0.0)
+        return verification.judge(problem, QVIPoint(z=z, nu=nu), 1e-12).error
+
+    assert error(5.0, 9.0) <= 1e-15
+    for t in (9.0, 9.25, 9.5, 10.0):
+        assert error(t, 15.0 - t) <= 1e-15
+    for a, b in ((8.0, 7.0), (5.0, 8.0), (10.0, 4.0), (0.0, 0.0)):
+        assert error(a, b) > 1e-3
+
+
+# --------------------------------------------------------------------------------- Hock and Schittkowski
+
+PUBLISHED = {
+    1: 0, 2: 0.0504261879, 3: 0, 4: 8 / 3, 5: -1.91322295, 6: 0, 7: -1.73205081, 10: -1, 11: -8.498464223, 12: -30,
+    14: 1.3934649806, 15: 306.5, 21: -99.96, 22: 1, 23: 2, 24: -1, 26: 0, 27: 0.04, 28: 0, 29: -22.627417, 35: 1 / 9,
+    38: 0, 39: -1, 40: -0.25, 41: 52 / 27, 42: 13.8578644, 43: -44, 48: 0, 49: 0, 50: 0, 51: 0, 52: 5.32664756,
+    65: 0.9535288567, 71: 17.0140173, 76: -4.681818182, 78: -2.91970041, 79: 0.0787768209, 80: 0.0539498478,
+    81: 0.0539498478, 100: 680.6300573, 113: 24.3062091,
+}  # fmt: skip
+"""f* as the book prints it."""
+PRINTED = {
+    65: (3.650461821, 3.65046169, 4.6204170507),
+    71: (1, 4.7429994, 3.8211503, 1.3794082),
+    78: (-1.717142, 1.595708, 1.827248, -0.7636429, -0.7636435),
+    79: (1.191127, 1.362603, 1.472818, 1.635017, 1.679081),
+    100: (2.330499, 1.951372, -0.4775414, 4.365726, -0.6244870, 1.038131, 1.594227),
+    113: (2.171996, 2.363683, 8.773926, 5.095984, 0.9906548, 1.430574, 1.321644, 9.828726, 8.280092, 8.375927),
+}
+"""z* as the book prints it."""
+PROGRAMS = [n for n in INSTANCES if instance(n).problem.node == "nlp"]
+
+
+def test_every_program_has_its_published_minimum() -> None:
+    assert {int(n.removeprefix("hs")) for n in PROGRAMS} == set(PUBLISHED)
+    for number, value in PUBLISHED.items():
+        problem, point = instance(f"hs{number}").problem, instance(f"hs{number}").solution
+        assert problem.objective(point.z) == pytest.approx(value, rel=2e-8, abs=1e-12)
+        assert instance(f"hs{number}").properties["objective"] == pytest.approx(value, rel=2e-8, abs=1e-12)
+    for number, z in PRINTED.items():
+        assert instance(f"hs{number}").solution.z == pytest.approx(z, abs=4e-6)
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_derivatives_of_programs_are_central_differences(name: str, rng: np.random.Generator) -> None:
+    problem = instance(name).problem
+    z = problem.at_start + 0.1 * rng.uniform(size=problem.start.size)
+    for F in problem.maps().values():
+        for k, e in enumerate(np.eye(z.size)):
+            step = 1e-5 * max(1.0, abs(z[k]))
+            slope = (F.evaluate(z + step * e) - F.evaluate(z - step * e)) / (2 * step)
+            column = F.jacobian(z).toarray()[:, k]
+            np.testing.assert_allclose(slope, column, rtol=1e-5, atol=1e-5 * max(1.0, np.abs(column).max(initial=0.0)))
+
+
+@pytest.mark.parametrize("name", [n for n in PROGRAMS if n != "hs2"])
+def test_slsqp_comes_from_the_published_start_to_the_published_minimum(name: str) -> None:
+    """SciPy's SLSQP; of hs2 it finds the other minimum, 4.94, which the book names too."""
+    problem = instance(name).problem
+    constraints = [
+        {"type": kind, "fun": F, "jac": lambda z, F=F: F.jacobian(z).toarray()}
+        for kind, F in (("ineq", problem.g), ("eq", problem.h))
+        if F.rows
+    ]
+    found = minimize(
+        problem.objective, problem.at_start, jac=lambda z: problem.f.jacobian(z).toarray().ravel(), method="SLSQP",
+        bounds=np.column_stack([problem.lb, problem.ub]), constraints=constraints,
+        options={"ftol": 1e-14, "maxiter": 500},
+    )  # fmt: skip
+    assert found.fun == pytest.approx(PUBLISHED[int(name.removeprefix("hs"))], rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", [n for n in PROGRAMS if instance(n).problem.convex])
+def test_convex_is_as_said(name: str, rng: np.random.Generator) -> None:
+    problem = instance(name).problem
+    for _ in range(20):
+        z = problem.start + rng.uniform(-3.0, 3.0, problem.start.size)
+        assert np.linalg.eigvalsh(problem.f.hessian(z, np.ones(1)).toarray())[0] >= -1e-9
+        for e in np.eye(problem.g.rows):
+            assert np.linalg.eigvalsh(problem.g.hessian(z, e).toarray())[-1] <= 1e-9
