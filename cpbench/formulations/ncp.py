@@ -8,8 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cpbench.errors import ProblemError
 from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
+from cpbench.formulations.models import complementarity_of
 from cpbench.formulations.nonlinear import NonlinearProblem
 from cpbench.matrices import Vector
 
@@ -44,6 +46,20 @@ class NCP(NonlinearProblem):
     def from_sympy(cls, z: Sequence[Any], F: Sequence[Any], **others: Any) -> NCP:
         """Of SymPy expressions in the symbols z. Raises ProblemError."""
         return cls(F=Map.from_sympy(z, F), **others)
+
+    @classmethod
+    def from_mof(cls, text: str | bytes, **others: Any) -> NCP:
+        """Of a model in MathOptFormat, a JSON text: (F(z), z) in Complements, z ≥ 0.
+
+        Raises FormatError, ProblemError.
+        """
+        parts = complementarity_of(text)
+        bounded = (parts["lb"] != 0) | (parts["ub"] != np.inf)
+        if bounded.any():
+            k = int(np.flatnonzero(bounded)[0])
+            lb, ub = parts["lb"][k], parts["ub"][k]
+            raise ProblemError("ncp.z", f"has [{lb:g}, {ub:g}] for bounds at {k}, expected [0, inf]; MiCP takes others")
+        return cls(F=parts["F"], **{"start": parts["start"], **others})
 
     @property
     def point_sizes(self) -> dict[str, int]:

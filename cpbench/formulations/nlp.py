@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from cpbench.errors import ProblemError
 from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Problem, Residuals, formulations, map_field, scaled, vector_field
 from cpbench.formulations.box import check_bounds
+from cpbench.formulations.models import program_of
 from cpbench.matrices import Vector, max_abs
 
 
@@ -53,6 +54,11 @@ class NLP(Problem):
 
     convex: bool = False
     """Said by who made the problem: f convex, g concave, h affine. It is no fact that could be measured."""
+
+    @classmethod
+    def from_mof(cls, text: str | bytes, **others: Any) -> NLP:
+        """Of a model in MathOptFormat, a JSON text. Raises FormatError, ProblemError."""
+        return cls(**{**program_of(text), **others})
 
     def check(self) -> None:
         check_bounds(self.node, self.lb, self.ub)

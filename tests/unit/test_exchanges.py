@@ -360,7 +360,8 @@ def test_complementarity_of_others(tmp_path: Path) -> None:
         ({"constraints": [{"function": _affine(y=1.0), "set": {"type": "Zeros"}}]}, "'y'"),
         ({"constraints": [{"function": _affine(x=1.0), "set": {"type": "SecondOrderCone"}}]}, "SecondOrderCone"),
         ({"constraints": [{"function": _affine(x=1.0), "set": {"type": "EqualTo", "value": "1"}}]}, "value"),
-        ({"constraints": [{"function": {"type": "ScalarNonlinearFunction"}, "set": {}}]}, "ScalarNonlinearFunction"),
+        ({"constraints": [{"function": {"type": "ScalarNonlinearFunction"}, "set": {}}]}, "set/type"),
+        ({"constraints": [{"function": {"type": "Sine"}, "set": {"type": "Zeros"}}]}, "Sine"),
         ({"constraints": [_pair(_affine(x=1.0), "x"), _pair(_affine(x=1.0), "x")]}, "beside two functions"),
         ({"constraints": [{"function": _affine(x=1.0), "set": {"type": "Complements"}}]}, "even number"),
         (

@@ -1,10 +1,11 @@
 """`mof`: MathOptFormat (JSON), which JuMP reads by `read_from_file("problem.mof.json")`.
 
-The variables are z[1], z[2], ... (lcp, relay, avi, qp) or u[1], ..., v[1], ... (mlcp), the rows of a qp A[1], ... and
-C[1], ...; `cpbench.storage.mof` says how each node is written. The answer is a JSON file, in one of two forms:
+The variables are z[1], z[2], ... or, of an mlcp, u[1], ..., v[1], ...; the rows of a qp are A[1], ... and C[1], ...,
+those of an nlp g[1], ... and h[1], ... (or one vector g, one h); `cpbench.storage.mof` says how each node is written.
+The answer is a JSON file, in one of two forms:
 
-{"z": [0.0, 1.5]}                        one list for every part of the node's point (mlcp: u, v; qp: z, lam, mu, nu)
-{"primal": {"z[1]": 0.0, "z[2]": 1.5},   by the names of the variables; for a qp also
+{"z": [0.0, 1.5]}                        one list for every part of the node's point (qp, nlp: z, lam, mu, nu)
+{"primal": {"z[1]": 0.0, "z[2]": 1.5},   by the names of the variables; for a qp or nlp also
  "dual": {"A[1]": 1.0, "C[1]": -2.0},    by those of the rows, with MathOptInterface's signs, which are ours: λ ≥ 0
  "reduced_cost": {"z[1]": 0.5}}          of the variables: what the bounds push with, at least 0 at the lower one
 
@@ -24,13 +25,15 @@ import numpy as np
 
 from cpbench.errors import FormatError
 from cpbench.exchange import Exchange, exchanges
+from cpbench.expressions.mof_json import as_float
 from cpbench.formulations.base import Point, Problem
 from cpbench.matrices import Vector
 from cpbench.storage import mof
 from cpbench.storage.base import write_atomic
-from cpbench.storage.mof_read import as_float, load_json, read
+from cpbench.storage.mof_read import load_json, read
 
 _NAMED = {
+    "nlp": {"lam": ("dual", "g"), "mu": ("dual", "h"), "nu": ("reduced_cost", "z")},
     "qp": {"lam": ("dual", "A"), "mu": ("dual", "C"), "nu": ("reduced_cost", "z")},
     "avi": {"lam": ("dual", "A"), "mu": ("dual", "C")},
 }
@@ -98,6 +101,8 @@ def _by_name(path: Path, found: Mapping[str, Any], group: str, label: str, size:
     if not isinstance(entries, dict):
         raise FormatError(path, group, f"is a {type(entries).__name__}, expected numbers by name")
     entries = cast("dict[str, Any]", entries)
+    if isinstance(entries.get(label), list):
+        return _listed(path, entries, label, size)
     values = np.full(size, np.nan if group == "primal" else 0.0)
     seen = 0
     for name, value in entries.items():

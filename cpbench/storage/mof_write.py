@@ -1,0 +1,61 @@
+"""Pieces of MathOptFormat's text, which all kinds of models are written with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench.matrices import Vector
+
+FEASIBILITY = '{"sense": "feasibility"}'
+
+
+@dataclass(frozen=True)
+class Written:
+    """The parts of a file: names of the variables with their bounds and starts, the objective, the other constraints.
+
+    `entries` : about how many coefficients or operations. `minor` : of the version from which on readers take it; every
+    later one has what is written here. `remark` : stands behind the formulation in the description.
+    """
+
+    names: Sequence[str]
+    lb: Vector
+    ub: Vector
+    objective: Iterable[str]
+    rows: Iterable[str]
+    entries: int
+    start: Vector | None = None
+    minor: int = 0
+    remark: str = ""
+
+    def variables(self) -> Iterator[str]:
+        """With their starts, where these are not 0, which a reader takes for a start that is not given."""
+        starts = [0.0] * len(self.names) if self.start is None else self.start.tolist()
+        for name, start in zip(self.names, starts, strict=True):
+            given = f', "primal_start": {start!r}' if start or np.signbit(start) else ""
+            yield f'{{"name": "{name}"{given}}}'
+
+    def bounds(self) -> Iterator[str]:
+        """Two constraints where a variable has two bounds: JuMP finds these, but not an interval. They have no names:
+        MathOptInterface allows none."""
+        for kind, side, values in (("GreaterThan", "lower", self.lb), ("LessThan", "upper", self.ub)):
+            for name, value in zip(self.names, values.tolist(), strict=True):
+                if np.isfinite(value):
+                    bound = one_sided(kind, side, value)
+                    yield f'{{"function": {{"type": "Variable", "name": "{name}"}}, "set": {bound}}}'
+
+
+def one_sided(kind: str, side: str, value: float) -> str:
+    return f'{{"type": "{kind}", "{side}": {value!r}}}'
+
+
+def numbered(name: str, count: int) -> list[str]:
+    """As JuMP names the entries of a vector: from 1."""
+    return [f"{name}[{i}]" for i in range(1, count + 1)]
+
+
+def joined(parts: Iterable[str], between: str = ", ") -> Iterator[str]:
+    for k, part in enumerate(parts):
+        yield f"{between}{part}" if k else part
