@@ -7,11 +7,17 @@ Target  z = (x_N, x_T, ξ) a contact, in units of the problem with r_N = D x_N, 
             0 ≤ x_N ⟂ y_N ≥ 0,   x_N y_T + ξ x_T = 0 (x_T free),   0 ≤ ξ ⟂ x_N² − ‖x_T‖² ≥ 0.
 
         The middle row with x_N and not with ‖y_T‖ = ξ apart: with ξ alone r_T = 0, u_T ≠ 0, ξ = 0 would be let through.
-        Where μ = 0: 0 ≤ x_N ⟂ y_N ≥ 0, x_T = 0, ξ = 0.
-Lift    r = Dx, its x_T shortened to x_N where the last row leaves it longer.        Push  x = D⁻¹r, ξ = ‖y_T‖.
-Kind    equivalent in r. Where x_N = 0 < μ it is singular: ξ may be anything, and the rows of x_T and ξ have no
-        derivative that is regular for any ξ; x_T is then known to the root of the error, which the lift mends.
-        `singular` tells these contacts.
+        Where x_N = 0 these rows are singular: ξ may be anything, x_T is known to the root of the error. With `open` the
+        last two are
+
+            x_N y_T + (ξ + y_N) x_T = 0,   0 ≤ ξ ⟂ x_N² − ‖x_T‖² + y_N ≥ 0,
+
+        the same where x_N > 0, for then y_N = 0; where x_N = 0 < y_N they say x_T = 0, ξ = 0, and are regular (if it
+        were y_N = ‖x_T‖² > 0, the first would say x_T = 0). Where μ = 0: 0 ≤ x_N ⟂ y_N ≥ 0, x_T = 0, ξ = 0.
+Lift    r = Dx, its x_T shortened to x_N where the last row leaves it longer.
+Push    x = D⁻¹r, ξ = ‖y_T‖; with `open` ξ = 0 where y_N > 0.
+Kind    equivalent in r, with `open` and without. Singular where x_N = 0 < μ: `singular` tells these contacts; with
+        `open` only where y_N = 0 too.
 """
 
 from __future__ import annotations
@@ -30,16 +36,17 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.matrices import max_abs
+from cpbench.matrices import Dense, max_abs
 
-NO_REACTION = 1e-8
-"""x_N at most this times the largest component of x counts as 0."""
+NOTHING = 1e-8
+"""x_N (y_N) at most this times the largest component of x (y) counts as 0."""
 
 
 @conversions.register("fc-micp")
 @dataclass(frozen=True)
 class FCtoMiCP(Conversion):
-    """Coulomb's law by a multiplier ξ = μ‖u_T‖ of the disk. Trace: `unit`, `size`, `mu`; `W`, `q` for `push`."""
+    """Coulomb's law by a multiplier ξ = μ‖u_T‖ of the disk. `open`: rows that are regular at open contacts; without it
+    those of the lecture. Trace: `unit`, `size`, `mu`, and `W`, `q` for the velocities."""
 
     name = "fc-micp"
     source = "fc"
@@ -47,6 +54,8 @@ class FCtoMiCP(Conversion):
     equation = "(49)"
     kind = Kind.EQUIVALENT
     cost = 4.0
+
+    open: bool = True
 
     def tolerance(self, tolerance: float) -> float:
         """Three digits more: the last two rows are products, whose factors may both be as large as their root."""
@@ -66,7 +75,7 @@ class FCtoMiCP(Conversion):
         size = np.linalg.norm(slides, axis=1)
         moves = (problem.mu > 0) & (size > 0)
         start[moves, 1:d] = -0.5 * slides[moves] / size[moves, None]
-        F = _map(problem, chosen)
+        F = _map(problem, chosen, self.open)
         target = MiCP(F=F, lb=lb.ravel(), ub=np.full(lb.size, np.inf), start=start.ravel())
         return target, {**chosen.trace, "mu": problem.mu, "W": problem.W, "q": problem.q}
 
@@ -76,17 +85,27 @@ class FCtoMiCP(Conversion):
         return chosen.reactions(contact_maps.clipped(x, np.where(mu > 0, 1.0, 0.0)).ravel())
 
     def push(self, point: FCPoint, trace: Trace) -> MiCPPoint:
-        chosen, mu = Units.of_trace(trace), np.asarray(trace["mu"])
-        y = chosen.unit * (trace["W"] @ point.r + trace["q"]) / chosen.size**2
-        x, y = (contact_maps.by_contact(part, mu.size) for part in (chosen.own(point), y))
-        xi = np.where(mu > 0, np.linalg.norm(y[:, 1:], axis=1), 0.0)
+        mu = np.asarray(trace["mu"])
+        x, y = _states(point, trace)
+        slides = (mu > 0) & ((x[:, 0] > 0) | (y[:, 0] <= 0) | (not self.open))
+        xi = np.where(slides, np.linalg.norm(y[:, 1:], axis=1), 0.0)
         return MiCPPoint(z=np.column_stack([x, xi]).ravel() if mu.size else np.zeros(0))
 
     def singular(self, point: MiCPPoint, trace: Trace) -> NDArray[np.intp]:
-        """Contacts at which (49) is singular in this answer: no reaction, and friction."""
-        mu = np.asarray(trace["mu"])
-        z = contact_maps.by_contact(point.z, mu.size)
-        return np.flatnonzero((mu > 0) & (z[:, 0] <= NO_REACTION * max_abs(z[:, :-1])))
+        """Contacts at which the rows are singular in this answer: friction, but nothing to carry it."""
+        x, y = _states(self.lift(point, trace), trace)
+        still = np.asarray(trace["mu"]) > 0
+        for part, matters in ((x, True), (y, self.open)):
+            if matters:
+                still = still & (part[:, 0] <= NOTHING * max_abs(part))
+        return np.flatnonzero(still)
+
+
+def _states(point: FCPoint, trace: Trace) -> tuple[Dense, Dense]:
+    """x and y, a row a contact."""
+    chosen, nc = Units.of_trace(trace), np.asarray(trace["mu"]).size
+    y = chosen.unit * (trace["W"] @ point.r + trace["q"]) / chosen.size**2
+    return contact_maps.by_contact(chosen.own(point), nc), contact_maps.by_contact(y, nc)
 
 
 def _units(problem: FrictionContact) -> Units:
@@ -97,7 +116,7 @@ def _units(problem: FrictionContact) -> Units:
     return Units(chosen.unit * factor.ravel(), chosen.size)
 
 
-def _map(problem: FrictionContact, chosen: Units) -> Map:
+def _map(problem: FrictionContact, chosen: Units, opens: bool) -> Map:
     import casadi as ca
 
     nc, d = problem.nc, problem.dimension
@@ -107,7 +126,7 @@ def _map(problem: FrictionContact, chosen: Units) -> Map:
     y = contact_maps.velocities(problem, chosen, ca.vec(x))
     columns: list[Any] = []
     for c in range(nc):
-        xn, xt = x[0, c], x[1:, c]
-        rubs = [xn * y[1:, c] + xi[c] * xt, xn * xn - ca.sumsqr(xt)]
+        xn, xt, gap = x[0, c], x[1:, c], y[0, c] if opens else 0.0
+        rubs = [xn * y[1:, c] + (xi[c] + gap) * xt, xn * xn - ca.sumsqr(xt) + gap]
         columns.append(ca.vertcat(y[0, c], *(rubs if problem.mu[c] > 0 else [xt, xi[c]])))
     return Map.from_casadi(z, ca.vec(ca.horzcat(*columns)) if nc else ca.SX(0, 1))
