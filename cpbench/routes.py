@@ -96,10 +96,10 @@ def best_first(
     """
     pinned = frozenset(edge.name for edge in via)
     usable = [e for e in edges(via) if e.name in pinned or (best_kind(e) in kinds and e.source != e.target)]
-    ahead, maps = _cost_ahead(target, usable, pinned), nodes_of_maps()
-    if (source, pinned) not in ahead:
-        return
-    heap = [Prefix(ahead[source, pinned], "", (), start, frozenset({source}), pinned)]
+    maps = nodes_of_maps()
+    onward = [e for e in usable if e.source not in maps or e.target in maps or e.name in pinned]
+    ahead = _cost_ahead(target, onward, pinned)
+    heap = [Prefix(0.0, "", (), start, frozenset({source}), pinned)]
     while heap:
         prefix = heapq.heappop(heap)
         path, node, state = prefix.path, source, prefix.state
@@ -111,13 +111,12 @@ def best_first(
         if node == target and not prefix.left:
             yield Route(path), state
             continue
-        for edge in usable:
+        for edge in onward if path else usable:
             left = prefix.left - {edge.name}
             again = edge.target in prefix.seen and (edge.target != node or left == prefix.left)
-            late = path and edge.source in maps and edge.target not in maps and edge.name not in pinned
-            if edge.source == node and not again and not late and (edge.target, left) in ahead:
+            if edge.source == node and not again and (edge.target, left) in ahead:
                 seen = prefix.seen | {edge.target}
-                if _is_open(edge.target, target, usable, seen):
+                if _is_open(edge.target, target, onward, seen):
                     longer = Route((*path, edge))
                     bound = round(longer.cost + ahead[edge.target, left], 9)  # sums in any order are the same
                     heapq.heappush(heap, Prefix(bound, longer.label, longer.steps, state, seen, left))
