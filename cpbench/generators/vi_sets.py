@@ -9,6 +9,7 @@ import numpy as np
 from cpbench.expressions import Map
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.cp import CP, CPPoint
+from cpbench.formulations.ge import GE, GEPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.generators.base import Instance, collection, dyadic, generator
@@ -42,6 +43,13 @@ def build() -> list[Instance]:
 )
 def build_planted() -> list[Instance]:
     return [box(12), polyhedron(20, 8, 3), balls(5), cones(6), product_set(4)]
+
+
+@collection(
+    "ge-planted", "ge", "cubic monotone generalized equations with normal cones of products", "planted by cpbench"
+)
+def build_generalized() -> list[Instance]:
+    return [generalized(k) for k in (2, 10)]
 
 
 @collection("cp-planted", "cp", "cubic monotone cone complementarity problems", "planted by cpbench")
@@ -212,6 +220,21 @@ def product_set(count: int) -> Instance:
         ub=np.where(free, 2.0, np.inf), **cone_fields(K), name=f"product-{count}",
     )  # fmt: skip
     return _planted(problem, VIPoint(z=at, mu=[0.5]), "product")
+
+
+def generalized(count: int) -> Instance:
+    """Bounded free components and second-order cones."""
+    rng = generator(600 + count)
+    z, w = _sides(rng, 4)
+    x, y, mu = _on_cones(rng, count)
+    at, value = np.concatenate([z, x]), np.concatenate([w, y])
+    K = ProductCone.of((Cone.FREE, 1, 4), (Cone.SECOND_ORDER, count, 3, mu))
+    free = np.arange(at.size) < 4
+    problem = GE(
+        F=_map(at, value, rng), lb=np.where(free, -1.0, -np.inf), ub=np.where(free, 2.0, np.inf), **cone_fields(K),
+        name=f"generalized-{count}",
+    )  # fmt: skip
+    return Instance(problem, GEPoint(z=at), "planted", properties={"class": "strongly monotone"})
 
 
 def cone_complementarity(count: int) -> Instance:
