@@ -57,6 +57,11 @@ def project_box(x: Vector, lower: Vector, upper: Vector) -> Vector:
     return np.minimum(np.maximum(x, lower), upper)
 
 
+def box_defect(z: Vector, w: Vector, lower: Vector, upper: Vector) -> Vector:
+    """z − P(z − w), P the projection on the box, without forming z − w: no w is lost below the last digit of z."""
+    return np.maximum(np.minimum(w, z - lower), z - upper)
+
+
 def rolling_norms(x: Dense) -> tuple[Vector, Vector]:
     """‖x_T‖ and ‖x_M‖ of rows (N, T, M) or (N, T1, T2, M1, M2)."""
     k = (x.shape[1] - 1) // 2

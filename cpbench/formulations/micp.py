@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.cones import project_box
+from cpbench.cones import box_defect, project_box
 from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
 from cpbench.formulations.box import check_bounds
@@ -82,5 +82,5 @@ class MiCP(NonlinearProblem):
         self.check_point(point)
         with np.errstate(all="ignore"):
             z = point.z
-            defect = z - self.project(z - self.F(z))
+            defect = box_defect(z, self.F(z), self.lb, self.ub)
             return self.natural(defect, point.finite, bound_violation=norm(z - self.project(z)))
