@@ -139,10 +139,13 @@ class _Jacobian:
         self._pattern = pattern
         at = sp.csr_array((np.arange(pattern.nnz), pattern.indices, pattern.indptr), shape=pattern.shape)
         self._constant = _spread(at, M)
-        self._weights = _weights(at, C, own)
+        weights = _weights(at, C, own)
+        self._moving = np.flatnonzero(np.diff(weights.indptr))  # the others are constant
+        self._weights = weights[self._moving]
 
     def __call__(self, z: Vector) -> Sparse:
-        data = self._constant + self._weights @ self._entries(z)
+        data = self._constant.copy()
+        data[self._moving] += self._weights @ self._entries(z)
         return _shaped(data, self._pattern)
 
 

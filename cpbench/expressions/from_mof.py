@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 from cpbench.errors import ProblemError
 from cpbench.expressions.map import Builder, Map
 from cpbench.expressions.mof_json import Fields, parse, shown, shown_number
-from cpbench.expressions.mof_operators import combine, known
+from cpbench.expressions.mof_operators import KNOWN, combine
 from cpbench.expressions.operators import Operator
 
 _UNSEEN, _OPEN = -1, -2
@@ -226,8 +226,12 @@ class _Terms:
 
     def _next(self, frame: _Frame) -> int:
         """The value of a frame, −1 when an argument has to be found first."""
+        column = self._column
         for k in range(frame.at, len(frame.arguments)):
-            found = self._enter(frame.arguments[k])
+            argument = frame.arguments[k]
+            found = column.get(argument, -1) if isinstance(argument, str) else -1
+            if found < 0:
+                found = self._enter(argument)
             if found < 0:
                 frame.at = k + 1
                 return -1
@@ -260,7 +264,7 @@ class _Terms:
             return self._constant(term.get("value"))
         if not isinstance(kind, str):
             raise self._refused(f"is a {type(term).__name__} without a type, expected a term")
-        if not known(kind):
+        if kind not in KNOWN:
             raise self._refused(f"has the operator '{shown(kind)}', which cannot be expressed by those of a map")
         arguments = term.get("args")
         if not isinstance(arguments, list):
@@ -301,7 +305,7 @@ def maps(text: bytes, source: str | Path, inputs: Mapping[str, int | None]) -> d
     """
     fields = Fields(source)
     stored = parse(text, source)
-    names = [fields.get(v, "name", str, f"variables/{k}") for k, v in fields.items(stored, "variables")]
+    names = fields.names(stored)
     found: dict[str, Map] = {}
     for k, constraint in fields.items(stored, "constraints"):
         where = f"constraints/{k}"

@@ -82,6 +82,16 @@ class Fields:
     def number(self, parent: Any, key: str, where: str) -> float:
         return self.finite(parent.get(key) if isinstance(parent, dict) else None, f"{where}/{key}")
 
+    def names(self, model: Any) -> list[str]:
+        """Of the variables, each once."""
+        names = [self.get(v, "name", str, f"variables/{k}") for k, v in self.items(model, "variables")]
+        seen: set[str] = set()
+        for name in names:
+            if name in seen:
+                raise self.refused("variables", f"has two of one name, '{shown(name)}'")
+            seen.add(name)
+        return names
+
     def variable(self, column: Mapping[str, int], name: Any, where: str) -> int:
         """The number of a variable."""
         found = column.get(name) if isinstance(name, str) else None

@@ -105,18 +105,13 @@ class _Reader:
         version = fields.get(model, "version", dict, "")
         if version.get("major") != 1:
             raise fields.refused("version", f"is {shown(version.get('major'))}, cpbench reads MathOptFormat 1")
-        names: list[str] = []
-        starts: list[float] = []
-        for k, variable in fields.items(model, "variables"):
-            names.append(fields.get(variable, "name", str, f"variables/{k}"))
-            given = variable.get("primal_start") is not None
-            starts.append(fields.number(variable, "primal_start", f"variables/{k}") if given else 0.0)
-        column = {name: k for k, name in enumerate(names)}
-        if len(column) != len(names):
-            twice = next(name for k, name in enumerate(names) if column[name] != k)
-            raise fields.refused("variables", f"has two of one name, '{shown(twice)}'")
+        names = fields.names(model)
+        starts = [
+            fields.number(variable, "primal_start", f"variables/{k}") if "primal_start" in variable else 0.0
+            for k, variable in enumerate(model["variables"])
+        ]
         n = len(names)
-        self._functions = Functions(source, column)
+        self._functions = Functions(source, {name: k for k, name in enumerate(names)})
         self.model = Model(
             source=source,
             name=_text(model, "name"),

@@ -122,6 +122,7 @@ FORMULAS: Mapping[str, tuple[int, Callable[..., Value]]] = {
 }
 """The other operators: how many arguments, and what they are in those above. Those in degrees are right to rounding,
 so that sind(180) is 1e-16."""
+KNOWN = frozenset((*UNARY, *BINARY, *MANY, *FORMULAS))
 
 
 def combine(build: Builder, head: str, arguments: list[int]) -> int | None:
@@ -139,8 +140,3 @@ def combine(build: Builder, head: str, arguments: list[int]) -> int | None:
     if head in FORMULAS and count == FORMULAS[head][0]:
         return FORMULAS[head][1](*(Value(build, a) for a in arguments)).number
     return None
-
-
-def known(head: str) -> bool:
-    """Whether there is an operator of this name."""
-    return head in UNARY or head in BINARY or head in MANY or head in FORMULAS
