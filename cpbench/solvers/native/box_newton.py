@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.cones import project_box
+from cpbench.cones import box_defect, project_box
 from cpbench.expressions import Builder, Operator
+from cpbench.factorization import Factorization
 from cpbench.formulations.base import scaled
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
-from cpbench.solvers.native.lcp_claims import CLOSE, solve_linear
+from cpbench.solvers.native.lcp_claims import CLOSE
 from cpbench.solvers.native.ncp_functions import NCPFunction, Reformulation
 
 DENSE_LIMIT = 150
@@ -79,14 +80,18 @@ class Box:
     def error(self, z: Vector, F: Vector) -> float:
         """The judged error of z, of which F is F(z)."""
         with np.errstate(all="ignore"):
-            error = scaled(norm(z - self.project(z - F)), self.problem.scale)
+            error = scaled(norm(box_defect(z, F, self.lb, self.ub)), self.problem.scale)
         return error if math.isfinite(error) else math.inf
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:
-        """A⁻¹b, None where A is singular."""
+        """A⁻¹b, None where A is singular, be it to rounding: its kernel would make a direction of any length."""
         self.counters["factorizations"] += 1
         with np.errstate(all="ignore"):
-            return solve_linear(A, b)
+            factors = Factorization(A)
+            if factors.singular:
+                return None
+            x: Vector = factors.solve(b)
+        return x if np.isfinite(x).all() else None
 
 
 class Method(ABC):

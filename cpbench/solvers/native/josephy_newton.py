@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.cones import project_box
+from cpbench.cones import box_defect, project_box
 from cpbench.errors import UnknownName
 from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, norm
@@ -22,6 +22,8 @@ from cpbench.solvers.options import fixed, searched
 SMALL_ENOUGH = 0.5
 """A solution of the linear problem is used when its natural residual is below this share of that of F at z."""
 INNER_TOLERANCE = 1e-14
+INNER_ITERATIONS = (50, 5)
+"""An inner solver has 50 + 5n iterations or pivots: what takes longer is rarely a good direction."""
 SEPARATOR = "+"
 
 
@@ -92,7 +94,9 @@ class _JosephyNewton(Method):
         super().__init__(box)
         self._inner = _inner(options.inner)
         self.strategies = len(self._inner)
-        self._budget = replace(budget, tolerance=INNER_TOLERANCE, iterations=None)
+        self._budget = replace(
+            budget, tolerance=INNER_TOLERANCE, iterations=INNER_ITERATIONS[0] + INNER_ITERATIONS[1] * box.n
+        )
         self._deadline = time.monotonic() + budget.seconds
         self._descent = Descent(box, fischer_burmeister, options.memory, project=True)
         box.counters["subproblems"] = 0
@@ -140,6 +144,6 @@ class _JosephyNewton(Method):
             return None
         with np.errstate(all="ignore"):
             z = project_box(z, box.lb, box.ub)
-            defect = norm(z - project_box(z - (J @ z + q), box.lb, box.ub))
-            now = norm(at.z - project_box(at.z - at.F, box.lb, box.ub))
+            defect = norm(box_defect(z, J @ z + q, box.lb, box.ub))
+            now = norm(box_defect(at.z, at.F, box.lb, box.ub))
         return z if defect <= SMALL_ENOUGH * now else None

@@ -18,10 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from cpbench.cones import project_box
-from cpbench.factorization import sparse_lu
+from cpbench.factorization import Factorization
 from cpbench.matrices import Matrix, Vector, dense, max_abs
 
 REFRESH = 50
@@ -63,20 +62,15 @@ class _Basis:
 
     def __init__(self, B: Matrix) -> None:
         self._etas: list[tuple[int, Vector]] = []
-        if sp.issparse(B):
-            self._sparse = sparse_lu(B)
-            self.regular = self._sparse is not None
-        else:
-            self._sparse = None
-            self._lu, self._pivots, info = lapack.dgetrf(dense(B))
-            self.regular = info == 0
+        self._factors = Factorization(B)
+        self.regular = not self._factors.singular
 
     @property
     def replaced(self) -> int:
         return len(self._etas)
 
     def solve(self, b: Vector) -> Vector:
-        y = self._sparse.solve(b) if self._sparse is not None else lapack.dgetrs(self._lu, self._pivots, b)[0]
+        y: Vector = self._factors.solve(b)
         for p, w in self._etas:
             share = y[p] / w[p]
             y = y - share * w
