@@ -7,17 +7,18 @@ Target  z = (x_N, x_T, ξ) a contact, in units of the problem with r_N = D x_N, 
             0 ≤ x_N ⟂ y_N ≥ 0,   x_N y_T + ξ x_T = 0 (x_T free),   0 ≤ ξ ⟂ x_N² − ‖x_T‖² ≥ 0.
 
         The middle row with x_N and not with ‖y_T‖ = ξ apart: with ξ alone r_T = 0, u_T ≠ 0, ξ = 0 would be let through.
-        Where x_N = 0 these rows are singular: ξ may be anything, x_T is known to the root of the error. With `open` the
-        last two are
+        Where x_N = 0 these rows are singular: ξ may be anything, and x_T is known to the root of the error. The
+        `regular` form, which is the default, has in place of the last two
 
-            x_N y_T + (ξ + y_N) x_T = 0,   0 ≤ ξ ⟂ x_N² − ‖x_T‖² + y_N ≥ 0,
+            x_N y_T + (ξ + y_N) x_T = 0,   0 ≤ ξ ⟂ x_N − ‖x_T‖ + y_N ≥ 0,
 
-        the same where x_N > 0, for then y_N = 0; where x_N = 0 < y_N they say x_T = 0, ξ = 0, and are regular (if it
-        were y_N = ‖x_T‖² > 0, the first would say x_T = 0). Where μ = 0: 0 ≤ x_N ⟂ y_N ≥ 0, x_T = 0, ξ = 0.
+        the same where x_N > 0, for then y_N = 0; where x_N = 0 < y_N they say x_T = 0, ξ = 0, and are regular (were
+        ‖x_T‖ = y_N, the first would say x_T = 0); and x_T is as exact as x_N. Where μ = 0: 0 ≤ x_N ⟂ y_N ≥ 0, x_T = 0,
+        ξ = 0.
 Lift    r = Dx, its x_T shortened to x_N where the last row leaves it longer.
-Push    x = D⁻¹r, ξ = ‖y_T‖; with `open` ξ = 0 where y_N > 0.
-Kind    equivalent in r, with `open` and without. Singular where x_N = 0 < μ: `singular` tells these contacts; with
-        `open` only where y_N = 0 too.
+Push    x = D⁻¹r, ξ = ‖y_T‖; in the regular form ξ = 0 where y_N > 0.
+Kind    equivalent in r, in both forms. Singular where x_N = 0 < μ, in the regular form only where y_N = 0 too;
+        `singular` tells these contacts.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.matrices import Dense, max_abs
 
+FORMS = ("regular", "lecture")
 NOTHING = 1e-8
 """x_N (y_N) at most this times the largest component of x (y) counts as 0."""
 
@@ -45,8 +47,8 @@ NOTHING = 1e-8
 @conversions.register("fc-micp")
 @dataclass(frozen=True)
 class FCtoMiCP(Conversion):
-    """Coulomb's law by a multiplier ξ = μ‖u_T‖ of the disk. `open`: rows that are regular at open contacts; without it
-    those of the lecture. Trace: `unit`, `size`, `mu`, and `W`, `q` for the velocities."""
+    """Coulomb's law by a multiplier ξ = μ‖u_T‖ of the disk. `form`: `regular`, or `lecture` for (49) as it stands.
+    Trace: `unit`, `size`, `mu`, and `W`, `q` for the velocities."""
 
     name = "fc-micp"
     source = "fc"
@@ -55,15 +57,23 @@ class FCtoMiCP(Conversion):
     kind = Kind.EQUIVALENT
     cost = 4.0
 
-    open: bool = True
+    form: str = "regular"
+
+    @property
+    def _regular(self) -> bool:
+        return self.form == "regular"
+
+    def obstacle(self, problem: FrictionContact) -> str | None:
+        return None if self.form in FORMS else f"form = '{self.form}' is none of (49); use {' or '.join(FORMS)}"
 
     def tolerance(self, tolerance: float) -> float:
-        """Three digits more: the last two rows are products, whose factors may both be as large as their root."""
+        """Three digits more: the middle row is a product, small where x_N is whatever y_T may be."""
         return 1e-3 * tolerance
 
     def apply(self, problem: FrictionContact) -> tuple[MiCP, Trace]:
         """The start is x_N = ξ = 1 and half of the friction that there may be, against the free velocity: the
         derivative is singular at z = 0, and that by ξ is 0 where x_T is."""
+        self.require(problem)
         nc, d = problem.nc, problem.dimension
         chosen = _units(problem)
         lb = np.full((nc, d + 1), -np.inf)
@@ -75,7 +85,7 @@ class FCtoMiCP(Conversion):
         size = np.linalg.norm(slides, axis=1)
         moves = (problem.mu > 0) & (size > 0)
         start[moves, 1:d] = -0.5 * slides[moves] / size[moves, None]
-        F = _map(problem, chosen, self.open)
+        F = _map(problem, chosen, self._regular)
         target = MiCP(F=F, lb=lb.ravel(), ub=np.full(lb.size, np.inf), start=start.ravel())
         return target, {**chosen.trace, "mu": problem.mu, "W": problem.W, "q": problem.q}
 
@@ -87,7 +97,7 @@ class FCtoMiCP(Conversion):
     def push(self, point: FCPoint, trace: Trace) -> MiCPPoint:
         mu = np.asarray(trace["mu"])
         x, y = _states(point, trace)
-        slides = (mu > 0) & ((x[:, 0] > 0) | (y[:, 0] <= 0) | (not self.open))
+        slides = (mu > 0) & ((x[:, 0] > 0) | (y[:, 0] <= 0) | (not self._regular))
         xi = np.where(slides, np.linalg.norm(y[:, 1:], axis=1), 0.0)
         return MiCPPoint(z=np.column_stack([x, xi]).ravel() if mu.size else np.zeros(0))
 
@@ -95,7 +105,7 @@ class FCtoMiCP(Conversion):
         """Contacts at which the rows are singular in this answer: friction, but nothing to carry it."""
         x, y = _states(self.lift(point, trace), trace)
         still = np.asarray(trace["mu"]) > 0
-        for part, matters in ((x, True), (y, self.open)):
+        for part, matters in ((x, True), (y, self._regular)):
             if matters:
                 still = still & (part[:, 0] <= NOTHING * max_abs(part))
         return np.flatnonzero(still)
@@ -116,7 +126,7 @@ def _units(problem: FrictionContact) -> Units:
     return Units(chosen.unit * factor.ravel(), chosen.size)
 
 
-def _map(problem: FrictionContact, chosen: Units, opens: bool) -> Map:
+def _map(problem: FrictionContact, chosen: Units, regular: bool) -> Map:
     import casadi as ca
 
     nc, d = problem.nc, problem.dimension
@@ -126,7 +136,8 @@ def _map(problem: FrictionContact, chosen: Units, opens: bool) -> Map:
     y = contact_maps.velocities(problem, chosen, ca.vec(x))
     columns: list[Any] = []
     for c in range(nc):
-        xn, xt, gap = x[0, c], x[1:, c], y[0, c] if opens else 0.0
-        rubs = [xn * y[1:, c] + (xi[c] + gap) * xt, xn * xn - ca.sumsqr(xt) + gap]
+        xn, xt, gap = x[0, c], x[1:, c], y[0, c] if regular else 0.0
+        room = xn - contact_maps.length(xt) + gap if regular else xn * xn - ca.sumsqr(xt)
+        rubs = [xn * y[1:, c] + (xi[c] + gap) * xt, room]
         columns.append(ca.vertcat(y[0, c], *(rubs if problem.mu[c] > 0 else [xt, xi[c]])))
     return Map.from_casadi(z, ca.vec(ca.horzcat(*columns)) if nc else ca.SX(0, 1))

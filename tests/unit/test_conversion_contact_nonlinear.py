@@ -109,7 +109,7 @@ def test_the_cylinder_moves_with_the_normal_reaction():
 def test_micp_has_no_answer_that_the_law_has_not(regular):
     """With ξ apart, r_T = 0 and ξ = 0 would let a contact slide without friction; (49) as written here does not."""
     problem = FrictionContact(W=np.eye(3), q=[-1.0, 1.0, 0.0], mu=[0.5])
-    edge = make("fc-micp", {"open": regular})
+    edge = make("fc-micp", {"form": "regular" if regular else "lecture"})
     target = edge.step(problem)
     slides_freely = MiCPPoint(z=np.eye(4)[0])
     assert edge.lift(slides_freely, target.provenance[-1].trace).r[0] == 1.0  # u = (0, 1, 0)
@@ -141,13 +141,13 @@ def scene(rng, states):
 def test_micp_tells_where_it_is_singular(rng, states, regular):
     """No contact is told where the derivative of the active rows is regular at the answer, and some where it is not."""
     problem, point = scene(rng, states)
-    edge = make("fc-micp", {"open": regular})
+    edge = make("fc-micp", {"form": "regular" if regular else "lecture"})
     target, there = both_ways(edge, problem, point)
     told = edge.singular(there, target.provenance[-1].trace)
     empty = {"touch"} if regular else {"touch", "open"}
     assert told.tolist() == [c for c, state in enumerate(states) if state in empty]
     F, z = target.F(there.z), there.z
-    # ξ of an open contact may be anything without `open`; the best choice is the most regular
+    # ξ of an open contact may be anything in the lecture's form; the best choice is the most regular
     conditions = []
     for xi in (0.0, 1.0):
         z = there.z.copy().reshape(-1, 4)
@@ -161,7 +161,7 @@ def test_micp_tells_where_it_is_singular(rng, states, regular):
 def test_both_forms_of_micp_have_the_same_answers(rng):
     """What is found of one form with noise in ξ and x_T of open contacts is none of the other's."""
     problem, point = scene(rng, ["stick", "open", "slide"])
-    lecture, regular = make("fc-micp", {"open": False}), make("fc-micp")
+    lecture, regular = make("fc-micp", {"form": "lecture"}), make("fc-micp")
     (one, there), (other, here) = both_ways(lecture, problem, point), both_ways(regular, problem, point)
     moved = there.z.copy()
     moved[7] += 1.0  # ξ of the open contact
@@ -176,7 +176,7 @@ def test_micp_lift_mends_what_a_singular_contact_leaves_open():
     problem = FrictionContact(W=np.eye(3), q=[1.0, 1.0, 0.0], mu=[0.5])
     almost = MiCPPoint(z=[0.0, 1e-6, 0.0, 0.0])
     for regular, least, most in ((False, 0.0, 1e-11), (True, 1e-7, 1e-5)):
-        edge = make("fc-micp", {"open": regular})
+        edge = make("fc-micp", {"form": "regular" if regular else "lecture"})
         target = edge.step(problem)
         assert least <= target.residuals(almost).error <= most
         assert problem.residuals(edge.lift(almost, target.provenance[-1].trace)).error <= 1e-11
@@ -275,6 +275,12 @@ def test_a_linearization_errs_by_the_square_of_the_distance(rng, at):
         answer = solvers.get("nsgs").run(local, Budget(tolerance=1e-12)).point
         errors.append(problem.residuals(graph.lift(local, answer)).error)
     assert 3 < errors[0] / errors[1] < 40
+
+
+def test_micp_has_two_forms(rng):
+    problem, _ = planted.fc(rng, 2, 3)
+    with pytest.raises(NotApplicable, match="use regular or lecture"):
+        make("fc-micp", {"form": "smooth"}).apply(problem)
 
 
 def test_linearization_refuses_what_it_cannot_do(rng):

@@ -1,0 +1,64 @@
+"""Contact problems solved as micp, cp, vi and qvi and natively: the answers agree, by the error on the contact problem.
+
+The table of all solvers and files, with those that do not agree: tests/bench/contact_agreement.py.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "bench"))
+from contact_agreement import ASKED, REACHED, SOLVED, converted, error_of  # pyright: ignore[reportMissingImports]
+
+from cpbench import storage
+from cpbench.solvers import Budget, solvers
+from cpbench.testing import planted
+
+BUDGET = Budget(tolerance=ASKED, seconds=4.0)
+SMALL = [
+    "Confeti-ex13-4contact-Fc3D-SBM.dat",
+    "FC3D_Example1.dat",
+    "FrictionContact3D_1c.dat",
+    "NESpheres_10_1.dat",
+    *(f"Rover{number}.dat" for number in (1039, 1040, 1041, 11211, 3865, 4144, 4396, 4516, 4613, 4622, 9770)),
+    "mj_dm_humanoid-nc6.hdf5",
+    "mj_dm_humanoid_CMU-nc5.hdf5",
+    "mj_shadow_pen-nc3.hdf5",
+]
+"""Real files of up to ten contacts."""
+
+
+def solved_by(problem, node):
+    """The first solver whose answer, lifted, solves the contact problem; else the errors of all of them."""
+    errors = {}
+    for solver, target in converted(problem, node):
+        error = error_of(problem, solver, target, BUDGET)
+        if error <= SOLVED:
+            return solver.spec.name, error
+        errors[solver.spec.name] = error
+    if not errors:
+        pytest.skip(f"does not apply: no solver of ours for {' or '.join(REACHED[node])}")
+    pytest.fail(f"as {node} solved by none: {', '.join(f'{name} {error:.0e}' for name, error in errors.items())}")
+
+
+@pytest.mark.parametrize("node", REACHED)
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_planted_contacts(node, d, seed, record_property):
+    problem, _ = planted.fc(np.random.default_rng(seed), 5, d, "positive definite")
+    assert problem.residuals(solvers.get("nsgs").run(problem, BUDGET).point).error <= SOLVED
+    name, error = solved_by(problem, node)
+    record_property("solved by", f"{name}, error {error:.1e}")
+
+
+@pytest.mark.parametrize("node", REACHED)
+@pytest.mark.parametrize("file", SMALL)
+def test_real_files(node, file, shared_data, record_property):
+    problem = storage.load(shared_data / "fc3d_local" / file)
+    assert problem.residuals(solvers.get("nsgs").run(problem, BUDGET).point).error <= SOLVED
+    name, error = solved_by(problem, node)
+    record_property("solved by", f"{name}, error {error:.1e}")
