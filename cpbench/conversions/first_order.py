@@ -27,11 +27,10 @@ def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
     import casadi as ca
 
     n, m, k = problem.start.size, problem.g.rows, problem.h.rows
-    x = ca.SX.sym("x", n + m + k)
-    z, lam, mu = x[:n], x[n : n + m], x[n + m :]
+    z, lam, mu = (ca.SX.sym(name, size) for name, size in (("z", n), ("l", m), ("m", k)))
     f, g, h = problem.f.sx(z), problem.g.sx(z), problem.h.sx(z)
-    slope = ca.gradient(f, z) - _transposed(g, z, lam) - _transposed(h, z, mu)
-    F = Map.from_casadi(x, ca.vertcat(slope, g, h))
+    slope = _transposed(f, z, ca.SX(1)) - _transposed(g, z, lam) - _transposed(h, z, mu)
+    F = Map.from_casadi(ca.vertcat(z, lam, mu), ca.vertcat(slope, g, h))
     lb = np.concatenate([problem.lb, np.zeros(m), np.full(k, -np.inf)])
     ub = np.concatenate([problem.ub, np.full(m + k, np.inf)])
     force = maps.kept(F.only(F.outputs[:n].tolist()))
@@ -89,13 +88,12 @@ def of_inequality(problem: VI) -> tuple[Map, Vector, Vector]:
     import casadi as ca
 
     n = problem.start.size
-    x = ca.SX.sym("x", n + m + k + p)
-    z, lam, mu, nu = x[:n], x[n : n + m], x[n + m : n + m + k], x[n + m + k :]
+    z, lam, mu, nu = (ca.SX.sym(name, size) for name, size in (("z", n), ("l", m), ("m", k), ("v", p)))
     A, C, g = _constant(problem.A), _constant(problem.C), problem.g.sx(z)
     force = problem.F.sx(z) - A.T @ lam - C.T @ mu - _transposed(g, z, nu)
     rows = ca.vertcat(A @ z - problem.b, C @ z - problem.d, g)
     lb = np.concatenate([np.zeros(m), np.full(k, -np.inf), np.zeros(p)])
-    return Map.from_casadi(x, ca.vertcat(force, rows)), lb, np.full(m + k + p, np.inf)
+    return Map.from_casadi(ca.vertcat(z, lam, mu, nu), ca.vertcat(force, rows)), lb, np.full(m + k + p, np.inf)
 
 
 def inequality_sizes(problem: VI) -> Trace:
@@ -118,7 +116,7 @@ def _transposed(g: Any, z: Any, weights: Any) -> Any:
     """∇gᵀ weights."""
     import casadi as ca
 
-    return ca.jtimes(g, z, weights, True) if g.shape[0] else ca.SX(z.shape[0], 1)
+    return ca.jtimes(g, z, weights, True) if g.shape[0] and z.shape[0] else ca.SX(z.shape[0], 1)
 
 
 def _constant(M: Matrix) -> Any:
