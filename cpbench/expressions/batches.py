@@ -32,7 +32,7 @@ class Batches:
         ends = np.flatnonzero(np.diff(depth[order]) | np.diff(F.heads[order])) + 1
         bounds = [0, *ends.tolist(), F.operations] if F.operations else [0]
         self._inputs, self._constants, self._size = F.inputs, F.constants, first + F.operations
-        self._outputs = _sliced(place[F.outputs])
+        self._outputs = _run(place[F.outputs])
         self._calls: list[tuple[slice, Callable[..., Any], tuple[Any, ...]]] = []
         for a, b in itertools.pairwise(bounds):
             members = order[a:b]
@@ -65,10 +65,15 @@ def _depths(F: Map) -> Any:
     return np.array(depth[first:-1], dtype=np.int64)
 
 
-def _sliced(index: Any) -> Any:
-    """A slice where the numbers follow each other, which costs no copy, and one number where all are the same."""
+def _run(index: Any) -> Any:
+    """A slice where the numbers follow each other, which costs no copy."""
     if index.size and (np.diff(index) == 1).all():
         return slice(int(index[0]), int(index[-1]) + 1)
+    return index
+
+
+def _sliced(index: Any) -> Any:
+    """`_run`, and one number where all are the same, which goes with every other argument."""
     if index.size and (index == index[0]).all():
         return slice(int(index[0]), int(index[0]) + 1)
-    return index
+    return _run(index)

@@ -55,6 +55,8 @@ class _Reader:
             return self._build.apply(Operator[_UNARY[name]], arguments[0])
         if name in _BINARY:
             return self._build.apply(Operator[_BINARY[name]], *arguments)
+        if name == "Unequality":
+            return self._build.apply(Operator.NOT, self._build.apply(Operator.EQ, *arguments))
         if name in _TURNED:
             return self._build.apply(Operator[_TURNED[name]], *reversed(arguments))
         if name in _MANY:
