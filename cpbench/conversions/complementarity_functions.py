@@ -25,6 +25,10 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
 
+TSENG = (2.0 - 2.0**0.5) / (2.0 + 2.0**0.5)
+"""How much smaller φ may be beside its scale than min(a, b) beside its own, for Fischer and Burmeister's φ:
+(2 − √2)|min(a, b)| ≤ |φ(a, b)| ≤ (2 + √2)|min(a, b)| (Tseng, J. Optimization Theory and Applications 89, 1996)."""
+
 Function: TypeAlias = Callable[[Any, Any], Any]
 """φ of two SX columns."""
 

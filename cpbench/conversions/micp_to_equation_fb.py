@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.conversions.base import conversions
-from cpbench.conversions.complementarity_functions import MiCPtoEquation, fischer_burmeister
+from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation, fischer_burmeister
 
 
 @conversions.register("micp-equation-fb")
@@ -28,6 +28,6 @@ class MiCPtoEquationFB(MiCPtoEquation):
         return fischer_burmeister(a, b)
 
     def tolerance(self, tolerance: float) -> float:
-        """|min(a, b)| is up to 1/(2 − √2) |φ(a, b)| (Tseng 1996), and Φ is up to twice as large as F where both are
-        scaled; two bounds do that twice."""
-        return 0.05 * tolerance
+        """Tseng's bounds, used twice where a variable has two bounds. They hold where 0 is in the box: the scale of Φ
+        is its size at 0, wherever the box is."""
+        return TSENG**2 * tolerance

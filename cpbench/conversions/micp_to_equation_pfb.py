@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.conversions.base import conversions
-from cpbench.conversions.complementarity_functions import MiCPtoEquation, fischer_burmeister
+from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation, fischer_burmeister
 from cpbench.formulations.micp import MiCP
 
 
@@ -38,5 +38,5 @@ class MiCPtoEquationPenalized(MiCPtoEquation):
         return self.share * fischer_burmeister(a, b) + (1.0 - self.share) * penalty
 
     def tolerance(self, tolerance: float) -> float:
-        """As of Fischer and Burmeister's, whose λ-fold it is at least in size."""
-        return 0.05 * self.share**2 * tolerance
+        """As of Fischer and Burmeister's φ, of which this is at least λ times as large."""
+        return (TSENG * self.share) ** 2 * tolerance

@@ -40,11 +40,12 @@ class Constraints:
     @cached_property
     def curved(self) -> NDArray[np.bool_]:
         """Which rows of g are not affine."""
-        return np.diff(self.g.compiled.C.indptr) > 0
+        return _curved(self.g)
 
     @property
-    def affine(self) -> bool:
-        return self.h.compiled.affine and not self.curved.any()
+    def count(self) -> int:
+        """How many rows of g and h are not affine."""
+        return int(self.curved.sum() + _curved(self.h).sum())
 
     def no_slater(self) -> str:
         """Why the start is no point of Slater's, with the number; empty where it is one."""
@@ -65,13 +66,17 @@ class Constraints:
         return ""
 
 
+def _curved(F: Map) -> NDArray[np.bool_]:
+    return np.diff(F.compiled.C.indptr) > 0
+
+
 def of_program(problem: NLP) -> str:
     """Why no qualification of a program is known, with the number; empty where one is."""
     rows = Constraints.of_program(problem)
-    if rows.affine:
+    if not rows.count:
         return ""
     if not problem.convex:
-        return f"{int(rows.curved.sum())} rows of g and h are not affine, and the program is not said to be convex"
+        return f"{rows.count} rows of g and h are not affine, and the program is not said to be convex"
     return rows.no_slater()
 
 
@@ -81,7 +86,7 @@ def of_set(problem: VI) -> str:
         return ""
     h = Map.empty(problem.start.size)
     rows = Constraints(problem.g, h, *problem.box, problem.start)
-    if rows.affine:
+    if not rows.count:
         return ""
     slack, equality = problem.A @ problem.start - problem.b, problem.C @ problem.start - problem.d
     violated = max(max_abs(np.minimum(slack, 0.0)), max_abs(equality))

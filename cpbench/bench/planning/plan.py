@@ -17,7 +17,7 @@ from typing import Any
 from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
-from cpbench.routes import nodes_of_maps
+from cpbench.graph import nodes_of_maps
 from cpbench.solvers.base import parse_options, solvers
 from cpbench.solvers.external.declared import declare_text
 
