@@ -55,5 +55,4 @@ class GE(SimpleSetProblem):
         self.check_point(point)
         with np.errstate(all="ignore"):
             z = point.z
-            defect = z - self.project(z - self.F(z))
-            return self.natural(defect, point.finite, infeasibility=norm(z - self.project(z)))
+            return self.natural(self.defect(z, self.F(z)), point.finite, infeasibility=norm(z - self.project(z)))

@@ -95,6 +95,10 @@ class QVI(SimpleSetProblem):
         K, lb, ub = self.set_at(z)
         return project_box(K.project(x), lb, ub)
 
+    def defect(self, z: Vector, w: Vector) -> Vector:
+        """z − P_S(z)(z − w)."""
+        return self._defect(z, w, *self.set_at(z))
+
     def row_values(self, z: Vector) -> Vector:
         """g(z, z)."""
         return self.g(np.concatenate([z, z])) if self.g.rows else np.zeros(0)
@@ -109,6 +113,6 @@ class QVI(SimpleSetProblem):
             z, G = point.z, self.F(point.z)
             if self.g.rows:
                 G = G - self.row_slopes(z).T @ point.nu
-            defect = [z - self.project_at(z, z - G), np.minimum(point.nu, self.row_values(z))]
+            defect = [self.defect(z, G), np.minimum(point.nu, self.row_values(z))]
             outside = norm(z - self.project_at(z, z))
             return self.natural(np.concatenate(defect), point.finite, infeasibility=outside)

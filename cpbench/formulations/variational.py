@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.cones import project_box
+from cpbench.cones import box_defect, project_box
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals
 from cpbench.formulations.box import check_bounds
@@ -76,6 +76,13 @@ class SimpleSetProblem(_HasBounds, NonlinearProblem, ConicProblem):
     def project(self, z: Vector) -> Vector:
         return project_box(self.K.project(z), self.lb, self.ub)
 
+    def defect(self, z: Vector, w: Vector) -> Vector:
+        """z − P_S(z − w), shape (n,), without forming z − w where S is an interval: no w is lost beside a large z."""
+        return self._defect(z, w, self.K, self.lb, self.ub)
+
+    def _defect(self, z: Vector, w: Vector, K: ProductCone, lb: Vector, ub: Vector) -> Vector:
+        return np.where(self.in_free_factor, box_defect(z, w, lb, ub), z - K.project(z - w))
+
 
 class _HasRows:
     A: Matrix
@@ -109,6 +116,6 @@ class RowsProblem(_HasRows, SimpleSetProblem):
         with np.errstate(all="ignore"):
             z = point.z
             rows = self.row_defects(point)
-            defect = np.concatenate([z - self.project(z - self.force(point)), *rows])
+            defect = np.concatenate([self.defect(z, self.force(point)), *rows])
             outside = norm(z - self.project(z))
             return self.natural(defect, point.finite, infeasibility=outside)
