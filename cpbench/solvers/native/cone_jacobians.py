@@ -68,6 +68,8 @@ def _factor(kind: Cone, x: Dense, mu: Vector, mu_r: Vector) -> Dense:
             blocks[:, 0, 0] = x[:, 0] > 0
             blocks[:, 1:, 1:] = _sphere(x[:, 1:], mu)
             return blocks
+        case Cone.BALL:
+            return _sphere(x, mu)
 
 
 def _rolling(x: Dense, mu: Vector, mu_r: Vector) -> Dense:

@@ -50,11 +50,11 @@ class Field:
         self.problem = problem
         self.counters = {"iterations": 0, "evaluations": 0, "projections": 0}
 
-    def F(self, z: Vector) -> Vector:
+    def F(self, x: Vector) -> Vector:
         """NaN and ∞ where it is not defined."""
         self.counters["evaluations"] += 1
         with np.errstate(all="ignore"):
-            return self.problem.F(z)
+            return self.problem.F(x)
 
     def project(self, x: Vector, at: Vector) -> Vector:
         """P_S(x), S that of `at` where it moves."""
@@ -63,14 +63,19 @@ class Field:
             return self.problem.project_at(at, x)
         return self.problem.project(x)
 
-    def error(self, z: Vector, F: Vector) -> float:
-        """The judged error of z, of which F is F(z)."""
+    def defect(self, x: Vector, F: Vector) -> Vector:
+        """x − P_S(x − F), without cancellation."""
+        self.counters["projections"] += 1
         with np.errstate(all="ignore"):
-            error = scaled(norm(z - self.project(z - F, z)), self.problem.scale)
+            return self.problem.defect(x, F)
+
+    def error(self, x: Vector, F: Vector) -> float:
+        """The judged error of x, of which F is F(x)."""
+        error = scaled(norm(self.defect(x, F)), self.problem.scale)
         return error if math.isfinite(error) else math.inf
 
-    def point(self, z: Vector) -> Any:
-        return VIPoint(z) if isinstance(self.problem, VI) else QVIPoint(z)
+    def point(self, x: Vector) -> Any:
+        return VIPoint(x) if isinstance(self.problem, VI) else QVIPoint(x)
 
     def first_step(self, z: Vector, F: Vector) -> float:
         """1/L, L the change of F over a short way from z, in the direction that a step takes; 1 where it is none."""

@@ -43,7 +43,7 @@ class _FixedPoint(Method):
     def step(self) -> bool:
         z, F = self.z, self.F
         fixed = self.options.step > 0
-        now = norm(z - self.field.project(z - F, z))
+        now = norm(self.field.defect(z, F))
         if now > WORSE * self._least and not fixed:
             self._longest, self._least = 0.5 * self._step, now
             self._step = self._longest
