@@ -86,7 +86,7 @@ class _Reader:
         if code == ca.OP_SQ:
             return apply(Operator.MUL, a, a)
         if code == ca.OP_TWICE:
-            return apply(Operator.ADD, a, a)
+            return apply(Operator.MUL, constant(2.0), a)
         if code == ca.OP_INV:
             return apply(Operator.DIV, constant(1.0), a)
         if code == ca.OP_NE:

@@ -98,8 +98,9 @@ class Functions:
         """The variable that a function is, None where it is more."""
         if isinstance(function, Nonlinear):
             return function.value if function.value < len(self._column) else None
-        if isinstance(function, Affine) and function.values == [1.0] and function.constant == 0.0:
-            return function.columns[0]
+        affine = function.affine if isinstance(function, Quadratic) and not function.products else function
+        if isinstance(affine, Affine) and affine.values == [1.0] and affine.constant == 0.0:
+            return affine.columns[0]
         return None
 
     # --------------------------------------------------------------------------------------- reading

@@ -77,6 +77,8 @@ class _Reader:
         if exponent in (Rational(1, 2), Rational(-1, 2)):
             root = apply(Operator.SQRT, value)
             return root if exponent > 0 else apply(Operator.DIV, self._build.constant(1.0), root)
+        if exponent == 2:
+            return apply(Operator.MUL, value, value)  # as CasADi has it
         return apply(Operator.POW, value, self._value(exponent))
 
     def _piecewise(self, pieces: list[Any]) -> int:

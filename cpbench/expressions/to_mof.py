@@ -168,6 +168,8 @@ class _Plain:
                 products.append((i, j, sign * factor if i != j else 2.0 * sign * factor))
                 if not math.isfinite(products[-1][2]):
                     return None
+        if affine.constant == 0.0 and math.copysign(1.0, affine.constant) < 0:
+            return None  # a side of a set has no room for the sign of a zero
         found = Quadratic(products, affine) if products else affine
         return found if self._reader.value(found) == self._number[end] else None
 
