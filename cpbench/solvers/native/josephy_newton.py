@@ -22,8 +22,8 @@ from cpbench.solvers.options import fixed, searched
 SMALL_ENOUGH = 0.5
 """A solution of the linear problem is used when its natural residual is below this share of that of F at z."""
 INNER_TOLERANCE = 1e-14
-INNER_ITERATIONS = (50, 5)
-"""An inner solver has 50 + 5n iterations or pivots: what takes longer is rarely a good direction."""
+INNER_ITERATIONS = (30, 3)
+"""An inner solver has 30 + 3n iterations or pivots: what takes longer is rarely a good direction."""
 SEPARATOR = "+"
 
 

@@ -23,7 +23,7 @@ from cpbench.cones import project_box
 from cpbench.factorization import Factorization
 from cpbench.matrices import Matrix, Vector, dense, max_abs
 
-REFRESH = 50
+REFRESH = 100
 """Pivots after which the basis is factorized again."""
 PIVOT = 1e-11
 """Movements below this, over the largest, meet no border."""

@@ -1,0 +1,305 @@
+"""Newton-type solvers of nonlinear complementarity: published solutions, order of convergence, and what they are
+made of."""
+
+from __future__ import annotations
+
+import math
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.linalg import solve
+
+from cpbench.cones import box_defect, project_box
+from cpbench.conversions.base import conversions
+from cpbench.errors import UnknownName
+from cpbench.expressions import Map
+from cpbench.formulations import AVI, AVIPoint, MiCP, MiCPPoint
+from cpbench.generators.base import generators
+from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
+from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.solvers.native.box_linear import BoxLinear
+from cpbench.solvers.native.ncp_functions import (
+    Reformulation,
+    evtushenko_purtov,
+    fischer_burmeister,
+    minimum,
+    penalized,
+    smoothed,
+)
+from cpbench.solvers.native.normal_path import NormalPath, normal_point
+
+FUNCTIONS = {
+    "min": minimum, "fb": fischer_burmeister, "pfb": penalized, "ep": evtushenko_purtov,
+    "smoothed": partial(smoothed, mu=0.1),
+}  # fmt: skip
+SOLVERS = (
+    "josephy-newton", "normal-map-newton", "path-search", "smoothing-newton", "semismooth-newton-ep",
+    "semismooth-newton-fb", "semismooth-newton-min", "semismooth-newton-pfb",
+)  # fmt: skip
+
+
+@cache
+def problem(collection: str, name: str) -> MiCP:
+    """Of a collection, as a MiCP."""
+    found = next(i.problem for i in generators.get(collection).instances() if i.name == name)
+    return found if isinstance(found, MiCP) else conversions.get(f"{found.node}-micp")().apply(found)[0]
+
+
+def run(name: str, micp: MiCP, start: Any = None, record: Any = None, tolerance: float = 1e-12, **options: Any) -> Any:
+    solver = solvers.get(name)
+    budget = Budget(tolerance=tolerance, seconds=30.0)
+    point = None if start is None else MiCPPoint(z=np.array(start, dtype=float))
+    return solver.run(micp, budget, solver.spec.options(**options), point, record)
+
+
+# ------------------------------------------------------------------------------------ published solutions
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_kojima_and_shindo_from_the_published_starts(name: str) -> None:
+    micp = problem("ncp-classics", "kojima-shindo")
+    for start in MCPLIB_STARTS:
+        output = run(name, micp, start)
+        assert micp.residuals(output.point).error <= 1e-10, start
+        # there are two solutions, and residuals of 1e-12 hold z only to 1e-6 at the degenerate one
+        assert min(np.abs(output.point.z - REGULAR).max(), np.abs(output.point.z - DEGENERATE).max()) <= 1e-5, start
+
+
+def test_both_solutions_are_found() -> None:
+    micp = problem("ncp-classics", "kojima-shindo")
+    found = [run("josephy-newton", micp, start).point.z for start in MCPLIB_STARTS]
+    for solution in (REGULAR, DEGENERATE):
+        assert min(np.abs(z - solution).max() for z in found) <= 1e-9
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize(
+    ("collection", "instance"),
+    [
+        ("ncp-classics", "josephy"),
+        ("ncp-classics", "munson1"),
+        ("ncp-classics", "mathiesen"),
+        ("nash-cournot", "nash-cournot-5"),
+        ("nash-cournot", "nash-cournot-10"),
+        ("membranes", "bratu-10x10-6"),
+        ("harker-pang", "harker-pang-10"),
+        ("walras", "cobb-douglas-4-3"),
+    ],
+)
+def test_the_classics(name: str, collection: str, instance: str) -> None:
+    micp = problem(collection, instance)
+    output = run(name, micp, tolerance=1e-10)
+    assert output.claim is Claim.SOLVED
+    assert micp.residuals(output.point).error <= 1e-10
+
+
+@pytest.mark.parametrize("name", [n for n in SOLVERS if n not in ("semismooth-newton-ep", "smoothing-newton")])
+def test_sparse_problems(name: str) -> None:
+    for instance in ("bratu-20x20-12", "membrane-20x20", "minimal-surface-19x19"):
+        micp = problem("membranes", instance)
+        assert micp.residuals(run(name, micp).point).error <= 1e-10, instance
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_billups_problem_needs_another_start(name: str) -> None:
+    """(z − 1)² − 1.01 has a local minimum of every merit at 0: said without restarts, left with them."""
+    micp = problem("ncp-classics", "billups")
+    stuck = run(name, micp, restarts=0)
+    assert stuck.claim is Claim.FAILED
+    assert "stuck" in stuck.message
+    output = run(name, micp)
+    assert abs(output.point.z[0] - (1.0 + math.sqrt(1.01))) <= 1e-9
+    assert output.counters["restarts"] > 0
+
+
+def test_iterates_may_leave_the_domain_or_not() -> None:
+    """Nash–Cournot's (10 q)^(1/β) is no number for q < 0; from 1 a full step goes there."""
+    micp = problem("nash-cournot", "nash-cournot-10")
+    for project in (True, False):
+        for start in (np.ones(10), np.full(10, 10.0)):
+            output = run("semismooth-newton-fb", micp, start, project=project)
+            assert micp.residuals(output.point).error <= 1e-10
+
+
+def test_a_start_outside_of_the_domain_is_left() -> None:
+    import casadi as ca
+
+    z = ca.SX.sym("z", 2)
+    micp = MiCP(F=Map.from_casadi(z, ca.log(z) - 1.0), lb=np.zeros(2), ub=np.full(2, np.inf))
+    output = run("semismooth-newton-fb", micp)
+    assert np.abs(output.point.z - math.e).max() <= 1e-9
+    nowhere = MiCP(F=Map.from_casadi(z, ca.log(-1.0 - z * z)), lb=np.zeros(2), ub=np.ones(2))
+    output = run("semismooth-newton-fb", nowhere)
+    assert output.claim is Claim.FAILED
+    assert "not finite" in output.message
+
+
+# ------------------------------------------------------------------------------------------------- order
+
+
+def order(name: str, micp: MiCP, start: Any = None) -> float:
+    """log(e₂/e₁)/log(e₁/e₀) of the last three errors above rounding that fall."""
+    errors: list[float] = []
+    run(name, micp, start, lambda k, error, point: errors.append(error), tolerance=1e-15)
+    triples = [(a, b, c) for a, b, c in zip(errors, errors[1:], errors[2:], strict=False) if 0.2 > a > b > c > 3e-14]
+    a, b, c = triples[-1]
+    return math.log(c / b) / math.log(b / a)
+
+
+@pytest.mark.parametrize("name", ["josephy-newton", "semismooth-newton-fb"])
+def test_convergence_is_quadratic(name: str) -> None:
+    for collection, instance in (
+        ("nash-cournot", "nash-cournot-5"),
+        ("nash-cournot", "nash-cournot-20"),
+        ("harker-pang", "harker-pang-50"),
+        ("membranes", "minimal-surface-9x9"),
+    ):
+        assert order(name, problem(collection, instance)) >= 1.8, instance
+    josephy = problem("ncp-classics", "josephy")
+    for start in MCPLIB_STARTS:
+        assert order(name, josephy, start) >= 1.8, start
+
+
+# ------------------------------------------------------------------------------------------ NCP functions
+
+
+@pytest.mark.parametrize("name", [n for n in FUNCTIONS if n != "smoothed"])
+def test_zeros_are_complementary_pairs(name: str, rng: np.random.Generator) -> None:
+    t = rng.uniform(0.1, 3.0, 50)
+    zero = np.zeros(50)
+    for a, b in ((t, zero), (zero, t), (zero, zero)):
+        assert np.abs(FUNCTIONS[name](a, b)[0]).max() <= 1e-15
+    p, q = rng.uniform(0.1, 3.0, (2, 50))
+    for a, b in ((p, q), (-p, q), (p, -q), (-p, -q)):
+        assert (np.abs(FUNCTIONS[name](a, b)[0]) > 1e-3).all()
+
+
+@pytest.mark.parametrize("name", list(FUNCTIONS))
+def test_derivatives_of_the_composition(name: str, rng: np.random.Generator) -> None:
+    """α and β against central differences, for every kind of bounds."""
+    n = 60
+    lb = np.where(np.arange(n) % 3 == 0, -np.inf, -rng.uniform(0.0, 1.0, n))
+    ub = np.where(np.arange(n) % 2 == 0, np.inf, rng.uniform(0.1, 1.0, n))
+    ub[6] = lb[6] = 0.25
+    equation, psi, h = Reformulation(lb, ub), FUNCTIONS[name], 1e-6
+    z, F = rng.standard_normal((2, n))
+    _, alpha, beta = equation(psi, z, F)
+    by_z = (equation(psi, z + h, F)[0] - equation(psi, z - h, F)[0]) / (2 * h)
+    by_F = (equation(psi, z, F + h)[0] - equation(psi, z, F - h)[0]) / (2 * h)
+    np.testing.assert_allclose(alpha, by_z, atol=1e-7)
+    np.testing.assert_allclose(beta, by_F, atol=1e-7)
+    if name == "min":
+        np.testing.assert_allclose(equation(psi, z, F)[0], z - project_box(z - F, lb, ub), atol=1e-15)
+
+
+def test_derivative_by_the_smoothing(rng: np.random.Generator) -> None:
+    lb, ub = np.array([-np.inf, 0.0, -np.inf, 0.0, 1.0]), np.array([np.inf, np.inf, 0.5, 0.75, 1.0])
+    equation, h = Reformulation(lb, ub), 1e-6
+    z, F = rng.standard_normal((2, 5))
+    by_mu = equation.smoothed(z, F, 0.3)[3]
+    difference = (equation.smoothed(z, F, 0.3 + h)[0] - equation.smoothed(z, F, 0.3 - h)[0]) / (2 * h)
+    np.testing.assert_allclose(by_mu, difference, atol=1e-8)
+
+
+def test_a_small_force_far_away_is_measured() -> None:
+    """At z = 1e24 z − F is z: the residual once was 0 for F = 1e-2."""
+    micp = problem("ncp-classics", "mathiesen")
+    z = 1e24 * np.array([0.5e-24, 3.0, 1.1, 2.0])
+    assert micp.residuals(MiCPPoint(z=z)).error > 1e-3
+    w = np.array([1e-3, -1e-3])
+    np.testing.assert_array_equal(box_defect(np.full(2, 1e20), w, np.zeros(2), np.full(2, np.inf)), w)
+
+
+# --------------------------------------------------------------------------------- linear problems and paths
+
+
+def linear(rng: np.random.Generator, n: int, *, sparse: bool = False) -> BoxLinear:
+    """A strongly monotone one with bounds of every kind."""
+    A, B = rng.standard_normal((2, n, n)) / math.sqrt(n)
+    M: Any = A @ A.T + B - B.T + 0.2 * np.eye(n)
+    kind = np.arange(n) % 5
+    lb = np.where((kind == 0) | (kind == 2), -np.inf, -rng.random(n))
+    ub = np.where((kind == 0) | (kind == 1), np.inf, rng.random(n))
+    ub[kind == 4] = lb[kind == 4]
+    q = 3.0 * rng.standard_normal(n)
+    return BoxLinear(sp.csr_array(M) if sparse else M, q, lb, ub, project_box(rng.standard_normal(n), lb, ub))
+
+
+def defect(box: BoxLinear, z: Any) -> float:
+    return float(np.linalg.norm(box_defect(z, box.M @ z + box.q, box.lb, box.ub)))
+
+
+class AVIByPath(Solver):
+    """A solver of the node avi for boxes: the path of its normal map."""
+
+    spec = SolverSpec(name="avi-by-path", node="avi", summary="path of the normal map", method="pivoting")
+
+    def solve(self, prepared: AVI, budget: Budget, options: Any, start: Any = None, record: Any = None) -> SolverOutput:
+        z, lb, ub = start.z, prepared.lb, prepared.ub
+        F = prepared.M @ z + prepared.q
+        found = NormalPath(prepared.M, F, normal_point(z, F, lb, ub), lb, ub).trace(1.0, 1000, math.inf)
+        assert found is not None
+        return SolverOutput(claim=Claim.SOLVED, point=AVIPoint(project_box(found.x, lb, ub)))
+
+
+@pytest.mark.parametrize("inner", ["lemke", "newton-min", "bpp", "casadi-fischer-burmeister-mlcp", "avi-by-path"])
+@pytest.mark.parametrize("sparse", [False, True])
+def test_linear_problems_by_solvers_of_each_node(inner: str, sparse: bool, rng: np.random.Generator) -> None:
+    solver = AVIByPath() if inner == "avi-by-path" else solvers.get(inner)
+    tolerance = 1e-6 if "casadi" in inner else 1e-10
+    for n in (1, 5, 23):
+        box = linear(rng, n, sparse=sparse)
+        z = box.solve(solver, Budget(tolerance=1e-12))
+        assert z is not None
+        assert defect(box, z) <= tolerance
+
+
+def test_a_singular_free_block_has_no_lcp(rng: np.random.Generator) -> None:
+    box = linear(rng, 10)
+    M = np.array(box.M)
+    M[[0, 5]] = 0.0
+    singular = BoxLinear(M, box.q, box.lb, box.ub, box.present)
+    assert singular.solve(solvers.get("lemke"), Budget()) is None
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_paths_end_at_the_zero_of_the_normal_map(sparse: bool, rng: np.random.Generator) -> None:
+    for n in (1, 6, 40):
+        box = linear(rng, n, sparse=sparse)
+        F = box.M @ box.present + box.q
+        path = NormalPath(box.M, F, normal_point(box.present, F, box.lb, box.ub), box.lb, box.ub)
+        whole, half = path.trace(1.0, 1000, math.inf), path.trace(0.5, 1000, math.inf)
+        assert whole is not None
+        assert half is not None
+        assert whole.t == 1.0
+        assert defect(box, project_box(whole.x, box.lb, box.ub)) <= 1e-11
+        # half of the residual is left at t = 1/2, in the normal map
+        z = project_box(half.x, box.lb, box.ub)
+        first = F + normal_point(box.present, F, box.lb, box.ub) - box.present
+        np.testing.assert_allclose(box.M @ z + box.q + half.x - z, 0.5 * first, atol=1e-11)
+
+
+def test_a_path_without_bounds_is_newtons_step(rng: np.random.Generator) -> None:
+    M, F, x = rng.standard_normal((8, 8)), rng.standard_normal(8), rng.standard_normal(8)
+    free = np.full(8, np.inf)
+    found = NormalPath(M, F, x, -free, free).trace(1.0, 10, math.inf)
+    assert found is not None
+    np.testing.assert_allclose(found.x, x - solve(M, F), atol=1e-12)
+
+
+@pytest.mark.parametrize("inner", ["lemke", "bpp", "casadi-fischer-burmeister-mlcp", "bpp+newton-min"])
+def test_josephy_newton_with_any_solver_inside(inner: str) -> None:
+    micp = problem("nash-cournot", "nash-cournot-10")
+    output = run("josephy-newton", micp, inner=inner, tolerance=1e-9)
+    assert micp.residuals(output.point).error <= 1e-9
+    assert output.counters["subproblems"] <= 20
+
+
+def test_inner_solvers_are_of_linear_problems() -> None:
+    micp = problem("ncp-classics", "munson1")
+    for inner in ("nsgs", "nobody"):
+        with pytest.raises(UnknownName, match=inner):
+            run("josephy-newton", micp, inner=inner)
