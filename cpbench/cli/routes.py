@@ -34,7 +34,8 @@ def sizes_line(problem: Problem) -> str:
     """`n = 20, m = 3, 61 nonzeros`."""
     sizes = ", ".join(f"{symbol} = {size}" for symbol, size in problem.sizes().items())
     nonzeros = sum(matrices.nnz(v) for v in problem.data().values() if v.ndim == 2)
-    return f"{sizes}, {nonzeros} nonzeros"
+    operations = sum(F.operations for F in problem.maps().values())
+    return f"{sizes}, {nonzeros} nonzeros" + (f", {operations} operations" if problem.maps() else "")
 
 
 def size_after(problem: Problem, edge: Conversion, apply: Apply) -> str:
