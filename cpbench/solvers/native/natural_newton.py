@@ -36,7 +36,7 @@ DESCENT = 1e-4
 LENGTHS = tuple(0.5**k for k in range(8))
 EPSILON = ((0.0, 0.0), (1e-3, 1.0), (0.03, 0.5), (0.3, 0.5))
 """ε = c‖Φ‖^k for (c, k), at most 1, one after the other until one descends."""
-DAMPING = (1e-6, 1e-2)
+DAMPING = (1e-8, 1e-5, 1e-2, 1.0)
 """Of Levenberg–Marquardt, relative to the largest entry of VᵀV."""
 FIRST_PHASE = 10
 """Extragradient steps before Newton is tried again the first time."""

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.expressions import Builder, Operator
+from cpbench.expressions import Builder, Map, Operator
 from cpbench.formulations.base import scaled
 from cpbench.formulations.qvi import QVI, QVIPoint
 from cpbench.formulations.variational import VIPoint
@@ -122,9 +122,7 @@ class ProjectionSolver(Solver):
         return problem
 
     def warmup(self) -> None:
-        build = Builder(1)
-        value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
-        F = build.finish([value])
+        F = exponential()
         self.run(VI(F=F) if self.spec.node == "vi" else QVI(F=F))
 
     def solve(
@@ -141,6 +139,13 @@ class ProjectionSolver(Solver):
         return run(field, type(self).method(field, options), budget, limit, first, record)
 
 
+def exponential() -> Map:
+    """z ↦ exp(z) − 2, for a warm-up: it brings in what differentiates."""
+    build = Builder(1)
+    value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
+    return build.finish([value])
+
+
 def rows_obstacle(problem: VI | QVI) -> str | None:
     """Why a set is not simple, else None."""
     rows = {"g": problem.g.rows}
@@ -155,6 +160,13 @@ def rows_obstacle(problem: VI | QVI) -> str | None:
 
 def run(field: Field, method: Method, budget: Budget, limit: int, start: Vector, record: Record | None) -> SolverOutput:
     """Steps until the judged error is at most the tolerance, or the limits are reached, or nothing gains."""
+    with np.errstate(all="ignore"):
+        return _run(field, method, budget, limit, start, record)
+
+
+def _run(
+    field: Field, method: Method, budget: Budget, limit: int, start: Vector, record: Record | None
+) -> SolverOutput:
     counters = field.counters
     deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
     begun = _beginning(field, start)
@@ -179,12 +191,12 @@ def run(field: Field, method: Method, budget: Budget, limit: int, start: Vector,
         if time.monotonic() > deadline:
             claim, message = Claim.FAILED, f"out of time after {done} iterations"
             break
-        message_of_trouble = progress.trouble(done, error)
-        if message_of_trouble is None and not method.step():
-            message_of_trouble = f"no step from error {error:.1e} after {done} iterations"
-        if message_of_trouble is not None:
+        trouble = progress.trouble(done, error)
+        if trouble is None and not method.step():
+            trouble = f"no step from error {error:.1e} after {done} iterations"
+        if trouble is not None:
             claim = Claim.INACCURATE if least <= CLOSE * budget.tolerance else Claim.FAILED
-            message = message_of_trouble
+            message = trouble
             break
         counters["iterations"] = done + 1
     return SolverOutput(claim=claim, point=field.point(best), counters=dict(counters), message=message)
