@@ -17,12 +17,16 @@ _LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 def encode(problem: Problem) -> bytes:
-    """The file for `problem`."""
-    others = (
-        {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - problem.maps().keys() - _LEFT_BEHIND
-    )
+    """The file for `problem`; raises FormatError where it is not all arrays."""
+    if problem.maps():
+        raise FormatError(problem.name or problem.node, "", _no_maps(problem.node))
+    others = {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - _LEFT_BEHIND
     header = {"node": problem.node, "name": problem.name}
     return json.dumps(header | {name: getattr(problem, name) for name in sorted(others)}).encode()
+
+
+def _no_maps(node: str) -> str:
+    return f"a problem of type {node} has nonlinear maps, which are no arrays: the exchange hdf5 carries them"
 
 
 def decode(path: Path, text: bytes) -> tuple[type[Problem], dict[str, Any], list[str]]:
@@ -34,6 +38,8 @@ def decode(path: Path, text: bytes) -> tuple[type[Problem], dict[str, Any], list
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError, UnknownName) as cause:
         raise FormatError(path, HEADER, f"names no problem ({type(cause).__name__}: {cause})") from None
     fields = {f.name: f for f in dataclasses.fields(cls)}
+    if any("map" in f.metadata for f in fields.values()):
+        raise FormatError(path, HEADER, _no_maps(cls.node))
     data = [key for key, f in fields.items() if "shape" in f.metadata]
     unknown = header.keys() - (fields.keys() - data - _LEFT_BEHIND)
     if unknown:
