@@ -17,7 +17,17 @@ import numpy as np
 from cpbench.formulations.base import scaled
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.matrices import Vector, norm
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import (
+    Budget,
+    Claim,
+    Record,
+    Solver,
+    SolverOutput,
+    SolverSpec,
+    Trait,
+    package_version,
+    register,
+)
 from cpbench.solvers.options import fixed
 
 STUCK = 1e-15
@@ -99,6 +109,9 @@ class ScipyRoot(Solver):
             watched.jacobian(problem.start)
         return problem
 
+    def version(self) -> str:
+        return package_version("scipy")
+
     def warmup(self) -> None:
         from cpbench.expressions import Builder, Operator
 
@@ -149,8 +162,6 @@ def _spec(guest: str, summary: str, method: str, citation: str) -> SolverSpec:
         summary=f"scipy.optimize.root: {summary}",
         method=method,
         citation=citation,
-        requires=("scipy",),
-        install="pip install scipy",
         licence="BSD-3-Clause",
         traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
         options=RootOptions,

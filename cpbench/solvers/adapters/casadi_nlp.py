@@ -1,0 +1,164 @@
+"""Nonlinear programs by CasADi's nlpsol: Ipopt, and CasADi's own SQP method with its active-set QP solver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.nlp import NLP
+from cpbench.solvers.adapters.casadi_guest import CITATION, INSTALL, LICENCE, too_large
+from cpbench.solvers.adapters.casadi_ipopt import CLAIMS as IPOPT_CLAIMS
+from cpbench.solvers.adapters.casadi_ipopt import LEAST
+from cpbench.solvers.adapters.nlp_answers import answer, concluded, small_program
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.options import fixed
+
+SQP_CLAIMS = {
+    "Solve_Succeeded": Claim.SOLVED,
+    "Maximum_Iterations_Exceeded": Claim.MAX_ITER,
+    "Infeasible_Problem_Detected": Claim.INFEASIBLE,
+}
+
+
+@dataclass(frozen=True)
+class NLPOptions:
+    """`max_iterations` : of the guest, unless the budget bounds them."""
+
+    max_iterations: int = fixed(3000)
+
+
+@dataclass(frozen=True)
+class Program:
+    """The problem and CasADi's solver for it."""
+
+    problem: NLP
+    solver: Any
+
+
+class CasadiNLP(Solver):
+    """x, f and (g, h) as one expression of CasADi, its multipliers with the other sign: L = f + lam_gᵀ(g, h)."""
+
+    plugin: ClassVar[str]
+    claims: ClassVar[Mapping[str, Claim]]
+
+    def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
+        """Of the guest."""
+        raise NotImplementedError
+
+    def obstacle(self, problem: NLP) -> str | None:
+        n = problem.start.size
+        if n == 0:
+            return "has no unknown (n = 0): CasADi's solvers refuse an empty program"
+        return too_large(n)
+
+    def setup(self, problem: NLP, budget: Budget, options: NLPOptions) -> Program:
+        import casadi as ca
+
+        z = ca.SX.sym("z", problem.start.size)
+        program = {"x": z, "f": problem.f.sx(z), "g": ca.vertcat(problem.g.sx(z), problem.h.sx(z))}
+        limit = budget.iterations or options.max_iterations
+        quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
+        return Program(problem, ca.nlpsol("program", self.plugin, program, quiet | dict(self.settings(limit, budget))))
+
+    def warmup(self) -> None:
+        self.run(small_program())
+
+    def solve(
+        self,
+        prepared: Program,
+        budget: Budget,
+        options: NLPOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, m = prepared.problem, prepared.problem.g.rows
+        first = problem.at_start if start is None else np.clip(start.z, problem.lb, problem.ub)
+        upper = np.where(np.arange(m + problem.h.rows) < m, np.inf, 0.0)
+        result = prepared.solver(x0=first, lbx=problem.lb, ubx=problem.ub, lbg=np.zeros(upper.size), ubg=upper)
+        told = prepared.solver.stats()
+        z, own = (np.asarray(result[name], dtype=float).ravel() for name in ("x", "lam_g"))
+        point = answer(problem, z, -own[:m], -own[m:]) if np.isfinite(np.concatenate([z, own])).all() else None
+        ended = self.claims.get(told["return_status"], Claim.FAILED)
+        counters = {"iterations": max(int(told["iter_count"]), 0)}
+        return concluded(problem, point, budget, ended, told["return_status"], counters)
+
+
+def _spec(name: str, summary: str, method: str, citation: str, licence: str) -> SolverSpec:
+    return SolverSpec(
+        name=name,
+        node="nlp",
+        summary=summary,
+        method=method,
+        citation=f"{citation}; {CITATION}",
+        requires=("casadi",),
+        install=INSTALL,
+        licence=licence,
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        options=NLPOptions,
+    )
+
+
+@register
+class IpoptNLP(CasadiNLP):
+    """Ipopt with exact Hessians. Tolerance: `tol`, on its scaled conditions, a hundredth of ours; it relaxes the
+    bounds by a hundredth of ours (there may be no interior) and honours them in the end."""
+
+    plugin, claims = "ipopt", IPOPT_CLAIMS
+    spec: ClassVar[SolverSpec] = _spec(
+        "casadi-ipopt-nlp",
+        "Ipopt through CasADi, exact Hessians",
+        "interior point",
+        "Wächter and Biegler, Math. Prog. 106 (2006)",
+        "EPL-2.0 (Ipopt), LGPL-3.0-or-later (CasADi)",
+    )
+
+    def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
+        tol = max(0.01 * budget.tolerance, LEAST)
+        own: dict[str, Any] = {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": tol,
+            "dual_inf_tol": tol,
+            "constr_viol_tol": tol,
+            "compl_inf_tol": tol,
+            "bound_relax_factor": 0.01 * budget.tolerance,
+            "honor_original_bounds": "yes",
+            "max_iter": limit,
+        }
+        if math.isfinite(budget.seconds):
+            own["max_wall_time"] = budget.seconds
+        return {"ipopt": own}
+
+
+@register
+class SQPMethodNLP(CasadiNLP):
+    """CasADi's sqpmethod with exact Hessians, made convex by clipping eigenvalues, and its sparse active-set QP solver.
+    Tolerance: `tol_pr` and `tol_du`, in the ∞-norm, a tenth of ours. It has no limit of time."""
+
+    plugin, claims = "sqpmethod", SQP_CLAIMS
+    spec: ClassVar[SolverSpec] = _spec(
+        "casadi-sqpmethod",
+        "CasADi's SQP with its active-set QP solver, exact Hessians",
+        "sequential quadratic programming",
+        "Andersson and Rawlings 2018, IFAC-PapersOnLine 51",
+        LICENCE,
+    )
+
+    def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
+        tol = max(0.1 * budget.tolerance, LEAST)
+        silent = {"print_header": False, "print_iter": False, "print_info": False, "error_on_fail": False}
+        return {
+            "qpsol": "qrqp",
+            "qpsol_options": silent,
+            "print_header": False,
+            "print_iteration": False,
+            "print_status": False,
+            "tol_pr": tol,
+            "tol_du": tol,
+            "max_iter": limit,
+            "convexify_strategy": "eigen-clip",
+        }
