@@ -85,7 +85,7 @@ MISTAKES = {
     "node = 'lcp'": "[solver.mine]: has neither command nor serve: say how it is run",
     "serve = './mine'": "[solver.mine]: node is missing, one of afc, avi,",
     "node = 'lcp'\nserve = 'a'\ncommand = 'b'": "[solver.mine]: has command and serve: keep one of them",
-    "node = 'lpc'\nserve = 'a'": "[solver.mine]: node = 'lpc': unknown formulation 'lpc': did you mean lcp",
+    "node = 'lpc'\nserve = 'a'": "[solver.mine]: node = 'lpc': unknown formulation 'lpc': did you mean nlp, lcp",
     "node = 'lcp'\nserve = 'a'\nexchange = 'npy'": "exchange = 'npy': unknown exchange 'npy'",
     "node = 'lcp'\nserve = 'a'\nmatrices = 'full'": "matrices = 'full': expected as-is or dense or csr",
     "node = 'lcp'\nserve = 'a'\nserv = 'b'": "serv = 'b': unknown key, known are node, command, serve",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from itertools import combinations
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 
 from cpbench import facts, matrices, storage
 from cpbench.cli import cli
+from cpbench.expressions import Builder
 from cpbench.facts import How
 from cpbench.facts.copositivity import simplex_minima
 from cpbench.facts.sign_classes import exact_minor, least_ratio
@@ -299,6 +301,10 @@ def test_facts_of_empty_problems(node: str) -> None:
     for f in cls._data_fields():
         shape = [int(s) if s.isdigit() else 0 for s in f.metadata["shape"]]
         data[f.name] = np.zeros(shape)
+    for f in fields(cls):
+        if "map" in f.metadata:
+            build = Builder(0)
+            data[f.name] = build.finish([build.constant(0.0)] * (f.metadata["map"][0] == "1"))
     extra = {"dimension": cls.dimensions[0]} if issubclass(cls, ContactProblem) else {}
     for found in facts.of(cls(**data, **extra)):
         assert found.how is not How.UNDECIDED

@@ -212,7 +212,7 @@ def test_julia_says_what_the_protocol_says(tmp_path: Path, guest: tuple[str, ...
         (("conversion", "demo", "--lang", "cpp"), "Python"),
         (("solver", "demo", "--with", "path"), "julia"),
         (("solver", "demo", "--node", "fc"), "no template"),
-        (("solver", "demo", "--node", "lpc"), "did you mean lcp"),
+        (("solver", "demo", "--node", "lpc"), "did you mean nlp, lcp"),
         (("solver", "demo", "-o", "file"), "file"),
         (("solver", "demo", "-o", "file/below"), "file"),
         (("solver", "demo", "--lang", "cobol"), "cobol"),
