@@ -59,7 +59,7 @@ class GamsMCP(Solver):
 
     def availability(self) -> Availability:
         found = super().availability()
-        return _availability(self.guest) if found.ok else found
+        return gams_availability(self.guest) if found.ok else found
 
     def obstacle(self, problem: LCP | MLCP) -> str | None:
         n = sum(problem.point_sizes.values())
@@ -134,7 +134,7 @@ def gams_spec(name: str, node: str, *, summary: str, method: str, citation: str,
 
 
 @cache
-def _availability(guest: str) -> Availability:
+def gams_availability(guest: str) -> Availability:
     """Whether GAMS starts with its licence and has the solver; costs one start of GAMS a process, 20 ms."""
     try:
         return _installed(guest) or _licensed()

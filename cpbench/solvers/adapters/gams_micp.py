@@ -1,0 +1,210 @@
+"""PATH, MILES and NLPEC on nonlinear complementarity problems: a process of GAMS a solve, which reads the model.
+
+The time is that of the process: compiling the model, generating it, and the solver; `reported` is the solver's own.
+Tolerance: a tenth of ours times the problem's scale, on the guest's absolute residual; an answer is claimed solved
+where the node's own residual agrees.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import tempfile
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.errors import Unavailable
+from cpbench.formulations.micp import MiCP, MiCPPoint
+from cpbench.solvers.adapters import gams_licence, gams_model
+from cpbench.solvers.adapters.gams_mcp import gams_availability, gams_spec
+from cpbench.solvers.base import (
+    Availability,
+    Budget,
+    Claim,
+    Record,
+    Solver,
+    SolverOutput,
+    SolverSpec,
+    package_version,
+    register,
+)
+
+NORMAL, ITERATIONS, RESOURCES, LICENCE = 1, 2, 3, 7
+"""Solver statuses of GAMS."""
+CLOSE = 100.0
+"""What a guest calls solved within this factor of the tolerance is claimed `inaccurate`, beyond it `failed`."""
+GRACE = 10.0
+"""Seconds beyond the budget after which the process is ended."""
+LEAST = 1e-14
+"""Least tolerance that a guest is asked for."""
+
+
+class GamsMiCP(Solver):
+    """One solver of GAMS for node micp."""
+
+    guest: ClassVar[str]
+
+    @abstractmethod
+    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+        """Its option file."""
+
+    def rows(self, problem: MiCP) -> int:
+        """Rows of the model that is solved in the end."""
+        return problem.start.size
+
+    def availability(self) -> Availability:
+        found = super().availability()
+        return gams_availability(self.guest) if found.ok else found
+
+    def obstacle(self, problem: MiCP) -> str | None:
+        n, F = problem.start.size, problem.F
+        if n == 0:
+            return "has no unknown (n = 0): GAMS refuses an empty model"
+        lacking = gams_model.without_operator(F)
+        if lacking:
+            return f"F has {', '.join(lacking)}, for which GAMS has no smooth function"
+        most = gams_licence.most_rows()
+        if most is not None and self.rows(problem) > most:
+            return f"n = {n} makes a model of {self.rows(problem)} rows: the demo licence of GAMS ends at {most}"
+        rows, columns = gams_model.idle(F)
+        if rows or columns:
+            return (
+                f"{rows} rows of F have no unknown and {columns} unknowns of {n} occur nowhere: GAMS refuses to match "
+                "an empty equation"
+            )
+        size = gams_model.lengths(F)
+        if size > gams_model.LONGEST:
+            return f"F written out has {size:.0e} characters, more than {gams_model.LONGEST:.0e}"
+        return None
+
+    def solve(
+        self, prepared: MiCP, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+    ) -> SolverOutput:
+        first = prepared.project(prepared.start if start is None else start.z)
+        tolerance = max(0.1 * budget.tolerance * (prepared.scale or 1.0), LEAST)
+        limits: dict[str, float] = {"iterLim": budget.iterations or 1_000_000}
+        if math.isfinite(budget.seconds):
+            limits["resLim"] = budget.seconds
+        with tempfile.TemporaryDirectory(prefix="gams-") as name:
+            folder = Path(name)
+            (folder / "model.gms").write_text(gams_model.model(prepared, first, self.guest, limits))
+            settings = self.settings(tolerance, budget).items()
+            (folder / f"{self.guest}.opt").write_text("".join(f"{key} {value}\n" for key, value in settings))
+            told = _run(folder, self.guest, budget)
+        if isinstance(told, str):
+            return SolverOutput(claim=Claim.FAILED, message=told)
+        ended, found, iterations, seconds, z = int(told[0]), int(told[1]), told[2], told[3], told[4:]
+        if ended == LICENCE:
+            raise Unavailable("licence", f"{self.guest} has no licence; {gams_licence.ADVICE}")
+        point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
+        error = prepared.residuals(point).judged["natural"] if point is not None else math.inf
+        if error <= budget.tolerance:
+            claim = Claim.SOLVED
+        elif ended in (ITERATIONS, RESOURCES):
+            claim = Claim.MAX_ITER
+        else:
+            claim = Claim.INACCURATE if ended == NORMAL and error <= CLOSE * budget.tolerance else Claim.FAILED
+        return SolverOutput(
+            claim=claim,
+            point=point,
+            counters={"iterations": int(iterations)} if 0 <= iterations < 1e9 else {},
+            message=f"solver status {ended}, model status {found}, error {error:.1e}",
+            reported=float(seconds) if 0 <= seconds < 1e299 else None,
+        )
+
+    def version(self) -> str:
+        """Of GAMS, whose solvers have no other."""
+        return package_version("gamspy_base")
+
+
+def _run(folder: Path, guest: str, budget: Budget) -> Any:
+    """The numbers that the model wrote, or what went wrong in a line."""
+    command = [str(gams_licence.system_directory() / "gams"), "model.gms", "logOption=0", "threads=1"]
+    command.append(f"license={gams_licence.licence_file()}")
+    seconds = budget.seconds + GRACE if math.isfinite(budget.seconds) else None
+    try:
+        done = subprocess.run(command, cwd=folder, capture_output=True, timeout=seconds, check=False)
+    except subprocess.TimeoutExpired:
+        return "out of time: the process of GAMS was ended"
+    if done.returncode == gams_licence.LICENSING:
+        raise Unavailable("licence", f"{guest}; {gams_licence.ADVICE}")
+    written = folder / "answer.txt"
+    if not written.exists():
+        listing = folder / "model.lst"
+        text = listing.read_text(errors="replace") if listing.exists() else ""
+        said = [line.strip("* ") for line in text.splitlines() if line.startswith("****")]
+        return f"GAMS ended with return code {done.returncode}: {'; '.join(said[:2]) or 'no message'}"
+    return np.array([_read(word) for word in written.read_text().split()])
+
+
+def _read(word: str) -> float:
+    """A number of GAMS: it may be UNDF, NA, EPS or an infinity."""
+    named = {"UNDF": math.nan, "NA": math.nan, "EPS": 0.0, "+INF": math.inf, "-INF": -math.inf}
+    return named[word] if word in named else float(word)
+
+
+def _spec(name: str, summary: str, method: str, citation: str, install: str) -> SolverSpec:
+    return gams_spec(name, "micp", summary=summary, method=method, citation=citation, install=install)
+
+
+@register
+class PathMiCP(GamsMiCP):
+    """PATH: Newton's method on the normal map, each linear problem solved by Lemke's pivoting."""
+
+    guest = "path"
+    spec: ClassVar[SolverSpec] = _spec(
+        "gams-path-micp",
+        "PATH through GAMS: Newton on the normal map, Lemke pivoting inside",
+        "Newton with pivoting",
+        "Dirkse and Ferris, Optim. Methods Softw. 5 (1995); Ferris and Munson, ibid. 12 (1999)",
+        "pip install gamspy",
+    )
+
+    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+        """Its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget bounds."""
+        return {"convergence_tolerance": tolerance, "cumulative_iteration_limit": budget.iterations or 1_000_000}
+
+
+@register
+class MilesMiCP(GamsMiCP):
+    """MILES: linearise, solve the LCP by Lemke's algorithm, damp."""
+
+    guest = "miles"
+    spec: ClassVar[SolverSpec] = _spec(
+        "gams-miles-micp",
+        "MILES through GAMS: Newton with Lemke pivoting",
+        "Newton with pivoting",
+        "Rutherford, MILES: a mixed inequality and nonlinear equation solver (1993)",
+        "pip install gamspy; gamspy install solver miles",
+    )
+
+    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+        """`contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
+        return {"contol": tolerance}
+
+
+@register
+class NlpecMiCP(GamsMiCP):
+    """NLPEC: complementarity as products x·s = 0 with slacks s, its default reformulation, by CONOPT."""
+
+    guest = "nlpec"
+    spec: ClassVar[SolverSpec] = _spec(
+        "gams-nlpec-micp",
+        "NLPEC through GAMS: complementarity as products, solved by CONOPT",
+        "nonlinear program",
+        "Ferris, Dirkse and Meeraus, in Frontiers in Applied General Equilibrium Modeling (2005)",
+        "pip install gamspy",
+    )
+
+    def rows(self, problem: MiCP) -> int:
+        """A product for every bound, and an objective."""
+        return problem.start.size + int(np.isfinite([problem.lb, problem.ub]).sum()) + 1
+
+    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+        """`testTol` is what NLPEC checks complementarity by; CONOPT keeps its own tolerances. It is named, since it
+        is none of the solvers whose results may not be published."""
+        return {"testTol": tolerance, "subSolver": "conopt"}
