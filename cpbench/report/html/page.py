@@ -31,7 +31,8 @@ from cpbench.report.text import one_line
 NAME = "report.html"
 SCRIPTS = (
     "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
-    "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "app.js",
+    "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
+    "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""
 
@@ -71,6 +72,7 @@ def page(run: Run, title: str) -> str:
         rows = attended(whole)
         symbols = sorted({symbol for code in told["problems"] for symbol in facts["problems"]["sizes"][code]})
         told["ranking"] = rankings.ranking(rows)
+        told["bands"] = rankings.bands(rows) if facts["whole"] else None
         told["growth"] = rankings.growth(rows, symbols)
     sizes = [told["count"] for told in facts["groups"]]
     facts["first"] = sizes.index(max(sizes)) if sizes else 0

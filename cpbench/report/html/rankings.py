@@ -1,4 +1,5 @@
-"""What a page says of a whole group, whatever is filtered: ranking with intervals, growth with size, warm starts."""
+"""What a page says of a whole group, whatever is filtered: ranking with intervals, bands around the curves of its
+profile, growth with size, warm starts."""
 
 from __future__ import annotations
 
@@ -9,10 +10,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import bootstrap, means, scaling, starts, summary
+from cpbench.analysis import bands as around
+from cpbench.analysis import bootstrap, means, metrics, scaling, starts, summary
 from cpbench.analysis import table as rows_of
 
 Records = dict[str, list[Any]]
+DIGITS = 4
+"""Of the fractions of bands: no screen shows more."""
 
 
 def ranking(rows: pd.DataFrame) -> dict[str, Any]:
@@ -26,6 +30,30 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
         "families": around.families,
         "few": around.families < bootstrap.FEW,
         "lines": records(told[[*columns, "mean", "low", "high"]]),
+    }
+
+
+def bands(rows: pd.DataFrame) -> dict[str, Any]:
+    """Bands around the curves of the performance profile of the times, nothing filtered: ends at each τ, in the order
+    of `labels`. No labels where nobody's times may be compared, or where one family alone has no other to be drawn."""
+    compared = rows[rows_of.ranked(rows)]
+    time = metrics.METRICS["time"]
+    found = metrics.measured(compared, time).values
+    if not len(found.columns):
+        return {"labels": []}
+    # a problem for which nobody's time may be compared counts among those that are not solved, as in the curves
+    everywhere = found.reindex(rows["fingerprint"].unique(), fill_value=math.inf)
+    made = around.profile_bands(everywhere, bootstrap.families_of(rows), floor=time.floor or 0.0)
+    told: dict[str, Any] = {"families": made.families, "few": made.few, "level": made.level}
+    if made.families < 2:
+        return {**told, "labels": []}
+    ends = {name: end.round(DIGITS).T.to_numpy().tolist() for name, end in (("low", made.low), ("high", made.high))}
+    return {
+        **told,
+        "replicates": made.replicates,
+        "taus": made.low.index.tolist(),
+        "labels": list(made.low.columns),
+        **ends,
     }
 
 

@@ -75,8 +75,14 @@ const App = (() => {
       ratios,
       curves,
       byHeight,
+      whole:
+        state.metric === "time" &&
+        state.tolerance === null &&
+        problems.length === table.problems.length &&
+        chosen.length === table.labels.length,
       name,
       slots: places,
+      slotOf: (label) => slots.get(codeOf.get(label)) ?? -1,
       shown: new Set(chosen),
       order: group.display,
       solvedBy: new Map(curves.map((c) => [c.label, c.solved])),

@@ -215,7 +215,7 @@ const Matrix = (() => {
         { class: "controls" },
         h(
           "label",
-          { style: "grid-auto-flow: column; align-items: center; justify-content: start; gap: .5rem" },
+          { class: "check" },
           h("input", {
             type: "checkbox",
             onchange: (e) => {

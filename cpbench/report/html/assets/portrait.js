@@ -24,7 +24,7 @@ const Portrait = (() => {
       paths[Number(cells[from])] += `M${from % width} ${Math.floor(from / width)}h${at - from}v1h-${at - from}z`;
     }
     return paths
-      .map((d, shade) => (d && shade ? svg("path", { d, "fill-opacity": 0.1 + (0.9 * shade) / DECADES }) : null))
+      .map((d, shade) => (d && shade ? svg("path", { d, "fill-opacity": 0.08 + (0.8 * shade) / DECADES }) : null))
       .filter(Boolean);
   }
 
@@ -156,7 +156,7 @@ const Portrait = (() => {
     const flat = all.filter((c) => c.flat).length;
     return figure(
       drawn,
-      `A solution for every cone that holds q, here ${held}: ${told ? `z = ${told}` : "there is none"}. ${kind}${flat ? `, ${flat} of 4 flat` : ""}.`,
+      `Each of the 4 cones that holds q gives a solution; ${held || "none"} of them ${held === 1 ? "does" : "do"}${told ? `: z = ${told}` : ""}. ${kind}${flat ? ` (${flat} of 4 are flat)` : ""}.`,
       "cones",
     );
   }
