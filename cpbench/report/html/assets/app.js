@@ -195,7 +195,8 @@ const App = (() => {
           for (const a of links.values()) a.removeAttribute("aria-current");
           const link = links.get(entry.target.id);
           link?.setAttribute("aria-current", "true");
-          link?.closest("nav").scrollTo({ left: link.offsetLeft - 120 });
+          const bar = link?.closest("nav");
+          bar?.scrollTo({ left: link.offsetLeft - bar.offsetLeft - 24 });
         }
       },
       { rootMargin: "-20% 0px -70% 0px" },

@@ -55,7 +55,7 @@
         values,
         scale: { domain: [0, 1] },
         axis: {
-          title: `fraction of problems not solved within ${Dom.seconds(deadline)}`,
+          title: ["fraction of problems", `not solved within ${Dom.seconds(deadline)}`],
           format: "%",
           tickCount: 5,
         },

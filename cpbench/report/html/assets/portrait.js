@@ -61,7 +61,7 @@ const Portrait = (() => {
     const cell = step > 1 ? `a square of up to ${step} × ${step} entries` : "an entry";
     return figure(
       grid,
-      `${Dom.counted(entries, "nonzero")}, ${Dom.number((100 * entries) / whole)} % of the entries: a dark cell is ${cell}, ten times smaller a shade lighter, an empty one has zeros only.`,
+      `${Dom.counted(entries, "nonzero")}, ${Dom.number((100 * entries) / whole)} % of the entries: a filled cell is ${cell}, ten times smaller a shade fainter, an empty one has zeros only.`,
       "blocks",
     );
   }
@@ -170,6 +170,8 @@ const Portrait = (() => {
       made.blocks ? blocks(made.blocks) : null,
       made.contacts ? contacts(made.contacts, made.answer) : null,
     ].filter(Boolean);
+    if (made.unanswered)
+      drawn.push(h("p", { class: "scope" }, "What its contacts do has no picture: no verified answer was kept."));
     return drawn.length ? [h("div", { class: "portraits" }, drawn)] : [h("p", { class: "scope" }, "It has no matrix.")];
   }
 

@@ -50,7 +50,7 @@ Figures.register({
       mark: { type: "rule", opacity: 0.5 },
       encoding: { x: { field: "v", type: "quantitative", scale } },
     };
-    const title = "time of the warm solve over the cold one";
+    const title = ["time of the warm solve", "over that of the cold one"];
     const spec = Charts.dots({
       values,
       scale,
