@@ -13,8 +13,11 @@ import pandas as pd
 from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, means, metrics, scaling, starts, summary
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.profiles import performance_profile
 
 Records = dict[str, list[Any]]
+BANDED = 12
+"""Solvers with a band: those in colour, and a few who are so when one of these is hidden for a while."""
 DIGITS = 4
 """Of the fractions of bands: no screen shows more."""
 
@@ -34,8 +37,8 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def bands(rows: pd.DataFrame) -> dict[str, Any]:
-    """Bands around the curves of the performance profile of the times, nothing filtered: ends at each τ, in the order
-    of `labels`. No labels where nobody's times may be compared, or where one family alone has no other to be drawn."""
+    """Bands around the leading curves of the performance profile of the times, nothing filtered: ends at each τ, in the
+    order of `labels`. No labels where nobody's times may be compared, or where no other family can be drawn."""
     compared = rows[rows_of.ranked(rows)]
     time = metrics.METRICS["time"]
     found = metrics.measured(compared, time).values
@@ -43,13 +46,15 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
         return {"labels": []}
     # a problem for which nobody's time may be compared counts among those that are not solved, as in the curves
     everywhere = found.reindex(rows["fingerprint"].unique(), fill_value=math.inf)
-    made = around.profile_bands(everywhere, bootstrap.families_of(rows), floor=time.floor or 0.0)
-    told: dict[str, Any] = {"families": made.families, "few": made.few, "level": made.level}
-    if made.families < 2:
-        return {**told, "labels": []}
+    floor, families = time.floor or 0.0, bootstrap.families_of(rows)
+    if bootstrap.clusters(everywhere.index, families)[1] < 2:
+        return {"labels": []}
+    leading = performance_profile(everywhere, len(everywhere), floor).leading(BANDED)
+    made = around.profile_bands(everywhere, families, labels=leading, floor=floor)
     ends = {name: end.round(DIGITS).T.to_numpy().tolist() for name, end in (("low", made.low), ("high", made.high))}
     return {
-        **told,
+        "families": made.families,
+        "few": made.few,
         "replicates": made.replicates,
         "taus": made.low.index.tolist(),
         "labels": list(made.low.columns),
