@@ -151,9 +151,15 @@ const Charts = (() => {
       params: [{ name: "focus", value: "" }],
       layer: [
         {
-          data: { values: values.filter((v) => v.slot < 0).map((v) => ({ dash: 0, ...v })) },
-          mark: { ...mark, strokeWidth: 1, color: "var(--other)" },
-          encoding: { ...shared, detail: { field: "label" }, strokeDash: greyDash, opacity: inFocus(0.75) },
+          data: { values: values.filter((v) => v.slot < 0).map((v) => ({ ...v, dash: v.dash ?? 0, named: v.dash >= 0 })) },
+          mark: { ...mark, color: "var(--other)" },
+          encoding: {
+            ...shared,
+            detail: { field: "label" },
+            strokeDash: greyDash,
+            strokeWidth: { condition: { test: "datum.named", value: 2.2 }, value: 1 },
+            opacity: inFocus(0.75),
+          },
         },
         ...extra,
         {

@@ -47,7 +47,7 @@
       const values = drawn.map((r) => ({
         label: context.name(r.label),
         slot: context.slots.get(r.label) ?? -1,
-        dash: dashes.get(r.label) ?? 0,
+        dash: dashes.get(r.label),
         x: r.seconds,
         y: r.error,
       }));
@@ -123,7 +123,7 @@
         dashes = Figures.dashes(context, labels);
       for (const v of values) {
         v.slot = context.slots.get(v.place) ?? -1;
-        v.dash = dashes.get(v.place) ?? 0;
+        v.dash = dashes.get(v.place);
       }
       const span = (key) => Charts.extent(values.map((v) => v[key]));
       const [x0, x1] = span("x"),

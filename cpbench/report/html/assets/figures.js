@@ -108,7 +108,7 @@ const Figures = (() => {
     }
   }
 
-  function swatch(slot, dash = 0) {
+  function swatch(slot, dash) {
     const grey = slot < 0,
       dashed = grey ? dash : slot;
     const line = {
@@ -117,7 +117,7 @@ const Figures = (() => {
       y1: 6,
       y2: 6,
       stroke: grey ? "var(--other)" : Charts.COLOURS[slot],
-      "stroke-width": grey ? 1.2 : 2.4,
+      "stroke-width": grey && dash === undefined ? 1.2 : 2.4,
     };
     if (dashed > 0) line["stroke-dasharray"] = Charts.DASHES[dashed].join(" ");
     return svg("svg", { class: "swatch", viewBox: "0 0 26 12", "aria-hidden": "true" }, svg("line", line));

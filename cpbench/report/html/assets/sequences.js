@@ -74,14 +74,16 @@
         }
       }
       if (!values.length) return { empty: "None of the chosen solvers solved a step of it." };
-      const ys = Charts.extent(values.map((v) => v.y)),
+      const [first, last] = Charts.extent(values.map((v) => v.x)),
+        alone = first < last ? 0 : 1, // one step alone stands in the middle
+        ys = Charts.extent(values.map((v) => v.y)),
         [y0, y1] = [ys[0] / 1.4, ys[1] * 1.4];
       const title = what === "error" ? "judged error" : what === "iterations" ? "iterations" : context.metricName;
       const expr = what === "error" ? Charts.TINY : Charts.unitText(metric);
       const spec = Charts.lines({
         values,
         interpolate: "linear",
-        x: { axis: { title: "step", tickMinStep: 1 }, scale: { zero: false, nice: false } },
+        x: { axis: { title: "step", tickMinStep: 1 }, scale: { domain: [first - alone, last + alone], nice: false } },
         y: { scale: Charts.logScale(y0, y1), axis: { title, values: Charts.logTicks(y0, y1), labelExpr: expr } },
       });
       const labels = [...new Set(values.map((v) => v.place))];
