@@ -80,5 +80,5 @@ def _plot(curve: Curve, upto: float, kinds: Mapping[str, str], *, legend: bool) 
     points = "".join(f"({x:.5g},{y:.5g})" for x, y in corners)
     dashed = ", dashed" if kinds.get(curve.label, "") in INEXACT else ""
     marks = f"mark repeat={max(1, len(corners) // 6)}"
-    entry = f"\n\\addlegendentry{{\\texttt{{{text(shorten(curve.label, 26))}}}}}" if legend else ""
+    entry = f"\n\\addlegendentry{{\\texttt{{{text(shorten(curve.label, 24))}}}}}" if legend else ""
     return f"\\addplot+[{marks}{dashed}] coordinates {{{points}}};{entry}"
