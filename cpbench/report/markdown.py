@@ -17,6 +17,7 @@ from cpbench.analysis import reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
 from cpbench.analysis.comparison import Comparison
+from cpbench.report import csv_text
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.comparison.markdown import section as comparison_section
 from cpbench.report.group_sections import group_sections
@@ -57,7 +58,8 @@ def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
     """`write_report` of a run that is assembled."""
     folder = run.folder
     folder.mkdir(parents=True, exist_ok=True)
-    rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
+    with open(folder / "results.csv", "wb") as file:
+        csv_text.write(rows_of.with_time(run.rows), file)
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     if comparison is not None:
         parts += comparison_section(comparison)
