@@ -24,12 +24,16 @@ _SPECIAL = re.compile(r'[,"\r\n]')
 
 
 class _Spelled(dict[Any, str]):
-    """Cells by value, made when they are asked for."""
+    """Cells by value, or by the bits of a number (-0 equals 0), made when they are asked for."""
+
+    def __init__(self, of_bits: bool) -> None:
+        super().__init__()
+        self._of_bits = of_bits
 
     def __missing__(self, value: Any) -> str:
         if len(self) >= REMEMBERED:
             self.clear()
-        self[value] = cell = _cell(value)
+        self[value] = cell = _cell(np.int64(value).view(np.float64).item() if self._of_bits else value)
         return cell
 
 
@@ -55,11 +59,15 @@ def _plain(values: pd.Series) -> bool:
 
 def _spelling(values: Values) -> Spell:
     """How the cells of a column are made: each by itself where few are like another."""
-    some = values[:: max(1, len(values) // 1000)].tolist()
-    if len(set(some)) < len(some) / 2:
-        known = _Spelled()
-        return lambda part: list(map(known.__getitem__, part.tolist()))
-    return _numbers if values.dtype == np.float64 else lambda part: list(map(_cell, part.tolist()))
+    some = values[:: max(1, len(values) // 1000)]
+    repeats = len(set(map(_cell, some.tolist()))) < len(some) / 2
+    if values.dtype == np.float64:
+        known = _Spelled(of_bits=True)
+        return (lambda part: list(map(known.__getitem__, part.view(np.int64).tolist()))) if repeats else _numbers
+    known = _Spelled(of_bits=False)
+    if values.dtype == object and not repeats:
+        return _texts
+    return lambda part: list(map(known.__getitem__ if repeats else _cell, part.tolist()))
 
 
 def _numbers(values: Values) -> list[str]:
@@ -67,6 +75,21 @@ def _numbers(values: Values) -> list[str]:
     for k in np.flatnonzero(np.isnan(values)).tolist():
         cells[k] = ""
     return cells
+
+
+def _texts(values: Values) -> list[str]:
+    """Cells of text of which no two may be alike: quotes are doubled in all of them at once."""
+    cells = values.tolist()
+    try:
+        joined = "\0".join(cells)
+    except TypeError:  # some are missing
+        return list(map(_cell, cells))
+    if not _SPECIAL.search(joined):
+        return cells
+    parts = joined.replace('"', '""').split("\0")
+    if len(parts) != len(cells):  # some have that character
+        return list(map(_cell, cells))
+    return [f'"{t}"' if "," in t or '"' in t or "\n" in t or "\r" in t else t for t in parts]
 
 
 def _cell(value: Any) -> str:
