@@ -20,6 +20,10 @@ LINES = 5_000
 """Lines that are held at a time."""
 REMEMBERED = 10_000
 """Cells of a column that are kept to be spelled once."""
+STRETCH = 100
+"""Rows side by side, in ten places, that are looked at for what repeats."""
+FEW = 0.2
+"""Different cells among these, as a share, up to which a column repeats."""
 _SPECIAL = re.compile(r'[,"\r\n]')
 
 
@@ -54,13 +58,14 @@ def _plain(values: pd.Series) -> bool:
     """Whether a column is of text, numbers or truth values."""
     if values.dtype == object:
         return pd.api.types.infer_dtype(values, skipna=True) in ("string", "empty")
-    return values.dtype == "str" or values.dtype in (np.float64, np.int64, np.bool_)
+    return str(values.dtype) in ("str", "float64", "int64", "bool")
 
 
 def _spelling(values: Values) -> Spell:
     """How the cells of a column are made: each by itself where few are like another."""
-    some = values[:: max(1, len(values) // 1000)]
-    repeats = len(set(map(_cell, some.tolist()))) < len(some) / 2
+    starts = range(0, len(values), max(STRETCH, len(values) // 10))
+    some = np.concatenate([values[:0], *(values[k : k + STRETCH] for k in starts)])
+    repeats = len(set(map(_cell, some.tolist()))) <= len(some) * FEW
     if values.dtype == np.float64:
         known = _Spelled(of_bits=True)
         return (lambda part: list(map(known.__getitem__, part.view(np.int64).tolist()))) if repeats else _numbers

@@ -23,7 +23,7 @@ MATRIX_PROBLEMS = 60
 
 def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
     problems = rows["fingerprint"].nunique()
-    times = rows_of.times(rows[rows_of.ranked(rows)])
+    times = rows_of.times(rows_of.only_ranked(rows))
     most = rows_of.limit(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, most))
     labels = [str(label) for label in counts["label"]]

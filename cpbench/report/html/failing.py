@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.analysis import attendance, failures, reliability
+from cpbench.analysis import attendance
 from cpbench.report.html.markup import Markup, code, element, table
 from cpbench.report.run import Run
 from cpbench.report.text import counted, cut, number, solve_command
-from cpbench.verification import Status
 
 LISTED = 60
 """The most lines of a list of pairs."""
@@ -19,7 +18,7 @@ LISTED = 60
 
 def false_claims(run: Run) -> Iterator[Markup]:
     """Answers that were called right and are not, each with the command that runs it again."""
-    found = reliability.false_claims(run.rows)
+    found = run.false_claims
     if not len(found):
         yield element("p", "Every claim of a solver held on the problem it was given.")
         return
@@ -35,12 +34,7 @@ def false_claims(run: Run) -> Iterator[Markup]:
 
 def reasons(run: Run) -> Iterator[Markup]:
     """Outcomes and messages that are alike in one line, then who was absent."""
-    started = run.rows["status"] != str(Status.UNAVAILABLE)
-    for title, rows, refused in (
-        ("Started, not solved", run.rows, False),
-        ("Never started", run.rows[started], True),
-    ):
-        found = failures.failures(rows, refused=refused)
+    for title, found in (("Started, not solved", run.failures), ("Never started", run.refusals)):
         if not found:
             continue
         yield element("h3", f"{title} ({sum(reason.count for reason in found)})")

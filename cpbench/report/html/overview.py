@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from cpbench.analysis import attendance, reliability, summary
+from cpbench.analysis import attendance
 from cpbench.analysis import table as rows_of
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, code, element, table
@@ -39,15 +39,15 @@ def overview(run: Run) -> Iterator[Markup]:
         "problems": rows["fingerprint"].nunique(),
         "solver configurations": rows["label"].nunique(),
         "formulations": rows["node"].nunique(),
-        "claims that do not hold": len(reliability.false_claims(rows)),
+        "claims that do not hold": len(run.false_claims),
     }
     told = [element("div", element("dt", name), element("dd", value)) for name, value in facts.items()]
     yield element("dl", *told, class_="facts")
     yield _settings(run)
     yield element("h3", "By formulation")
-    groups = [group for group, _ in rows_of.groups(rows)]
+    groups = [group for group, _ in run.parts]
     lines = []
-    for r in each(summary.nodes(rows)):
+    for r in each(run.nodes):
         name, place = group_name_text(run, r.group), groups.index(r.group)
         open_it = element(
             "button", name, type="button", class_="link", data_choose=str(place), title=f"show {name} in all figures"
@@ -62,9 +62,9 @@ def overview(run: Run) -> Iterator[Markup]:
 
 def _settings(run: Run) -> Markup:
     rows, meta = run.rows, run.meta
-    tolerances = ", ".join(f"{t:g}" for t in sorted(set(rows["tolerance"].dropna())))
+    tolerances = ", ".join(f"{t:g}" for t in sorted(set(rows["tolerance"].dropna().unique())))
     limits = ", ".join(
-        f"{s:g} s" if math.isfinite(s) else "none" for s in sorted(set(rows["seconds"].dropna().tolist()))
+        f"{s:g} s" if math.isfinite(s) else "none" for s in sorted(set(rows["seconds"].dropna().unique().tolist()))
     )
     command = str(meta.get("command", "")).replace(str(Path.cwd()) + os.sep, "")
     parts = [f"Tolerance {tolerances}", f"limit {limits} a solve" if limits else "", str(meta.get("date", ""))]

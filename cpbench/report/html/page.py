@@ -17,8 +17,6 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
 from cpbench.analysis.portraits import Portrait
 from cpbench.errors import FormatError
 from cpbench.report.html import rankings, vega
@@ -67,9 +65,7 @@ def write(run: Run, title: str) -> Path:
 def page(run: Run, title: str) -> str:
     """The HTML of a run."""
     columns, facts = columns_of(run)
-    parts = rows_of.groups(run.rows)
-    for told, (_, whole) in zip(facts["groups"], parts, strict=True):
-        rows = attended(whole)
+    for told, (_, rows) in zip(facts["groups"], run.parts, strict=True):
         symbols = sorted({symbol for code in told["problems"] for symbol in facts["problems"]["sizes"][code]})
         told["ranking"] = rankings.ranking(rows)
         told["bands"] = rankings.bands(rows) if facts["whole"] else None

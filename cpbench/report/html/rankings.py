@@ -39,7 +39,7 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
 def bands(rows: pd.DataFrame) -> dict[str, Any]:
     """Bands around the leading curves of the performance profile of the times, nothing filtered: ends at each τ, in the
     order of `labels`. No labels where nobody's times may be compared, or where no other family can be drawn."""
-    compared = rows[rows_of.ranked(rows)]
+    compared = rows_of.only_ranked(rows)
     time = metrics.METRICS["time"]
     found = metrics.measured(compared, time).values
     if not len(found.columns):
@@ -65,7 +65,7 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
 def growth(rows: pd.DataFrame, symbols: Sequence[str]) -> Mapping[str, Records]:
     """How the time of each label grows with each dimension that varies enough, where that can be told."""
     found: dict[str, Records] = {}
-    ranked = rows[rows_of.ranked(rows)]
+    ranked = rows_of.only_ranked(rows)
     for symbol in symbols:
         lines = scaling.scaling(ranked, symbol) if len(ranked) else pd.DataFrame(columns=list(scaling.COLUMNS))
         told = lines[lines["reason"] == ""]

@@ -18,7 +18,7 @@ from cpbench.verification import Status
 def solvers(run: Run) -> Iterator[Markup]:
     """Versions, licences, methods and citations; which were tuned, and what that took."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
-    here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"])
+    here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"].unique())
     used = run.rows[run.rows["version"] != ""].groupby("solver")["version"].unique()
     by_name = {str(sheet.get("name", "")): sheet for _, sheet in sorted(sheets.items())}
     lines = []
@@ -55,7 +55,7 @@ def solvers(run: Run) -> Iterator[Markup]:
 def machine(run: Run) -> Iterator[Markup]:
     """Facts of the machine, its drift during the run, files that were refused."""
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
-    hosts = sorted(set(run.rows["host"]) - {""})
+    hosts = sorted(set(run.rows["host"].unique()) - {""})
     facts |= {"hosts": ", ".join(hosts)} if hosts else {}
     facts |= {f"{name} (package)": version for name, version in sorted((run.meta.get("versions") or {}).items())}
     if facts:
