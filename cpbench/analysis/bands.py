@@ -46,6 +46,7 @@ def profile_bands(
     families: pd.Series[str] | None = None,
     taus: Sequence[float] | None = None,
     *,
+    labels: Sequence[str] | None = None,
     level: float = 0.95,
     replicates: int = bootstrap.REPLICATES,
     seed: int = 0,
@@ -56,6 +57,8 @@ def profile_bands(
     Parameters
     ----------
     taus : where; default at most GRID of the ratios at which some curve steps, evenly among them.
+    labels : who gets a band (default: all); the ratios are to the best of everybody, and the bands are those they would
+    have among all.
 
     >>> times = pd.DataFrame({"a": [1.0, 1.0, 1.0, 9.0], "b": [2.0, 2.0, 2.0, 3.0]})
     >>> found = profile_bands(times, taus=[1.0, 2.0, 3.0])
@@ -65,18 +68,19 @@ def profile_bands(
     bootstrap.check(level, replicates)
     codes, count = bootstrap.clusters(matrix.index, families)
     quotient = ratios(matrix, floor)
-    labels = pd.Index(sorted(str(label) for label in quotient.columns), name="label")
-    ratio = quotient[list(labels)].to_numpy()
-    tau = _grid(ratio) if taus is None else np.unique(np.asarray(taus, dtype=float))
+    tau = _grid(quotient.to_numpy()) if taus is None else np.unique(np.asarray(taus, dtype=float))
+    shown = [str(label) for label in quotient.columns if labels is None or label in labels]
+    banded = pd.Index(sorted(shown), name="label")
+    ratio = quotient[list(banded)].to_numpy()
     bins = np.searchsorted(tau, ratio, side="left")
     size = np.bincount(codes, minlength=count).astype(float)
-    shape = (len(tau), len(labels))
+    shape = (len(tau), len(banded))
     low, high, estimate = np.full(shape, math.nan), np.full(shape, math.nan), np.full(shape, math.nan)
-    for k in range(len(labels) if len(ratio) else 0):
+    for k in range(len(banded) if len(ratio) else 0):
         estimate[:, k] = np.cumsum(np.bincount(bins[:, k], minlength=len(tau) + 1)[:-1]) / len(ratio)
     block = max(1, 2 * bootstrap.CELLS // max(1, len(tau) * replicates))
-    for first in range(0, len(labels) if count > 1 else 0, block):
-        steps = [_steps(bins[:, k], codes, len(tau), count) for k in range(first, min(first + block, len(labels)))]
+    for first in range(0, len(banded) if count > 1 else 0, block):
+        steps = [_steps(bins[:, k], codes, len(tau), count) for k in range(first, min(first + block, len(banded)))]
         drawn = np.empty((len(steps), len(tau), replicates))
         for start, weights in bootstrap.multiplicities(count, replicates, seed):
             across = np.ascontiguousarray(weights.T)
@@ -87,7 +91,7 @@ def profile_bands(
         ends = np.quantile(drawn, [beyond, 1 - beyond], axis=2, overwrite_input=True)
         low[:, first : first + block], high[:, first : first + block] = ends[0].T, ends[1].T
     index = pd.Index(tau, name="tau")
-    made = [pd.DataFrame(part, index=index, columns=labels) for part in (estimate, low, high)]
+    made = [pd.DataFrame(part, index=index, columns=banded) for part in (estimate, low, high)]
     return Bands(made[0], made[1], made[2], count, level, replicates)
 
 

@@ -35,7 +35,7 @@ Portrait = dict[str, Any]
 
 
 def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Portrait:
-    """`cones` of an LCP with n = 2; else `blocks`, and `contacts` of a contact problem whose answer is known.
+    """`cones` of an LCP with n = 2; else `blocks`, and `contacts` (or `unanswered`) of a contact problem.
 
     Raises what `contact_states` raises of an answer that is none.
 
@@ -46,8 +46,13 @@ def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e
     if isinstance(problem, LCP) and problem.q.size == 2:
         return {"cones": _cones(problem)}
     found: Portrait = {"blocks": _blocks(problem)}
-    if isinstance(problem, ContactProblem) and problem.nc and point is not None:
-        found["contacts"] = _contacts(contact_states(problem, point, tolerance))
+    if isinstance(problem, ContactProblem) and problem.nc:
+        told = (
+            {"unanswered": True}
+            if point is None
+            else {"contacts": _contacts(contact_states(problem, point, tolerance))}
+        )
+        found |= told
     return found
 
 

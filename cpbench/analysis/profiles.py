@@ -78,11 +78,7 @@ class Curve:
         >>> x.tolist(), y.tolist()
         ([1.0, 51.0, 128.0], [0.01, 0.51, 1.0])
         """
-        tau, height = self.steps(upto)
-        if len(tau) <= most:
-            return tau, height
-        kept = np.linspace(0, len(tau) - 1, most).round().astype(int)
-        return tau[kept], height[kept]
+        return thinned(*self.steps(upto), most)
 
     def area(self, upto: float) -> float:
         """Mean height over log₂ τ between 1 and `upto`: one number for fast and reliable together.
@@ -129,6 +125,20 @@ class Profile:
         widest = self.widest
         alive = [c for c in self.curves if c.solved]
         return [c.label for c in sorted(alive, key=lambda c: (-c.area(widest), c.label))[:count]]
+
+
+def thinned(tau: Floats, height: Floats, most: int) -> tuple[Floats, Floats]:
+    """At most `most` of the corners of a step function, both ends among them, evenly along their number: a curve of N
+    steps of 1 / N is nowhere lower by more than 1 / (most - 1).
+
+    >>> x, y = thinned(np.arange(101.0), np.arange(101.0) / 100, 3)
+    >>> x.tolist(), y.tolist()
+    ([0.0, 50.0, 100.0], [0.0, 0.5, 1.0])
+    """
+    if len(tau) <= most:
+        return tau, height
+    kept = np.linspace(0, len(tau) - 1, most).round().astype(int)
+    return tau[kept], height[kept]
 
 
 def ratios(values: pd.DataFrame, floor: float | None = FLOOR) -> pd.DataFrame:

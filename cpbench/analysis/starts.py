@@ -14,9 +14,7 @@ simulation resemble each other (`bootstrap`). Times below the floor are not told
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,6 +23,7 @@ import pandas as pd
 from cpbench.analysis import bootstrap
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.means import LIMIT, Array, Penalty
+from cpbench.analysis.metrics import METRICS, spent
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.table import Integers
 from cpbench.verification import VERIFIED
@@ -62,7 +61,7 @@ def pairs(table: pd.DataFrame) -> pd.DataFrame:
     of_warm, of_cold = _settings(warm, cold)
     cold = cold[["status", "time", "iterations"]].assign(setting=of_cold)
     both = warm.assign(setting=of_warm).merge(cold, on="setting", suffixes=("", "_cold")).drop(columns="setting")
-    return both.assign(fell_back=_read(both["started"], lambda text: text.startswith(COLD), missing=False))
+    return both.assign(fell_back=both["started"].str.startswith(COLD))
 
 
 def paired(table: pd.DataFrame) -> pd.DataFrame:
@@ -190,18 +189,8 @@ def _named(case: Any) -> dict[str, object]:
 
 def _measured(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with `time` and `iterations` in place of what these are made of."""
-    counts = _read(rows["counters"], _iterations, missing=math.nan)
+    counts = spent(rows, METRICS["iterations"])
     return rows_of.with_time(rows).assign(iterations=counts).drop(columns=["counters", *rows_of.CHARGED])
-
-
-def _read(texts: pd.Series[str], of: Callable[[str], Any], missing: Any) -> np.ndarray[tuple[int], np.dtype[Any]]:
-    """What each text says; each distinct one is read once."""
-    codes, distinct = pd.factorize(texts)
-    return np.array([*map(of, distinct), missing])[codes]
-
-
-def _iterations(counters: str) -> float:
-    return float((json.loads(counters) if counters else {}).get("iterations", math.nan))
 
 
 def _floored(seconds: pd.Series[float], floor: float) -> Array:

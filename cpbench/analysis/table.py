@@ -132,13 +132,31 @@ def ranked(table: pd.DataFrame) -> pd.Series[bool]:
     return table["ranked"].astype(bool) if "ranked" in table else table["origin"] == ""
 
 
+def only_ranked(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows whose times may be compared; the table itself, and no copy, where these are all."""
+    chosen = ranked(table)
+    return table if chosen.all() else table[chosen]
+
+
 def groups(table: pd.DataFrame) -> list[tuple[Group, pd.DataFrame]]:
-    """The comparable parts of a table, in order of formulation, tolerance, start, threads, set, measure."""
-    parts = table.groupby(["node", "tolerance", "start", "threads", "set", "measure"], dropna=False, sort=True)
-    return [
-        (Group(str(n), float(t), str(s), int(k), str(part), str(m)), rows)
-        for (n, t, s, k, part, m), rows in parts  # type: ignore[misc]
-    ]
+    """The comparable parts of a table, in order of formulation, tolerance, start, threads, set, measure.
+
+    A table that is one group is its own part, and not a copy.
+    """
+    names = ["node", "tolerance", "start", "threads", "set", "measure"]
+    if len(table) and all(_constant(table[name]) for name in names):
+        return [(_group(*table[names].iloc[0]), table)]
+    return [(_group(*told), rows) for told, rows in table.groupby(names, dropna=False, sort=True)]  # type: ignore[misc]
+
+
+def _group(node: Any, tolerance: Any, start: Any, threads: Any, part: Any, measure: Any) -> Group:
+    return Group(str(node), float(tolerance), str(start), int(threads), str(part), str(measure))
+
+
+def _constant(values: pd.Series) -> bool:
+    """Whether all values are the first one; not so where that is missing."""
+    told = values.to_numpy(dtype=object if values.dtype == "str" else None)
+    return bool((told == told[0]).all())
 
 
 def limit(table: pd.DataFrame) -> float:

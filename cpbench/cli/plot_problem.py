@@ -20,9 +20,10 @@ from cpbench.report.figure_kinds import FigureKind, Need
 def command_of(kind: FigureKind) -> click.Command:
     """`cpbench plot KIND [FILE] [--answer FILE] -o FIGURE` with the options of the kind."""
     parameters: list[click.Parameter] = []
+    needed = kind.problem is Need.REQUIRED
     if kind.problem is not Need.NONE:
         parameters += [
-            click.Argument(["source"], metavar="FILE", type=Address(), required=kind.problem is Need.REQUIRED),
+            click.Argument(["source"], metavar="FILE" if needed else "[FILE]", type=Address(), required=needed),
             click.Option(["--format", "file_format"], metavar="NAME", help="Format of the input."),
         ]
     if kind.answer is not Need.NONE:

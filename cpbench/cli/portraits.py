@@ -122,7 +122,7 @@ def sitters(store: Store, rows: pd.DataFrame) -> list[Sitter]:
 
 def _place(address: str, folder: Path) -> tuple[str, int]:
     """Where the file of an address is, and its bytes; ('', 0) where there is no ordinary file and no folder."""
-    for base in (Path.cwd(), folder):
+    for base in (Path.cwd(), folder) if address else ():
         place = os.path.abspath(base / address)
         try:
             file, _ = split_address(place)

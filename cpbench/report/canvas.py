@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,7 +123,8 @@ def _caption(drawn: Drawing) -> None:
     """Make room above and below what is there, whose axes have fixed places."""
     figure = drawn.figure
     width, height = figure.get_size_inches()
-    lines, title = wrapped(drawn.guide, int(width * 19.5)), wrapped(drawn.title, int(width * 12.5))
+    lines = wrapped(drawn.guide, _fits(figure, width - 0.2, 6.5))
+    title = wrapped(drawn.title, _fits(figure, width - 0.2, 9, "bold"))
     above = _TITLE + 0.15 * (len(title) - 1)
     below = _LINE * len(lines) + 0.12
     whole = height + above + below
@@ -139,28 +140,48 @@ def _caption(drawn: Drawing) -> None:
     figure.text(left, 0.06 / whole, "\n".join(lines), fontsize=6.5, color="#444444", va="bottom", linespacing=1.3)
 
 
-def wrapped(text: str, length: int) -> list[str]:
-    """Lines of about `length` characters; a formula is never broken, and counts by what it shows. A name that is too
-    long for a line is.
+def wrapped(text: str, fits: Callable[[str], bool]) -> list[str]:
+    """Lines that fit; a formula is never broken, a name too long for a line is.
 
-    >>> wrapped(r"where $w z < 0$ and so on", 14)
+    >>> wrapped(r"where $w z < 0$ and so on", lambda line: len(line) <= 15)
     ['where $w z < 0$', 'and so on']
     """
     lines = [""]
-    shown = 0
     whole = re.findall(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+", text)
-    for word in (piece for one in whole for piece in _pieces(one, length)):
-        size = len(re.sub(r"(?<!\\)\$|\\mathrm|\\,|[{}^_]", "", re.sub(r"\\(?!mathrm)[a-z]+ ?", "x", word)))
-        if lines[-1] and shown + 1 + size > length:
-            lines.append("")
-        lines[-1] = f"{lines[-1]} {word}" if lines[-1] else word
-        shown = size if lines[-1] == word else shown + 1 + size
+    for word in (piece for one in whole for piece in _pieces(one, fits)):
+        longer = f"{lines[-1]} {word}" if lines[-1] else word
+        if lines[-1] and not fits(longer):
+            lines.append(word)
+        else:
+            lines[-1] = longer
     return lines
 
 
-def _pieces(word: str, length: int) -> list[str]:
-    """A word without formulas in parts of at most `length` characters."""
-    return [word] if "$" in word else [word[k : k + length] for k in range(0, len(word), length)]
+def _fits(figure: Figure, width: float, size: float, weight: str = "normal") -> Callable[[str], bool]:
+    """Whether a line is at most `width` wide [in], as the figure will draw it."""
+    from matplotlib.font_manager import FontProperties
+
+    renderer: Any = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    font = FontProperties(size=size, weight=weight)
+
+    def fits(line: str) -> bool:
+        formula = re.search(r"(?<!\\)\$", line) is not None
+        shown = line if formula else line.replace(r"\$", "$")
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph .* missing")
+            return renderer.get_text_width_height_descent(shown, font, formula)[0] <= width * figure.dpi
+
+    return fits
+
+
+def _pieces(word: str, fits: Callable[[str], bool]) -> list[str]:
+    """A word without formulas in parts that fit."""
+    pieces: list[str] = []
+    while "$" not in word and not fits(word):
+        size = max(1, next(k for k in range(len(word)) if not fits(word[: k + 1])))
+        pieces.append(word[:size])
+        word = word[size:]
+    return [*pieces, word]
 
 
 def joined(parts: Sequence[str], last: str = "and") -> str:

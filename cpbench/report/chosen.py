@@ -101,7 +101,7 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
         raise CpbenchError("the results have no rows; make some with: cpbench run PROBLEMS -o RESULTS")
     if choice.families:
         known = {str(family) for family in rows["family"]} - {""}
-        rows = rows[rows["family"].isin(_matching(known, choice.families, "family"))]
+        rows = rows[rows["family"].isin(matching(known, choice.families, "family"))]
     for field, told in FIELDS.items():
         if field == "start" and every_start and not choice.start:
             continue
@@ -113,8 +113,8 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
     if choice.solvers:
         names = {str(label) for label in rows["label"]}
         solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
-        matching = _matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
-        rows = rows[rows["label"].isin(matching) | rows["solver"].isin(matching)]
+        wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
+        rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
     return Chosen(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems)
 
 
@@ -136,7 +136,7 @@ def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
     return labels[0], labels[1]
 
 
-def _matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
+def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
     """The names that a pattern stands for; brackets are part of a label."""
     found: set[str] = set()
     for pattern in patterns:

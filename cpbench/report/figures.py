@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from cpbench.analysis.profiles import Curve, Profile
 from cpbench.formulations.base import Kind
 from cpbench.report import legend
-from cpbench.report.legend import EMPHASISED, LINE, LINES, PALETTE
+from cpbench.report.legend import EMPHASISED, LINE, LINES
 from cpbench.report.text import counted
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 MARKS = {str(Kind.APPROXIMATE): "≈", str(Kind.RELAXATION): "⊇", str(Kind.NECESSARY): "?"}
 """Sign of a route that promises less than an answer, behind the label."""
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)
-PANELS = 4
-"""Panels a row."""
 ACROSS = "τ: time over the time of the fastest, log scale (failures are at ∞, beyond the right end)"
 LABEL_LENGTH = 30
+POINTS = 1_500
+"""The most corners of a curve, so that none is off by more than this part of the axis, half a pixel."""
 STYLE = {
     "text.parse_math": False,  # a label is text, whatever dollar signs it has
     "svg.hashsalt": "cpbench",
@@ -92,7 +92,7 @@ def profile_axes(
     places = dict(zip(profile.leading(EMPHASISED), range(EMPHASISED), strict=False))
     upto = right_end(profile)
     for curve in reversed(curves):
-        tau, height = curve.steps(upto)
+        tau, height = curve.outline(upto, POINTS)
         place, dashed = places.get(curve.label), kinds.get(curve.label, "") in INEXACT
         layer = 2 if place is None else 5 if dashed else 4  # between its dashes, what lies under it shows
         marks: dict[str, Any] = {} if place is None else {"markevery": (0, max(1, len(tau) // 6)), "clip_on": False}
@@ -150,48 +150,6 @@ def nothing(axes: Axes, why: str) -> None:
     axes.text(0.5, 0.5, why, transform=axes.transAxes, ha="center", fontsize=12, color="#666666")
 
 
-def panels_guide() -> str:
-    """How to read the panels, in one sentence."""
-    return (
-        "Each panel shows one solver's curve of the profile above; the grey area is the highest curve of all solvers "
-        "at each τ, so that the grey above a curve is what others solve sooner."
-    )
-
-
-def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Figure:
-    """The same profile with a panel a solver, highest right end first: readable for any number of them."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    curves = [c for c in profile.by_height() if c.solved]
-    rows = max(1, -(-len(curves) // PANELS))
-    upto = right_end(profile)
-    area = profile.envelope(upto)
-    with matplotlib.rc_context({**STYLE, "font.size": 7.5}):
-        height = 0.55 + 1.45 * rows + 0.45
-        figure = Figure(figsize=(9.2, height), dpi=150)
-        FigureCanvasAgg(figure)
-        figure.text(0.045, 1 - 0.2 / height, title, fontsize=10.5, fontweight="bold", va="center")
-        grid = figure.subplots(rows, PANELS, sharex=True, sharey=True, squeeze=False)
-        figure.subplots_adjust(0.045, 0.47 / height, 0.99, 1 - 0.6 / height, wspace=0.1, hspace=0.34)
-        for axes, curve in zip(grid.flat, curves, strict=False):
-            _frame(axes, upto, 5)
-            inexact = kinds.get(curve.label, "") in INEXACT
-            axes.fill_between(*area, step="post", color="#E3E3E3", linewidth=0, zorder=1)
-            dashes: Any = legend.DASHES if inexact else "-"
-            axes.plot(
-                *curve.steps(upto), drawstyle="steps-post", color=PALETTE[0], linewidth=1.4, linestyle=dashes, zorder=3
-            )
-            text = f"{marked(curve.label, kinds, 26)}  {curve.solved}/{profile.problems}"
-            axes.set_title(text, fontsize=8, loc="left", pad=3)
-        for axes in list(grid.flat)[len(curves) :]:
-            axes.set_axis_off()
-        for axes in grid[-1][: len(curves) - PANELS * (rows - 1)]:
-            axes.set_xlabel("τ")
-    return figure
-
-
 def save(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Write `name`.png, .svg and .pdf, without dates or versions in them; gives their paths."""
     import matplotlib
@@ -220,13 +178,22 @@ def _frame(axes: Axes, upto: float, ticks: int) -> None:
     axes.set_xscale("log", base=2)
     axes.set_xlim(1.0, upto)
     axes.set_ylim(0.0, 1.0)
-    powers = [2.0**k for k in range(0, 64) if 2.0**k <= upto]
-    axes.xaxis.set_major_locator(FixedLocator(powers[:: 1 + len(powers) // ticks]))
+    axes.xaxis.set_major_locator(FixedLocator(powers(upto, ticks)))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
     axes.set_yticks([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
     axes.grid(True, color="#E4E4E4", linewidth=0.6)
     axes.set_axisbelow(True)
+
+
+def powers(upto: float, ticks: int) -> list[float]:
+    """Powers of two from 1 to `upto`, about so many.
+
+    >>> powers(1024.0, 5)
+    [1.0, 8.0, 64.0, 512.0]
+    """
+    found = [2.0**k for k in range(0, 64) if 2.0**k <= upto]
+    return found[:: 1 + len(found) // ticks]
 
 
 def marked(label: str, kinds: Mapping[str, str], length: int = LABEL_LENGTH) -> str:

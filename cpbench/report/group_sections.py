@@ -11,7 +11,7 @@ import pandas as pd
 from cpbench.analysis import bootstrap, failures, means, pairwise, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
-from cpbench.report import convergence, figures
+from cpbench.report import convergence, figures, panels
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
 from cpbench.report.run import Run, each, group_name, tunings
@@ -23,7 +23,7 @@ MATRIX_PROBLEMS = 60
 
 def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
     problems = rows["fingerprint"].nunique()
-    times = rows_of.times(rows[rows_of.ranked(rows)])
+    times = rows_of.times(rows_of.only_ranked(rows))
     most = rows_of.limit(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, most))
     labels = [str(label) for label in counts["label"]]
@@ -105,9 +105,9 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
         yield "\n".join(f"- {code(one)} lies above {code(other)} here, below it alone" for one, other in swapped)
     if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
         name = f"profile-{slug}-each"
-        figures.save(figures.panels_figure(profile, f"{title}, each solver apart", kinds), run.folder, name)
+        figures.save(panels.panels_figure(profile, f"{title}, each solver apart", kinds), run.folder, name)
         yield f"[![Each solver's curve, {plain(title)}]({name}.png)]({name}.svg)"
-        yield f"*{figures.panels_guide()}*"
+        yield f"*{panels.panels_guide()}*"
     yield from convergence.section(run, rows, title, f"errors-{slug}")
 
 

@@ -74,5 +74,5 @@ def beside(
     for note in notes:
         told += textwrap.wrap(note, 48)
     room = max(1, int((fit - len(named) - 1.4) / 0.85) + 1)
-    for k, text in enumerate(told if len(told) <= room else [*told[: room - 1], "…"]):
+    for k, text in enumerate(told if len(told) <= room else [*told[: room - 1], f"{told[room - 1]} …"]):
         axes.text(0.0, len(named) + 1.4 + k * 0.85, text, fontsize=7.2, color="#666666", va="center")

@@ -13,10 +13,9 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import reliability, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
 from cpbench.analysis.comparison import Comparison
+from cpbench.report import csv_text
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.comparison.markdown import section as comparison_section
 from cpbench.report.group_sections import group_sections
@@ -57,13 +56,14 @@ def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
     """`write_report` of a run that is assembled."""
     folder = run.folder
     folder.mkdir(parents=True, exist_ok=True)
-    rows_of.with_time(run.rows).to_csv(folder / "results.csv", index=False, lineterminator="\n")
+    with open(folder / "results.csv", "wb") as file:
+        csv_text.write(rows_of.with_time(run.rows), file)
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     if comparison is not None:
         parts += comparison_section(comparison)
-    several = len(rows_of.groups(run.rows)) > run.rows["node"].nunique()
-    for group, rows in rows_of.groups(run.rows):
-        parts += group_sections(run, group, attended(rows), several)
+    several = len(run.parts) > run.rows["node"].nunique()
+    for group, rows in run.parts:
+        parts += group_sections(run, group, rows, several)
     parts += run_sections(run)
     parts += ["## Methods", METHODS.strip()]
     path = folder / "report.md"
@@ -75,7 +75,7 @@ def _headline(run: Run) -> str:
     if not len(run.rows):
         return "No pair was planned: no solver is reached from the problems that were read."
     rows = run.rows
-    lies = len(reliability.false_claims(rows))
+    lies = len(run.false_claims)
     problems, labels = rows["fingerprint"].nunique(), rows["label"].nunique()
     first = (
         f"**{counted(int(rows_of.solved(rows).sum()), 'pair')} of {len(rows)} solved** "
@@ -89,20 +89,20 @@ def _headline(run: Run) -> str:
         f"{group_name(run, r.group)}: {listed(r.best, 3)} ({r.most} of {r.problems})"
         if r.best
         else f"{group_name(run, r.group)}: nothing solved"
-        for r in each(summary.nodes(rows))
+        for r in each(run.nodes)
     ]
     return f"{first}\\\nMost solved: {'; '.join(best)}."
 
 
 def _facts(run: Run) -> str:
     meta = run.meta
-    tolerances = sorted(set(run.rows["tolerance"]))
+    tolerances = sorted(run.rows["tolerance"].unique())
     facts = {
         "tolerance": ", ".join(f"{t:g}" for t in tolerances),
         "limit": _all_of(run, "seconds", "{:g} s a solve"),
         "threads": _all_of(run, "threads", "{:g}"),
         "repeats": _all_of(run, "repeats_asked", "{:g} of short solves"),
-        "start": ", ".join(sorted(set(run.rows["start"]) - {""})),
+        "start": ", ".join(sorted(set(run.rows["start"].unique()) - {""})),
         "run on": meta.get("date", ""),
         "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
         "rows": "`results.csv`, one a pair" if len(run.rows) else "",
@@ -114,12 +114,12 @@ def _facts(run: Run) -> str:
 
 def _all_of(run: Run, column: str, form: str) -> str:
     """The values of a limit over all rows; "none" stands for an infinite one."""
-    values = sorted(set(run.rows[column].dropna()))
+    values = sorted(run.rows[column].dropna().unique())
     return ", ".join(form.format(v) if math.isfinite(v) else "none" for v in values)
 
 
 def _overview(run: Run) -> Iterator[str]:
-    found = summary.nodes(run.rows)
+    found = run.nodes
     if not len(found):
         return
     yield "## Solved, by formulation"

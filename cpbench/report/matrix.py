@@ -34,7 +34,7 @@ BLANK = " "
 def matrix(group: pd.DataFrame, labels: Sequence[str]) -> str:
     """A line a problem, a column a label in the given order; the labels stand on a staircase above their columns."""
     status = rows_of.pivot(group, "status", "")
-    ranked = fastest(rows_of.times(group[rows_of.ranked(group)]))
+    ranked = fastest(rows_of.times(rows_of.only_ranked(group)))
     lead = ranked.reindex(index=status.index, columns=status.columns, fill_value=False)
     names = dict(zip(group["fingerprint"], rows_of.problem_names(group), strict=True))
     stairs = ["│ " * k + "┌ " + one_line(label) for k, label in enumerate(labels)]

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import pandas as pd
 
 from cpbench.errors import FormatError
+from cpbench.report import csv_text
 from cpbench.storage.base import write_atomic
 
 FORMATS = ("csv", "json", "parquet")
@@ -62,10 +63,6 @@ def _has_parquet() -> bool:
     return True
 
 
-def _csv(rows: pd.DataFrame, file: BinaryIO) -> None:
-    rows.to_csv(file, index=False, lineterminator="\n")
-
-
 def _parquet(rows: pd.DataFrame, file: BinaryIO) -> None:
     rows.to_parquet(file, index=False, engine="pyarrow")
 
@@ -86,4 +83,8 @@ def _valid(value: Any) -> Any:
     return None if value is pd.NA or value is pd.NaT else value
 
 
-_PUT: Mapping[str, Callable[[pd.DataFrame, BinaryIO], None]] = {"csv": _csv, "json": _json, "parquet": _parquet}
+_PUT: Mapping[str, Callable[[pd.DataFrame, BinaryIO], None]] = {
+    "csv": csv_text.write,
+    "json": _json,
+    "parquet": _parquet,
+}

@@ -5,16 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from cpbench.analysis import failures, reliability, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import restricted, without
+from cpbench.analysis.attendance import attended, restricted, without
+from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.table import Group
 from cpbench.report.text import counted, one_line, plain
+from cpbench.verification import Status
 
 if TYPE_CHECKING:
     from cpbench.analysis.portraits import Portrait
@@ -33,6 +37,34 @@ class Run:
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
     left_out: Mapping[str, str] = field(default_factory=dict)
     portraits: Callable[[], Mapping[str, Portrait]] = dict
+
+    # what several sections ask for is found once: in a million rows each takes seconds
+
+    @cached_property
+    def parts(self) -> list[tuple[Group, pd.DataFrame]]:
+        """The groups, each with the rows of those who took part."""
+        return [(group, attended(rows)) for group, rows in rows_of.groups(self.rows)]
+
+    @cached_property
+    def nodes(self) -> pd.DataFrame:
+        """`summary.nodes` of all rows."""
+        return summary.nodes(self.rows)
+
+    @cached_property
+    def false_claims(self) -> pd.DataFrame:
+        """`reliability.false_claims` of all rows."""
+        return reliability.false_claims(self.rows)
+
+    @cached_property
+    def failures(self) -> list[Reason]:
+        """Why pairs that were started were not solved."""
+        return failures.failures(self.rows)
+
+    @cached_property
+    def refusals(self) -> list[Reason]:
+        """Why pairs were never started although their solver is there."""
+        found = failures.failures(self.rows, refused=True)
+        return [reason for reason in found if reason.status != Status.UNAVAILABLE]
 
 
 def assembled(
@@ -79,7 +111,7 @@ def group_name(run: Run, group: Group) -> str:
 
 def group_name_text(run: Run, group: Group) -> str:
     """The same as plain text."""
-    others = [g for g, _ in rows_of.groups(run.rows) if g.node == group.node]
+    others = [g for g, _ in run.parts if g.node == group.node]
     parts = [one_line(group.node)]
     if len({g.tolerance for g in others}) > 1:
         parts.append(f"tolerance {group.tolerance:g}")

@@ -48,7 +48,7 @@ def _rest(count: int) -> Iterator[str]:
 
 
 def _false_claims(run: Run) -> Iterator[str]:
-    found = reliability.false_claims(run.rows)
+    found = run.false_claims
     yield f"## Claimed, is not ({len(found)})"
     if not len(found):
         yield "Every claim of a solver held on the problem it was given."
@@ -129,7 +129,7 @@ def _inexact(run: Run) -> Iterator[str]:
 
 def _failures(run: Run) -> Iterator[str]:
     yield "## Failures by reason"
-    reasons = failures.failures(run.rows)
+    reasons = run.failures
     if not reasons:
         yield "Every pair that was started was solved."
         return
@@ -138,8 +138,7 @@ def _failures(run: Run) -> Iterator[str]:
 
 
 def _not_started(run: Run) -> Iterator[str]:
-    started = run.rows["status"] != str(Status.UNAVAILABLE)
-    reasons = failures.failures(run.rows[started], refused=True)
+    reasons = run.refusals
     if not reasons:
         return
     yield "## Never started"
@@ -187,11 +186,11 @@ def _solvers(run: Run) -> Iterator[str]:
     if not sheets:
         return
     used: dict[str, set[str]] = {}
-    for solver, version in zip(run.rows["solver"], run.rows["version"], strict=True):
-        used.setdefault(solver, set()).add(version)
+    for one in each(run.rows[["solver", "version"]].drop_duplicates()):
+        used.setdefault(one.solver, set()).add(one.version)
     yield "## Solvers"
     rows: dict[str, list[str]] = {}
-    here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"])
+    here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"].unique())
     for _, sheet in sorted(sheets.items()):
         name = str(sheet.get("name", ""))
         if name not in here:
@@ -241,10 +240,10 @@ def _starts(run: Run) -> Iterator[str]:
 def _machine(run: Run) -> Iterator[str]:
     yield "## Machine and versions"
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
-    memory = sorted(set(run.rows["memory"].dropna()))
+    memory = sorted(run.rows["memory"].dropna().unique())
     if memory:
         facts["memory limit of a solve"] = ", ".join(f"{m / 2**30:.3g} GiB" if m else "none" for m in memory)
-    hosts = sorted(set(run.rows["host"]) - {""})
+    hosts = sorted(set(run.rows["host"].unique()) - {""})
     if hosts:
         facts["hosts"] = ", ".join(hosts)
     facts |= {f"{name} (package)": version for name, version in sorted((run.meta.get("versions") or {}).items())}

@@ -14,7 +14,9 @@ import pandas as pd
 
 from cpbench.analysis.timeline import moved
 from cpbench.errors import FormatError
-from cpbench.report.figures import PALETTE, PANELS, STYLE, shorten
+from cpbench.report.figures import STYLE, shorten
+from cpbench.report.legend import PALETTE
+from cpbench.report.panels import ACROSS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +48,7 @@ def timeline_figure(points: pd.DataFrame, title: str) -> Figure:
     points = points.assign(at=[_moment(str(date)) for date in points["date"]])
     order = moved(points)
     labels = sorted(order[:MOST])
-    columns = min(PANELS, len(labels))
+    columns = min(ACROSS, len(labels))
     rows = -(-len(labels) // columns)
     reach = _reach(points[points["label"].isin(labels)])
     with matplotlib.rc_context({**STYLE, "font.size": 7.5}):

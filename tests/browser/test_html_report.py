@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 import time
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from synthetic_results import meta, row, suite, table
 
-from cpbench.analysis import data_profiles, deadlines, histories, metrics, pairwise, profiles
+from cpbench.analysis import bands as around
+from cpbench.analysis import bootstrap, data_profiles, deadlines, histories, metrics, pairwise, profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
+from cpbench.analysis.portraits import Portrait, portrait
 from cpbench.analysis.tolerances import judged_at
+from cpbench.cli.portraits import BYTES
+from cpbench.formulations import LCP, FCPoint, FrictionContact
 from cpbench.formulations.base import Kind
+from cpbench.formulations.mlcp import MLCP
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.page import write_html
 
@@ -77,12 +84,34 @@ def rows() -> pd.DataFrame:
     return results()
 
 
+def pictures(rows: pd.DataFrame) -> dict[str, Portrait]:
+    """Pictures of every kind, for the first problems by name; a hostile one; the others have none."""
+    r = np.array([[2.0, 0.4, 0.0], [3.0, 0.9, 1.2], [0.0, 0.0, 0.0]])
+    u = np.array([[0.0, 0.0, 0.0], [0.0, -3.0, -4.0], [1.0, 0.0, 0.0]])
+    contact = FrictionContact(W=np.eye(9), q=(u - r).ravel(), mu=np.full(3, 0.5))
+    banded = np.eye(6) + np.diag(np.full(5, 0.01), 1)
+    blocks = MLCP(A=np.eye(60), B=np.eye(9), C=np.ones((60, 9)), D=np.zeros((9, 60)), a=np.ones(60), b=np.ones(9))
+    made = [
+        portrait(LCP(M=banded, q=np.ones(6))),
+        {**portrait(contact, FCPoint(r=r.ravel())), "answer": {"label": "pgs", "error": 1e-9}},
+        portrait(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0]))),
+        portrait(blocks),
+        portrait(contact),
+        {"why": f"words of {EVIL}"},
+    ]
+    prints = rows.drop_duplicates("fingerprint").set_index("problem")["fingerprint"]
+    found = dict(zip(prints.sort_index(), made, strict=False))
+    evil = {"label": EVIL, "error": 1e-9}
+    return found | {prints[f"murty-{EVIL}"]: {**made[1], "answer": evil}}
+
+
 @pytest.fixture(scope="module")
 def written(rows: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> Path:
     sheet = {"name": EVIL, "node": EVIL, "licence": EVIL, "summary": EVIL, "citation": EVIL, "version": EVIL}
     told = {"tuned": {"method": EVIL, "problems": [], "spent": 1.0}, **sheet}
     about = meta(solvers={EVIL: told}, machine={EVIL: EVIL}, refused=[[EVIL, EVIL]], command=f"cpbench {EVIL}")
-    return write_html(rows, about, tmp_path_factory.mktemp("page"), f"A {EVIL} title", iterates(rows))
+    folder, made = tmp_path_factory.mktemp("page"), pictures(rows)
+    return write_html(rows, about, folder, f"A {EVIL} title", iterates(rows), portraits=lambda: made)
 
 
 def group_of(rows: pd.DataFrame, start: str = "cold") -> pd.DataFrame:
@@ -304,6 +333,183 @@ def test_a_cell_opens_its_pair(rows: pd.DataFrame, written: Path, opened: Opened
     assert wanted.startswith(dialog.locator("h2").inner_text().split(" × ")[0])
 
 
+def opened_pair(page: Any, rows: pd.DataFrame, at: int) -> Any:
+    """The dialog of some pair of the problem of that place by name, opened by a click on its cell."""
+    name = sorted(rows["problem"].unique())[at]
+    page.evaluate("document.getElementById('matrix').scrollIntoView()")
+    page.wait_for_selector("#matrix td[data-row]")
+    page.locator(f"#matrix td[data-row][aria-label^='{name},']").first.click()
+    return page.locator("dialog#pair")
+
+
+FILLED = """(svg) => [...svg.querySelectorAll("path[d]")].map((p) => [
+    Number(p.getAttribute("fill-opacity")),
+    [...p.getAttribute("d").matchAll(/M(\\d+) (\\d+)h(\\d+)v1/g)].map((m) => m.slice(1).map(Number)),
+])"""
+
+
+def test_a_click_on_a_cell_shows_where_its_matrix_has_entries(
+    rows: pd.DataFrame, written: Path, opened: Opened
+) -> None:
+    page = opened(written)
+    show(page)
+    dialog = opened_pair(page, rows, 0)
+    drawing = dialog.locator("[data-portrait=blocks] svg")
+    assert drawing.get_attribute("role") == "img"
+    assert drawing.get_attribute("aria-label") == "Where M: 6 × 6, 11 nonzeros stand"
+    seen, shades = np.zeros((6, 6)), sorted(drawing.evaluate(FILLED))
+    for shade, (_, runs) in enumerate(shades, 1):
+        for x, y, width in runs:
+            seen[y, x : x + width] = shade
+    assert np.array_equal(seen, 2 * np.eye(6) + np.diag(np.ones(5), 1)), "0.01 is fainter than 1"
+    guide = dialog.locator("[data-portrait=blocks] figcaption").inner_text()
+    assert guide.startswith("11 nonzeros, 30.6 % of the entries: a filled cell is an entry")
+
+
+def test_a_click_on_a_cell_shows_what_contacts_do(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
+    page = opened(written)
+    show(page)
+    dialog = opened_pair(page, rows, 1)
+    drawing = dialog.locator("[data-portrait=contacts] svg")
+    assert drawing.get_attribute("aria-label") == "Contacts: 1 stick, 1 slip, 1 are open"
+    sticks = drawing.locator("circle.sticks")
+    assert [float(sticks.get_attribute(name) or "nan") for name in ("cx", "cy")] == pytest.approx([0.4, 0.0])
+    top = drawing.locator("path.slips").evaluate("(p) => p.getAttribute('d').match(/M(\\S+) /)[1]")
+    assert float(top) == pytest.approx(0.6)
+    assert sticks.locator("title").text_content() == "contact 0: sticks, normal reaction 2"
+    assert "in the answer of pgs (error 1e-9)" in dialog.locator("[data-portrait=contacts] figcaption").inner_text()
+    page.keyboard.press("Escape")
+    assert "no verified answer was kept" in opened_pair(page, rows, 4).inner_text()
+
+
+def test_other_pictures_and_words_where_there_is_none(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
+    page = opened(written)
+    show(page)
+    cones = opened_pair(page, rows, 2).locator("[data-portrait=cones]")
+    assert cones.locator("svg").get_attribute("aria-label") == "The plane of q: it lies in 1 of 4 complementary cones"
+    assert "z = (1.33, 2.33). M is a P-matrix" in cones.locator("figcaption").inner_text()
+    assert cones.locator("path.cone").count() == 4
+    page.keyboard.press("Escape")
+    names = opened_pair(page, rows, 3).locator("[data-portrait=blocks] .block > div").all_inner_texts()
+    assert names == ["A 60 × 60", "C 60 × 9", "D 9 × 60", "B 9 × 9"]
+    page.keyboard.press("Escape")
+    assert f"No picture: words of {EVIL}" in opened_pair(page, rows, 5).inner_text()
+    page.keyboard.press("Escape")
+    assert "made without pictures" in opened_pair(page, rows, 6).inner_text()
+
+
+def test_the_matrix_and_the_dialog_by_keys(written: Path, opened: Opened) -> None:
+    page = opened(written)
+    show(page)
+    page.evaluate("document.getElementById('matrix').scrollIntoView()")
+    page.wait_for_selector("#matrix td[data-row]")
+    where = (
+        "(([r, c]) => [r.sectionRowIndex, c.cellIndex])([document.activeElement.parentElement, document.activeElement])"
+    )
+    page.locator("#matrix td[tabindex='0']").focus()
+    size = page.evaluate(
+        "(([b]) => [b.rows.length, b.rows[0].cells.length])(document.querySelector('#matrix table').tBodies)"
+    )
+    for key, wanted in (
+        ("Control+End", [size[0] - 1, size[1] - 1]), ("PageUp", [size[0] - 11, size[1] - 1]),
+        ("Home", [size[0] - 11, 1]), ("Control+Home", [0, 1]), ("PageDown", [10, 1]), ("ArrowUp", [9, 1]),
+    ):  # fmt: skip
+        page.keyboard.press(key)
+        assert page.evaluate(where) == wanted, key
+        assert page.evaluate("document.querySelectorAll('#matrix td[tabindex=\"0\"]').length") == 1
+        hidden = page.evaluate(
+            """() => { const at = document.activeElement, box = (e) => e.getBoundingClientRect();
+                return box(at.closest("table").querySelector("thead th")).bottom > box(at).top + 2
+                    || box(at.parentElement.cells[0]).right > box(at).left + 2; }"""
+        )
+        assert not hidden, f"{key}: the cell is behind the names"
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.getElementById('pair').open")
+    assert page.evaluate("document.activeElement.closest('dialog') !== null")
+    page.keyboard.press("Enter")  # on Close, where the focus is
+    assert not page.evaluate("document.getElementById('pair').open")
+    assert page.evaluate(where) == [9, 1], "back on the cell"
+    page.locator("#matrix td[data-row]").nth(40).click()
+    page.keyboard.press("Escape")
+    assert page.evaluate("document.activeElement.tabIndex") == 0
+
+
+SHOWN = """(id) => Object.entries(Figures.boxes.get(id).view?.getState({ data: () => true }).data ?? {})
+    .filter(([name, all]) => !name.endsWith("marks") && Array.isArray(all)).flatMap(([, all]) => all)
+    .filter((one) => typeof one?.label === "string" && "slot" in one)
+    .map(({ label, slot, first, x, low, high }) => ({ label, slot, first, x, low, high }))"""
+"""What a chart draws of labels, without the marks that it made of them."""
+
+
+def drawn(page: Any, figure: str) -> list[dict[str, Any]]:
+    """The rows of all data sets of a chart, once it is drawn."""
+    page.evaluate(f"document.querySelector('[data-figure=\"{figure}\"]').scrollIntoView()")
+    page.wait_for_function(f"(({{ dirty, view }}) => !dirty && view)(Figures.boxes.get('{figure}'))")
+    return list(page.evaluate(SHOWN, figure))
+
+
+def test_bands_are_those_of_python_and_hold_for_no_other_filter(
+    rows: pd.DataFrame, written: Path, opened: Opened
+) -> None:
+    page, group = opened(written), group_of(rows)
+    show(page)
+    told = page.locator("#figure-profile figcaption")
+    assert not [found for found in drawn(page, "profile") if found["first"] is not None]
+    page.locator("#profile-bands").check()
+    page.wait_for_function("document.querySelector('#figure-profile figcaption').innerText.includes('Bands')")
+    time_ = metrics.METRICS["time"]
+    compared = group[rows_of.ranked(group)]
+    values = metrics.matrix(compared, time_).reindex(group["fingerprint"].unique(), fill_value=math.inf)
+    made = around.profile_bands(values, bootstrap.families_of(group), floor=time_.floor or 0.0)
+    assert f"and for no other filter: 95 % at each τ by itself, {made.families} families" in told.inner_text()
+    ends = [found for found in drawn(page, "profile") if found["first"] is not None]
+    coloured = page.evaluate("[...App.context.slots.keys()].map((s) => App.context.name(s))")
+    assert {found["label"] for found in ends} == set(coloured)
+    for label in coloured:
+        own = [found for found in ends if found["label"] == label]
+        taus = [found["x"] for found in own][:-1]
+        assert taus == made.low.index.tolist()
+        assert [found["low"] for found in own][:-1] == pytest.approx(made.low[label].tolist(), abs=5.1e-5)
+        assert [found["high"] for found in own][:-1] == pytest.approx(made.high[label].tolist(), abs=5.1e-5)
+        heights = page.evaluate(
+            """([name, taus]) => { const own = App.context.curves.find((c) => App.context.name(c.label) === name);
+                return taus.map((tau) => Engine.height(own, tau)); }""",
+            [label, taus],
+        )
+        assert heights == pytest.approx(made.estimate[label].tolist()), "the band is around this curve"
+    page.locator("#solver-lines input").first.uncheck()
+    page.wait_for_function("document.querySelector('#figure-profile figcaption').innerText.includes('do not hold')")
+    assert not [found for found in drawn(page, "profile") if found["first"] is not None]
+    page.locator("#solver-lines input").first.check()
+    page.wait_for_function("document.querySelector('#figure-profile figcaption').innerText.includes('no other filter')")
+    assert [found for found in drawn(page, "profile") if found["first"] is not None]
+
+
+def test_a_solver_has_one_colour_on_the_page(written: Path, opened: Opened) -> None:
+    page = opened(written)
+    show(page)
+    checked: dict[str, int] = {}
+    for hidden in ([], ["scs", "lemke", "pgs"]):
+        show(page, hidden=hidden)
+        looks = page.evaluate(
+            """() => Object.fromEntries([...document.querySelectorAll("#solver-lines label")]
+                .map((l) => [l.title, l.querySelector("svg line").getAttribute("stroke")]))"""
+        )
+        colours = page.evaluate("Charts.COLOURS")
+        for figure in ("ranking", "profile", "budget", "precision", "convergence", "scaling", "sequence", "deadlines"):
+            for found in drawn(page, figure):
+                colour = colours[found["slot"]] if found["slot"] >= 0 else "var(--other)"
+                assert colour == looks[found["label"]], f"{found['label']} in {figure}"
+                checked[figure] = checked.get(figure, 0) + 1
+            chips = page.evaluate(
+                f"""[...document.querySelectorAll("#figure-{figure} .chips li:has(span)")].map((li) => [
+                    li.lastChild.firstChild.textContent, li.querySelector("line").getAttribute("stroke")])"""
+            )
+            for name, colour in chips:
+                assert looks[name] == colour, f"{name} beside {figure}"
+    assert len(checked) == 8, checked
+
+
 def test_names_from_the_results_stay_text(written: Path, opened: Opened) -> None:
     page = opened(written)
     show(page)
@@ -325,13 +531,12 @@ def test_names_from_the_results_stay_text(written: Path, opened: Opened) -> None
             return columns.label.findIndex((l, r) => l === label && columns.problem[r] === problem); }"""
     )
     page.evaluate("(r) => Pair.open(App.context, r)", row_at)
-    assert page.locator("dialog").inner_text().count(EVIL) >= 6
+    assert page.locator("dialog").inner_text().count(EVIL) >= 7
     assert page.evaluate("document.querySelectorAll('script:not(#data)').length") == scripts
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (400, "light")])
 def test_axe_finds_nothing_serious(written: Path, opened: Opened, width: int, scheme: str) -> None:
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
     page = opened(written, width, scheme)
     show(page, families=["chain", "obstacle"], hidden=["scs", "quadprog", "ecos", "cvxopt", "osqp", "proxqp", "piqp"])
     for name in page.evaluate("[...Figures.boxes.keys()]"):
@@ -339,9 +544,9 @@ def test_axe_finds_nothing_serious(written: Path, opened: Opened, width: int, sc
         page.wait_for_selector(f"[data-figure='{name}'] :is(svg.marks, table, .empty)", state="attached")
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert _serious(axe.Axe().run(page)) == []
+    assert _serious(Axe().run(page)) == []
     page.evaluate("(r) => Pair.open(App.context, r)", page.evaluate("App.context.group.first"))
-    assert _serious(axe.Axe().run(page)) == []
+    assert _serious(Axe().run(page)) == []
 
 
 def _serious(found: Any) -> list[str]:
@@ -379,6 +584,21 @@ def test_ten_thousand_rows_are_small_and_open_at_once(tmp_path: Path, opened: Op
     took = time.perf_counter() - begun
     assert took < 10.0, f"{took:.1f} s; alone on a machine it is below 2 s"
     assert page.evaluate("App.data.facts.whole")
+
+
+def test_pictures_keep_the_page_small(tmp_path: Path) -> None:
+    rows, rng = large(2500, 4), np.random.default_rng(1)
+    found: dict[str, Portrait] = {}
+    spent = 0
+    for name in rows["fingerprint"].unique():  # as bad as they come: nothing in them repeats
+        M = np.where(rng.uniform(size=(48, 48)) < 0.5, 10.0 ** -rng.uniform(0, 6, (48, 48)), 0.0)
+        one = portrait(LCP(M=M, q=np.ones(48)))
+        spent += len(zlib.compress(json.dumps(one).encode()))
+        if spent > BYTES:
+            break
+        found[name] = one
+    assert len(found) > 200
+    assert write_html(rows, meta(), tmp_path, "many", portraits=lambda: found).stat().st_size <= 6e6
 
 
 def test_more_rows_are_aggregated_and_said_so(tmp_path: Path, opened: Opened) -> None:

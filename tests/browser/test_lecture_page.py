@@ -18,7 +18,8 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (400, "light")])
 def test_lecture_opens_offline(address: str, chromium: Any, width: int, scheme: str) -> None:
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    import axe_playwright_python.sync_playwright as axe
+
     said: list[str] = []
     context = chromium.new_context(offline=True, viewport={"width": width, "height": 900}, color_scheme=scheme)
     try:

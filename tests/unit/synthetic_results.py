@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis import table as rows_of
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.store import Store
 
@@ -69,6 +70,23 @@ def row(problem: str, label: str, status: str, solve: float = math.nan, **given:
 
 def table(*rows: dict[str, Any]) -> pd.DataFrame:
     return pd.DataFrame(list(rows), columns=list(row("p", "s", "solved")))
+
+
+def small() -> pd.DataFrame:
+    """Three problems and labels, normalised: few enough to count by hand, every kind of claim among them."""
+    return rows_of.normalised(
+        table(
+            row("a-1", "lemke", "solved", 1.0),
+            row("a-1", "pgs", "solved", 4.0, kind="one-way"),
+            row("a-2", "lemke", "wrong", 1e-6),
+            row("a-2", "pgs", "stationary", 9.0, claim="max_iter"),
+            row("b-1", "lemke", "timeout", 10.0),
+            row("b-1", "pgs", "inaccurate", 2.0),
+            row("a-1", "pgs@inner8", "wrong", 0.5),
+            row("a-2", "pgs@inner8", "unsupported", message="needs 3 rows a contact"),
+            row("b-1", "pgs@inner8", "failed", 0.5, claim="failed"),
+        )
+    )
 
 
 def meta(**given: Any) -> dict[str, Any]:

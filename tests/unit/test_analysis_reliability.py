@@ -5,29 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy import stats
-from synthetic_results import row, suite, table
+from synthetic_results import row, small, suite, table
 
 from cpbench.analysis import reliability
 from cpbench.analysis import table as rows_of
-
-
-def small() -> pd.DataFrame:
-    return rows_of.normalised(
-        table(
-            row("a-1", "lemke", "solved", 1.0),
-            row("a-1", "pgs", "solved", 4.0, kind="one-way"),
-            row("a-2", "lemke", "wrong", 1e-6),
-            row("a-2", "pgs", "stationary", 9.0, claim="max_iter"),
-            row("b-1", "lemke", "timeout", 10.0),
-            row("b-1", "pgs", "inaccurate", 2.0),
-            row("a-1", "pgs@inner8", "wrong", 0.5),
-            row("a-2", "pgs@inner8", "unsupported", message="needs 3 rows a contact"),
-            row("b-1", "pgs@inner8", "failed", 0.5, claim="failed"),
-        )
-    )
 
 
 def test_claims_and_false_claims() -> None:

@@ -483,9 +483,23 @@ def test_names_are_text(tmp_path: Path) -> None:
 
 def test_long_names_are_broken_and_formulas_are_not() -> None:
     name = "x" * 60
-    assert all(len(line) <= 40 for line in canvas.wrapped(f"Friction cone: {name}", 40))
+    told = canvas.wrapped(f"Friction cone: {name}", lambda line: len(line) <= 40)
+    assert [len(line) for line in told] == [14, 40, 20]
     formula = r"$r_\mathrm{T} / \mu r_\mathrm{N} \leq 1$"
-    assert any(formula in line for line in canvas.wrapped(f"{name} and {formula} and {name}", 20))
+    assert any(
+        formula in line for line in canvas.wrapped(f"{name} and {formula} and {name}", lambda line: len(line) <= 20)
+    )
+
+
+def test_words_below_a_figure_stay_within_it(tmp_path: Path) -> None:
+    """Digits and signs are wider than letters."""
+    with canvas.drawing():
+        drawn = find("cpbench.report.pictures", "ncp-functions").draw()
+        wide = Drawing(drawn.figure, "W" * 30 + " 1×1", "M: n×n = 150×150, " * 9 + r"$\mu r_\mathrm{N} = 0$ " * 9)
+        canvas.write(wide, tmp_path / "x.png")
+        renderer = drawn.figure.canvas.get_renderer()
+        ends = [text.get_window_extent(renderer).x1 for text in drawn.figure.texts]
+    assert max(ends) <= drawn.figure.bbox.x1
 
 
 def test_bare_figures_are_smaller(tmp_path: Path) -> None:

@@ -143,6 +143,11 @@ def test_convergence_is_of_one_problem_and_draws_its_iterates() -> None:
     drawn = draw("convergence", run, name="p-2")
     assert of_colour(drawn, 0)[1].tolist() == [1e-1, 1e-3, 1e-5, 1e-7]
     assert of_colour(drawn, 0)[0].tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert draw("convergence", run, name="*-2").title == drawn.title
+    with pytest.raises(CpbenchError, match=r"p-\* names 2 problems: name one with --name: p-1, p-2"):
+        draw("convergence", run, name="p-*")
+    with pytest.raises(UnknownName, match="q-"):
+        draw("convergence", run, name="q-*")
 
 
 @pytest.mark.parametrize("kind", ["precision", "convergence"])

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_hex
 from synthetic_results import suite
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
-from cpbench.report import figures, legend
+from cpbench.report import figures, legend, panels
 
 INF = math.inf
 
@@ -72,10 +75,43 @@ def test_colours_markers_and_dashes_tell_curves_apart() -> None:
 
 
 def test_one_panel_a_solver() -> None:
+    """Each curve is in the panel that its label stands above, from its left to its right side, dashed where inexact."""
+    from matplotlib.collections import LineCollection
+
     profile, kinds = profile_of(30, 20)
-    figure = figures.panels_figure(profile, "t", kinds)
-    used = [axes for axes in figure.axes if axes.axison]
-    assert len(used) == sum(1 for c in profile.curves if c.solved)
+    figure = panels.panels_figure(profile, "t", kinds)
+    told = {text.get_text(): text.get_position() for text in figure.axes[0].texts}
+    ends: dict[Any, Any] = {}
+    found: Any = figure.axes[0].findobj(LineCollection)
+    for drawn in found:
+        if to_hex(drawn.get_colors()[0]).upper() == legend.PALETTE[0]:
+            dashed = drawn.get_linestyles()[0][1] is not None
+            ends |= {tuple(line.vertices[0].round(6)): (line.vertices, dashed) for line in drawn.get_paths()}
+    curves = [curve for curve in profile.curves if curve.solved]
+    assert len(ends) == len(curves) > figures.EMPHASISED
+    for curve in curves:
+        x, above = told[f"{figures.marked(curve.label, kinds, 26)}  {curve.solved}/30"]
+        low = above - 3 / 72 - panels.HIGH
+        corners, dashed = ends[tuple(np.round((x, low + panels.HIGH * curve.at(1.0)), 6))]
+        assert corners[-1] == pytest.approx((x + panels.WIDE, low + panels.HIGH * curve.at(INF)))
+        assert dashed == (kinds[curve.label] == "approximate")
+        tau = 2.0 ** ((corners[:, 0] - x) / panels.WIDE * math.log2(figures.right_end(profile)))
+        assert (corners[1::2, 1] - low) / panels.HIGH == pytest.approx([curve.at(t * (1 - 1e-9)) for t in tau[1::2]])
+
+
+def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
+    rng = np.random.default_rng(0)
+    times = pd.DataFrame(np.exp(rng.normal(0, 2, (20_000, 2))), columns=["a", "b"])
+    profile = performance_profile(times)
+    drawn: Any = figures.profile_figure(profile, "t", {}).axes[0].get_lines()
+    assert [len(line.get_xdata()) for line in drawn] == [figures.POINTS] * 2
+    for curve in profile.curves:
+        upto = figures.right_end(profile)
+        tau, height = curve.outline(upto, figures.POINTS)
+        every, true = curve.steps(upto)
+        shown = height[np.searchsorted(tau, every, side="right") - 1]
+        assert (shown <= true).all()
+        assert (true - shown).max() <= 1 / figures.POINTS
 
 
 @pytest.mark.parametrize(
@@ -92,7 +128,7 @@ def test_one_panel_a_solver() -> None:
 )
 def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
     profile = performance_profile(times)
-    for draw in (figures.profile_figure, figures.panels_figure):
+    for draw in (figures.profile_figure, panels.panels_figure):
         png, svg, pdf = figures.save(draw(profile, "title", {}), tmp_path, "f")
         assert png.read_bytes().startswith(b"\x89PNG")
         assert pdf.read_bytes().startswith(b"%PDF")

@@ -96,14 +96,19 @@ class Database:
 
     def stream(self, query: str) -> Iterator[tuple[Any, ...]]:
         """Rows of a query, not all at once."""
+        for found in self.chunks(query, 256):
+            yield from found
+
+    def chunks(self, query: str, size: int) -> Iterator[list[tuple[Any, ...]]]:
+        """Rows of a query, so many at a time."""
         with self._told():
             cursor = self.connection.execute(query)
         while True:
             with self._told():
-                found = cursor.fetchmany(256)
+                found = cursor.fetchmany(size)
             if not found:
                 return
-            yield from found
+            yield found
 
     def settle(self) -> None:
         """Bring all that is written into the one file; raises StoreError when that fails, where `close` would leave

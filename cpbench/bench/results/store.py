@@ -16,6 +16,7 @@ from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.database import Database
 from cpbench.bench.results.planned import LIMITS, agree, difference, limits_of, planned
 from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.whole import whole_table
 from cpbench.errors import StoreError
 
 if TYPE_CHECKING:
@@ -286,15 +287,7 @@ class Store:
 
     def table(self) -> pd.DataFrame:
         """All rows, in the order problem, label."""
-        import pandas as pd
-
-        found = self._database.read(f"SELECT {_ALL} FROM rows ORDER BY problem, label, key")
-        kinds = {**PLANNED, **MEASURED}
-        frame = pd.DataFrame(found, columns=list(kinds))
-        for name in (name for name, kind in kinds.items() if kind == "REAL"):
-            frame[name] = pd.to_numeric(frame[name])
-        frame["error"] = frame["error"].fillna(float("inf"))
-        return frame
+        return whole_table(self._database)
 
 
 _ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))

@@ -23,7 +23,7 @@ STYLES = (
     xlabel={$\tau$}, ylabel={fraction solved}, label style={font=\footnotesize}, tick label style={font=\scriptsize},
     cycle list name=cpbench, axis lines=left, axis line style={-}, grid=major, grid style={black!10}, clip=false,
     legend columns=2, legend style={at={(0.5,-0.22)}, anchor=north, draw=none, font=\scriptsize, cells={anchor=west},
-      /tikz/every even column/.append style={column sep=6pt}},
+      /tikz/every even column/.append style={column sep=2pt}},
     every axis plot/.append style={const plot, line width=0.8pt, mark size=1.5pt}},
   cpbench panel/.style={cpbench profile, width=0.34\textwidth, height=0.26\textwidth,
     title style={font=\scriptsize, yshift=-1ex}}}
@@ -46,13 +46,13 @@ def figure(profile: Profile, labels: Sequence[str], kinds: Mapping[str, str], ca
 def panels(
     profiles: Mapping[str, Profile], labels: Sequence[str], kinds: Mapping[str, str], caption: str, key: str
 ) -> str:
-    """Small multiples two columns wide, a panel a profile, all with the same curves, axes and looks."""
+    """Small multiples two columns wide: a panel a profile, by its title in TeX, all with the same curves and axes."""
     upto = max((right_end(profile) for profile in profiles.values()), default=2.0)
     parts: list[str] = []
     last = len(profiles) - 1
     for k, (title, profile) in enumerate(profiles.items()):
         style = [
-            f"title={{{text(title)}}}",
+            f"title={{{title}}}",
             *(["ylabel={}"] if k % 3 else []),
             *(["xlabel={}"] if k + 3 <= last else []),
         ]
@@ -80,5 +80,5 @@ def _plot(curve: Curve, upto: float, kinds: Mapping[str, str], *, legend: bool) 
     points = "".join(f"({x:.5g},{y:.5g})" for x, y in corners)
     dashed = ", dashed" if kinds.get(curve.label, "") in INEXACT else ""
     marks = f"mark repeat={max(1, len(corners) // 6)}"
-    entry = f"\n\\addlegendentry{{\\texttt{{{text(shorten(curve.label, 26))}}}}}" if legend else ""
+    entry = f"\n\\addlegendentry{{\\texttt{{{text(shorten(curve.label, 24))}}}}}" if legend else ""
     return f"\\addplot+[{marks}{dashed}] coordinates {{{points}}};{entry}"

@@ -47,6 +47,21 @@ _HEAD = r"""% Made by cpbench. Compile with: pdflatex report; bibtex report; pdf
 \usepgfplotslibrary{groupplots}
 \pgfplotsset{compat=1.16}
 \extrafloats{200}
+% many tables and figures, little text: fill pages with them, and pages of nothing else from the top
+\renewcommand{\topfraction}{0.95}
+\renewcommand{\dbltopfraction}{0.95}
+\renewcommand{\bottomfraction}{0.8}
+\renewcommand{\textfraction}{0.04}
+\renewcommand{\floatpagefraction}{0.8}
+\renewcommand{\dblfloatpagefraction}{0.8}
+\setcounter{topnumber}{6}
+\setcounter{dbltopnumber}{4}
+\setcounter{bottomnumber}{4}
+\setcounter{totalnumber}{10}
+\makeatletter
+\setlength{\@fptop}{0pt}
+\setlength{\@dblfptop}{0pt}
+\makeatother
 \setlength{\belowcaptionskip}{4pt}
 \emergencystretch=3em
 """
@@ -107,9 +122,10 @@ def _body(
     yield from _methods(run, macros)
     for group, own in rows_of.groups(rows):
         yield from _group(run, macros, group, attended(own), facets)
+    yield "\\onecolumn"  # a wide table stands where it is written
     yield from _solvers(run, references)
     yield from _collections(run, macros, references, citations)
-    yield f"\\appendix\n\\section{{Definitions}}\n{{\\footnotesize {markdown(METHODS)}\\par}}"
+    yield f"\\twocolumn\n\\appendix\n\\section{{Definitions}}\n{{\\footnotesize {markdown(METHODS)}\\par}}"
 
 
 def _methods(run: Run, macros: Macros) -> Iterator[str]:
@@ -170,17 +186,17 @@ def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: C
     for facet in facets:
         found, told = _by_family(ranked) if facet == "family" else _by_tolerance(run, group, ranked)
         if len(found) > 1:
-            caption = f"Performance profiles of {text(name)} by {facet}, of the same solvers. {told}"
+            caption = f"Performance profiles of {text(name)}, by {facet}, of the same solvers. {told}"
             yield curves.panels(found, labels, kinds, caption, f"{key}{facet}")
 
 
 def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
-    """A profile a family, its ratios taken among its own problems."""
+    """A profile a family, by its title in TeX; its ratios are taken among its own problems."""
     sizes = rows.groupby("family")["fingerprint"].nunique().sort_index().sort_values(ascending=False, kind="stable")
     found: dict[str, profiles.Profile] = {}
     for family in sizes.index[:FAMILIES]:
         own = rows[rows["family"] == family]
-        title = f"{one_line(family) or '(no family)'}: {counted(int(sizes[family]), 'problem')}"
+        title = text(f"{one_line(family) or '(no family)'}: {counted(int(sizes[family]), 'problem')}")
         found[title] = profiles.performance_profile(rows_of.times(_with_labels(own, rows)))
     rest = len(sizes) - len(found)
     return found, f"{rest} families with fewer problems are not shown." if rest else ""
@@ -214,7 +230,7 @@ def _by_tolerance(run: Run, group: Group, rows: pd.DataFrame) -> tuple[dict[str,
     for tolerance, own in sorted(same, key=lambda pair: -pair[0]):
         ranked = own[rows_of.ranked(own) & own["label"].isin(labels)]
         problems = counted(int(own["fingerprint"].nunique()), "problem")
-        found[f"tolerance {tolerance:g}: {problems}"] = profiles.performance_profile(rows_of.times(ranked))
+        found[f"tolerance {small(tolerance)}: {problems}"] = profiles.performance_profile(rows_of.times(ranked))
     return found, told
 
 
@@ -232,8 +248,8 @@ def _solvers(run: Run, references: Bibliography) -> Iterator[str]:
     if rows:
         yield "\\section{Solvers}"
         head = ["solver", "solves", "version", "licence", "source"]
-        spec = r">{\raggedright\arraybackslash}p{0.5\columnwidth}ll>{\raggedright\arraybackslash}p{0.6\columnwidth}l"
-        yield table(head, rows, spec, "Solvers, what they solve, versions, licences.", wide=True)
+        spec = r">{\raggedright\arraybackslash}p{0.26\columnwidth}ll>{\raggedright\arraybackslash}p{0.34\columnwidth}l"
+        yield table(head, rows, spec, "Solvers, what they solve, versions, licences.")
 
 
 def _collections(run: Run, macros: Macros, references: Bibliography, citations: Mapping[str, str]) -> Iterator[str]:
@@ -245,5 +261,5 @@ def _collections(run: Run, macros: Macros, references: Bibliography, citations: 
         rows.append([label(family), number, cited])
     if rows:
         yield "\\section{Collections}"
-        spec = r">{\raggedright\arraybackslash}p{0.6\columnwidth}rl"
+        spec = r">{\raggedright\arraybackslash}p{0.34\columnwidth}rl"
         yield table(["family", "problems", "source"], rows, spec, "Families of problems.")

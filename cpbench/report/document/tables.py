@@ -16,19 +16,19 @@ LINES = 42
 """Rows of a table that fit on a page."""
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], spec: str, caption: str, *, wide: bool = False) -> str:
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], spec: str, caption: str) -> str:
     """A floating table of cells that are TeX already, or several where it is longer than a page."""
-    return "\n\n".join(_tables(head, list(rows), spec, caption, "table*" if wide else "table"))
+    return "\n\n".join(_tables(head, list(rows), spec, caption))
 
 
-def _tables(head: Sequence[str], rows: Sequence[Sequence[str]], spec: str, caption: str, kind: str) -> Iterator[str]:
+def _tables(head: Sequence[str], rows: Sequence[Sequence[str]], spec: str, caption: str) -> Iterator[str]:
     for start in range(0, max(1, len(rows)), LINES):
         body = "".join(f"  {' & '.join(row)} \\\\\n" for row in rows[start : start + LINES])
         told = caption if not start else "Continued."
         yield (
-            f"\\begin{{{kind}}}[!htbp]\n\\caption{{{told}}}\n\\centering\\scriptsize\\setlength{{\\tabcolsep}}{{3pt}}\n"
+            f"\\begin{{table}}[!htbp]\n\\caption{{{told}}}\n\\centering\\scriptsize\\setlength{{\\tabcolsep}}{{3pt}}\n"
             f"\\begin{{tabular}}{{@{{}}{spec}@{{}}}}\n\\toprule\n  {' & '.join(head)} \\\\\n\\midrule\n{body}"
-            f"\\bottomrule\n\\end{{tabular}}\n\\end{{{kind}}}"
+            f"\\bottomrule\n\\end{{tabular}}\n\\end{{table}}"
         )
 
 

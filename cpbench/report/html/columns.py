@@ -20,7 +20,7 @@ import pandas as pd
 
 from cpbench.analysis import histories, metrics
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED, attended
+from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.portraits import Portrait
@@ -44,7 +44,7 @@ PLAIN = ("verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
 
 def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
     """Columns and facts of a run."""
-    parts = [(group, attended(rows)) for group, rows in rows_of.groups(run.rows)]
+    parts = run.parts
     rows = pd.concat([part for _, part in parts], ignore_index=True) if parts else run.rows
     whole = len(rows) <= WHOLE
     problem, prints = _codes(rows["fingerprint"])

@@ -17,8 +17,6 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
 from cpbench.analysis.portraits import Portrait
 from cpbench.errors import FormatError
 from cpbench.report.html import rankings, vega
@@ -31,7 +29,8 @@ from cpbench.report.text import one_line
 NAME = "report.html"
 SCRIPTS = (
     "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
-    "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "app.js",
+    "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
+    "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""
 
@@ -66,11 +65,10 @@ def write(run: Run, title: str) -> Path:
 def page(run: Run, title: str) -> str:
     """The HTML of a run."""
     columns, facts = columns_of(run)
-    parts = rows_of.groups(run.rows)
-    for told, (_, whole) in zip(facts["groups"], parts, strict=True):
-        rows = attended(whole)
+    for told, (_, rows) in zip(facts["groups"], run.parts, strict=True):
         symbols = sorted({symbol for code in told["problems"] for symbol in facts["problems"]["sizes"][code]})
         told["ranking"] = rankings.ranking(rows)
+        told["bands"] = rankings.bands(rows) if facts["whole"] else None
         told["growth"] = rankings.growth(rows, symbols)
     sizes = [told["count"] for told in facts["groups"]]
     facts["first"] = sizes.index(max(sizes)) if sizes else 0

@@ -1,4 +1,5 @@
-"""What a page says of a whole group, whatever is filtered: ranking with intervals, growth with size, warm starts."""
+"""What a page says of a whole group, whatever is filtered: ranking with intervals, bands around the curves of its
+profile, growth with size, warm starts."""
 
 from __future__ import annotations
 
@@ -9,10 +10,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import bootstrap, means, scaling, starts, summary
+from cpbench.analysis import bands as around
+from cpbench.analysis import bootstrap, means, metrics, scaling, starts, summary
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.profiles import performance_profile
 
 Records = dict[str, list[Any]]
+BANDED = 12
+"""Solvers with a band: those in colour, and a few who are so when one of these is hidden for a while."""
+DIGITS = 4
+"""Of the fractions of bands: no screen shows more."""
 
 
 def ranking(rows: pd.DataFrame) -> dict[str, Any]:
@@ -29,10 +36,36 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
     }
 
 
+def bands(rows: pd.DataFrame) -> dict[str, Any]:
+    """Bands around the leading curves of the performance profile of the times, nothing filtered: ends at each τ, in the
+    order of `labels`. No labels where nobody's times may be compared, or where no other family can be drawn."""
+    compared = rows_of.only_ranked(rows)
+    time = metrics.METRICS["time"]
+    found = metrics.measured(compared, time).values
+    if not len(found.columns):
+        return {"labels": []}
+    # a problem for which nobody's time may be compared counts among those that are not solved, as in the curves
+    everywhere = found.reindex(rows["fingerprint"].unique(), fill_value=math.inf)
+    floor, families = time.floor or 0.0, bootstrap.families_of(rows)
+    if bootstrap.clusters(everywhere.index, families)[1] < 2:
+        return {"labels": []}
+    leading = performance_profile(everywhere, len(everywhere), floor).leading(BANDED)
+    made = around.profile_bands(everywhere, families, labels=leading, floor=floor)
+    ends = {name: end.round(DIGITS).T.to_numpy().tolist() for name, end in (("low", made.low), ("high", made.high))}
+    return {
+        "families": made.families,
+        "few": made.few,
+        "replicates": made.replicates,
+        "taus": made.low.index.tolist(),
+        "labels": list(made.low.columns),
+        **ends,
+    }
+
+
 def growth(rows: pd.DataFrame, symbols: Sequence[str]) -> Mapping[str, Records]:
     """How the time of each label grows with each dimension that varies enough, where that can be told."""
     found: dict[str, Records] = {}
-    ranked = rows[rows_of.ranked(rows)]
+    ranked = rows_of.only_ranked(rows)
     for symbol in symbols:
         lines = scaling.scaling(ranked, symbol) if len(ranked) else pd.DataFrame(columns=list(scaling.COLUMNS))
         told = lines[lines["reason"] == ""]

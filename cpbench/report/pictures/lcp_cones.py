@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FILLS: dict[tuple[int, ...], str] = {(): "#D9D9D9", (0,): "#A9CCE6", (1,): "#F2C6A6", (0, 1): "#B5DECF"}
+_NUMBER, _Q = (8, -7), (-8, -8)
+"""Where the number of a pivot and the q stand beside their points [pt]."""
 NAMES: dict[tuple[int, ...], str] = {(): r"$z = 0$", (0,): r"$z_1 > 0$", (1,): r"$z_2 > 0$", (0, 1): r"$z_1, z_2 > 0$"}
 
 
@@ -79,6 +81,9 @@ def _plane_of_q(axes: Axes, cones: list[ComplementaryCone], q: Vector, path: Lem
             tip = 0.93 * reach * ray / max_abs(ray)
             taken.append(tip)
             axes.text(tip[0], tip[1], name, fontsize=8, ha="center", va="center", bbox=canvas.PLATE, zorder=6)
+    point = 2.0 * reach / (72.0 * axes.get_position().width * axes.figure.get_figwidth())  # type: ignore[union-attr]
+    numbers = [q + cover + point * np.array(_NUMBER) for cover in path.cover[:, None] * np.ones(2)]
+    taken += [q + point * np.array(_Q), *numbers]
     for cone in cones:
         g = cone.generators / np.maximum(np.linalg.norm(cone.generators, axis=0), 1e-300)
         if not cone.degenerate:
@@ -90,11 +95,9 @@ def _plane_of_q(axes: Axes, cones: list[ComplementaryCone], q: Vector, path: Lem
         axes.text(
             where[0], where[1], words, ha="center", va="center", fontsize=8, color="#333333", bbox=plate, zorder=3
         )
-    _pivots(axes, q + path.cover[:, None] * np.ones(2), aside=0.028 * reach, offset=(8, -7))
+    _pivots(axes, q + path.cover[:, None] * np.ones(2), aside=0.028 * reach, offset=_NUMBER)
     axes.plot(*q, "o", color=canvas.INK, markersize=4.5, zorder=8)
-    axes.annotate(
-        r"$q$", (q[0], q[1]), (-8, -8), textcoords="offset points", fontsize=10, zorder=9, ha="center", va="center"
-    )
+    axes.annotate(r"$q$", (q[0], q[1]), _Q, textcoords="offset points", fontsize=10, zorder=9, ha="center", va="center")
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
     axes.set_aspect("equal")
@@ -183,9 +186,9 @@ def _sector(g: Dense) -> Dense:
 
 def _inside_cone(g: Dense, degenerate: bool) -> Dense:
     """Places for a name in the unit square, along the edges of a flat cone, else well between them; (k, 2)."""
-    rays = g.T if degenerate else _sector(g)[:, 9:26:2].T
+    rays = g.T if degenerate else _sector(g)[:, 8:26].T
     rays = rays[np.abs(rays).max(axis=1) > 1e-9]
     if not len(rays):
         rays = np.array([[-1.0, -1.0]])
     rays = rays / np.abs(rays).max(axis=1, keepdims=True)
-    return np.vstack([share * rays for share in (0.75, 0.65, 0.55, 0.45, 0.35)])
+    return np.vstack([share * rays for share in (0.75, 0.65, 0.55, 0.45, 0.35, 0.25)])

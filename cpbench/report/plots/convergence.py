@@ -1,6 +1,6 @@
 """Convergence on one problem: the error of every kept iterate, as we judge it, against time.
 
-Needs a run with --history; --problem names the problem where there are several, --told adds what the solver said of
+Needs a run with --history; --name names the problem where there are several, --told adds what the solver said of
 its own iterates.
 """
 
@@ -12,10 +12,10 @@ import pandas as pd
 
 from cpbench.analysis import histories
 from cpbench.analysis import table as rows_of
-from cpbench.errors import CpbenchError, UnknownName
+from cpbench.errors import CpbenchError
 from cpbench.report import canvas, figures, legend, run_canvas
 from cpbench.report import convergence as curves
-from cpbench.report.chosen import Choice, choose
+from cpbench.report.chosen import Choice, choose, matching
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.report.plots.precision import require_histories
 from cpbench.report.run import Run
@@ -28,7 +28,7 @@ FLOOR = 1e-17
 @figure_kind(
     "convergence",
     problem=Need.NONE,
-    name="Name of the problem.",
+    name="Problem, where there are several: its name, or a pattern with * and ? of one.",
     told="Dotted: the residual that the solver told of the iterate.",
 )
 def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Drawing:
@@ -67,14 +67,13 @@ def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Dra
 
 
 def _of_one(rows: pd.DataFrame, paths: pd.DataFrame, name: str) -> tuple[pd.DataFrame, str]:
-    """The rows of one problem: the one named, or the only one with histories."""
+    """The rows of one problem: the only one with histories, or the only one of that name."""
     recorded = rows[rows["key"].isin(paths["key"])]
     names = rows_of.problem_names(recorded)
     known = sorted({str(known) for known in names})
-    if not name and len(known) > 1:
-        shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
-        raise CpbenchError(f"iterates were kept of {len(known)} problems: name one with --name: {shown}")
-    wanted = name or known[0]
-    if wanted not in known:
-        raise UnknownName("problem of the results", wanted, known)
-    return recorded[names == wanted], wanted
+    found = sorted(matching(set(known), [name], "problem with iterates")) if name else known
+    if len(found) > 1:
+        shown = ", ".join(found[:12]) + (", ..." if len(found) > 12 else "")
+        which = f"{name} names {len(found)} problems" if name else f"iterates were kept of {len(found)} problems"
+        raise CpbenchError(f"{which}: name one with --name: {shown}")
+    return recorded[names == found[0]], found[0]

@@ -86,6 +86,14 @@ def _scatter(axes: Axes, both: pd.DataFrame, one: str, other: str, metric: Metri
     cost = run_canvas.word(metric)
     axes.set_xlabel(f"{cost}, {figures.shorten(one_line(one))}")
     axes.set_ylabel(f"{cost}, {figures.shorten(one_line(other))}")
-    middle = math.sqrt(low * high)
-    axes.text(lost, middle, "not solved", rotation=90, fontsize=7, color="#555555", ha="center", va="center")
-    axes.text(middle, lost, "not solved", fontsize=7, color="#555555", ha="center", va="center")
+    look = {"fontsize": 7, "color": "#555555", "ha": "center", "va": "center"}
+    axes.text(lost, _clear(y[x == lost], low, high), "not solved", rotation=90, **look)
+    axes.text(_clear(x[y == lost], low, high), lost, "not solved", **look)
+
+
+def _clear(taken: np.ndarray, low: float, high: float) -> float:
+    """A place in a band, on its log scale, that is farthest from the points in it; the middle where all are alike."""
+    places = low * (high / low) ** np.linspace(0.15, 0.85, 15)
+    apart = np.abs(np.log(places[:, None] / taken)).min(axis=1, initial=math.inf)
+    best = places[apart >= apart.max() - 1e-12]
+    return float(best[len(best) // 2])

@@ -71,7 +71,12 @@ def draw(run: Run, choice: Choice, *, sequence: str = "") -> Drawing:
         + (f" {counted(fell, 'warm start')} had nothing to start from and were cold." if fell else "")
         + (f" {others} more solvers are not shown; --solver chooses." if others else "")
     )
-    return run_canvas.drawn(figure, f"Sequence {name}, {chosen.scope()}", guide, chosen)
+    return run_canvas.drawn(
+        figure,
+        f"Sequence {name} ({chosen.node}): {counted(found['step'].nunique(), 'step')}, tolerance {chosen.tolerance:g}",
+        guide,
+        chosen,
+    )
 
 
 def _panel(axes: Axes, found: pd.DataFrame, column: str, places: dict[str, int], tolerance: float) -> None:

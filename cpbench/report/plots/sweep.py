@@ -43,7 +43,7 @@ def draw(run: Run, choice: Choice, *, option: str = "") -> Drawing:
         _dress(axes, found, column, word, chosen.problems)
     beside = figure.add_axes((0.71, 0.48 / height, 0.285, 1 - 0.6 / height))
     best = found.groupby("series")["solved"].max()
-    lines = [legend.Line(figures.shorten(label, 24), str(int(best[label])), places.get(label)) for label in series]
+    lines = [legend.Line(_between(label, 24), str(int(best[label])), places.get(label)) for label in series]
     legend.beside(beside, "most solved   solver", lines, most=run_canvas.LINES)
     guide = (
         f"Left: the fraction of the {counted(chosen.problems, 'problem')} that the solver solved with this value of "
@@ -51,6 +51,16 @@ def draw(run: Run, choice: Choice, *, option: str = "") -> Drawing:
         "curve where it still falls says that the range was too narrow."
     )
     return run_canvas.drawn(figure, f"Sweep of {word}, {chosen.scope()}", guide, chosen)
+
+
+def _between(label: str, length: int) -> str:
+    """A label that fits; names of a sweep often differ at their ends.
+
+    >>> _between("casadi-ipopt-mlcp@innerν", 18)
+    'casadi-ip…p@innerν'
+    """
+    half = length // 2
+    return label if len(label) <= length else f"{label[: length - half]}…{label[len(label) - half + 1 :]}"
 
 
 def _dress(axes: Axes, found: pd.DataFrame, column: str, word: str, problems: int) -> None:

@@ -75,8 +75,14 @@ const App = (() => {
       ratios,
       curves,
       byHeight,
+      whole:
+        state.metric === "time" &&
+        state.tolerance === null &&
+        problems.length === table.problems.length &&
+        chosen.length === table.labels.length,
       name,
       slots: places,
+      slotOf: (label) => slots.get(codeOf.get(label)) ?? -1,
       shown: new Set(chosen),
       order: group.display,
       solvedBy: new Map(curves.map((c) => [c.label, c.solved])),
@@ -189,7 +195,8 @@ const App = (() => {
           for (const a of links.values()) a.removeAttribute("aria-current");
           const link = links.get(entry.target.id);
           link?.setAttribute("aria-current", "true");
-          link?.closest("nav").scrollTo({ left: link.offsetLeft - 120 });
+          const bar = link?.closest("nav");
+          bar?.scrollTo({ left: link.offsetLeft - bar.offsetLeft - 24 });
         }
       },
       { rootMargin: "-20% 0px -70% 0px" },

@@ -129,6 +129,8 @@ const Charts = (() => {
     legend: null,
     scale: { domain: [...COLOURS.keys()], range: SHAPES },
   };
+  /* Of the curves without a colour, those that are few enough in a figure are told apart by their dashes. */
+  const greyDash = { ...slotDash, field: "dash" };
   const inFocus = (full) => ({
     condition: { test: "focus === '' || datum.label === focus", value: full },
     value: 0.12,
@@ -149,9 +151,15 @@ const Charts = (() => {
       params: [{ name: "focus", value: "" }],
       layer: [
         {
-          data: { values: values.filter((v) => v.slot < 0) },
-          mark: { ...mark, strokeWidth: 1, color: "var(--other)" },
-          encoding: { ...shared, detail: { field: "label" }, opacity: inFocus(0.75) },
+          data: { values: values.filter((v) => v.slot < 0).map((v) => ({ ...v, dash: v.dash ?? 0, named: v.dash >= 0 })) },
+          mark: { ...mark, color: "var(--other)" },
+          encoding: {
+            ...shared,
+            detail: { field: "label" },
+            strokeDash: greyDash,
+            strokeWidth: { condition: { test: "datum.named", value: 2.2 }, value: 1 },
+            opacity: inFocus(0.75),
+          },
         },
         ...extra,
         {
@@ -184,6 +192,56 @@ const Charts = (() => {
     };
   }
 
+  /* Areas behind curves of labels with a colour: values of {label, slot, first, x, low, high}. Those that are not first
+     appear while their label is in focus. */
+  const bands = (values) => ({
+    data: { name: "bands", values },
+    mark: { type: "area", interpolate: "step-after", clip: true },
+    encoding: {
+      x: { field: "x", type: "quantitative" },
+      y: { field: "low", type: "quantitative" },
+      y2: { field: "high" },
+      detail: { field: "label" },
+      color: slotColour,
+      opacity: {
+        condition: [
+          { test: "datum.label === focus", value: 0.32 },
+          { test: "focus === '' && datum.first", value: 0.16 },
+        ],
+        value: 0,
+      },
+    },
+  });
+
+  /* A dot a label on its line, with its interval: values of {label, slot, v, low, high}, in the order of the lines. */
+  function dots({ values, scale, axis, tooltip = [], extra = [] }) {
+    const y = {
+        field: "label",
+        type: "nominal",
+        sort: null,
+        title: null,
+        axis: { ticks: false, domain: false, labelPadding: 8 },
+      },
+      x = (field) => ({ field, type: "quantitative", scale, axis }),
+      colour = { condition: { test: "datum.slot >= 0", ...slotColour }, value: "var(--soft)" };
+    return {
+      height: 21 * values.length,
+      layer: [
+        ...extra,
+        {
+          data: { name: "intervals", values },
+          mark: { type: "rule", strokeWidth: 5, opacity: 0.28 },
+          encoding: { y, x: x("low"), x2: { field: "high" }, color: colour },
+        },
+        {
+          data: { name: "dots", values },
+          mark: { type: "point", filled: true, size: 52, opacity: 1 },
+          encoding: { y, x: x("v"), color: colour, tooltip: [{ field: "label", title: "solver" }, ...tooltip] },
+        },
+      ],
+    };
+  }
+
   /* Draws into an element; gives what `focus` of. */
   async function draw(element, spec) {
     const whole = { width: "container", autosize: { type: "fit-x", contains: "padding" }, config: CONFIG, ...spec };
@@ -212,6 +270,8 @@ const Charts = (() => {
     logScale,
     corners,
     lines,
+    bands,
+    dots,
     draw,
     slotColour,
     slotDash,

@@ -227,7 +227,7 @@ const Comparisons = (() => {
                 field: "kind",
                 type: "nominal",
                 legend: null,
-                scale: { domain: ["both", "one"], range: ["var(--s0)", "var(--s1)"] },
+                scale: { domain: ["both", "one"], range: ["var(--accent)", "var(--warn)"] },
               },
               shape: {
                 field: "kind",

@@ -43,10 +43,11 @@
       const drawn = found.filter((r) => Number.isFinite(r.seconds) && r.seconds > 0);
       if (!drawn.length) return { empty: "No error was reached on half of the chosen problems." };
       const labels = [...new Set(drawn.map((r) => r.label))],
-        slots = Figures.looks(context, labels);
+        dashes = Figures.dashes(context, labels);
       const values = drawn.map((r) => ({
         label: context.name(r.label),
-        slot: slots.get(r.label) ?? -1,
+        slot: context.slots.get(r.label) ?? -1,
+        dash: dashes.get(r.label),
         x: r.seconds,
         y: r.error,
       }));
@@ -63,7 +64,7 @@
       return {
         spec,
         labels,
-        slots,
+        dashes,
         numbers: `N = ${Dom.counted(context.problems.length, "problem")}.`,
         guide:
           "A curve passes ε at the median, over the problems, of the times to the first kept iterate whose error, as we judge it, was at most ε; it ends where fewer than half of the problems got further. Iterates are kept at growing intervals, so that a time is an upper bound.",
@@ -119,8 +120,11 @@
       });
       if (!values.length) return { empty: "None of the chosen solvers kept iterates on this problem." };
       const labels = [...new Set(values.map((v) => v.place))],
-        slots = Figures.looks(context, labels);
-      for (const v of values) v.slot = slots.get(v.place) ?? -1;
+        dashes = Figures.dashes(context, labels);
+      for (const v of values) {
+        v.slot = context.slots.get(v.place) ?? -1;
+        v.dash = dashes.get(v.place);
+      }
       const span = (key) => Charts.extent(values.map((v) => v[key]));
       const [x0, x1] = span("x"),
         [y0, y1] = span("y"),
@@ -141,7 +145,7 @@
       return {
         spec,
         labels,
-        slots,
+        dashes,
         numbers: `Dashed: the tolerance, ${Dom.number(tolerance)}.`,
         guide: "A curve shows the error, as we judge it, of the best iterate that the solver had after that time.",
         table: () => ({

@@ -64,7 +64,7 @@ const Figures = (() => {
     const made = box.kind.build(context);
     box.view?.finalize();
     box.view = null;
-    box.chips.replaceChildren(...(made.labels ? chips(context, made.labels, made.slots ?? context.slots) : []));
+    box.chips.replaceChildren(...(made.labels ? chips(context, made.labels, made.dashes) : []));
     box.caption.replaceChildren(
       ...(made.guide ? [h("span", { class: "numbers" }, made.numbers ?? ""), made.numbers ? " " : "", made.guide] : []),
     );
@@ -108,40 +108,40 @@ const Figures = (() => {
     }
   }
 
-  function swatch(slot) {
+  function swatch(slot, dash) {
+    const grey = slot < 0,
+      dashed = grey ? dash : slot;
     const line = {
       x1: 0,
       x2: 26,
       y1: 6,
       y2: 6,
-      stroke: slot < 0 ? "var(--other)" : Charts.COLOURS[slot],
-      "stroke-width": slot < 0 ? 1.2 : 2.4,
+      stroke: grey ? "var(--other)" : Charts.COLOURS[slot],
+      "stroke-width": grey && dash === undefined ? 1.2 : 2.4,
     };
-    if (slot > 0) line["stroke-dasharray"] = Charts.DASHES[slot].join(" ");
+    if (dashed > 0) line["stroke-dasharray"] = Charts.DASHES[dashed].join(" ");
     return svg("svg", { class: "swatch", viewBox: "0 0 26 12", "aria-hidden": "true" }, svg("line", line));
   }
 
-  /* The looks of the labels of a figure with few: their own, and for those without one what no other here has. */
-  function looks(context, labels) {
-    const found = new Map(labels.filter((s) => context.slots.has(s)).map((s) => [s, context.slots.get(s)]));
-    if (labels.length > Charts.SLOTS) return found;
-    const free = [...Charts.COLOURS.keys()].filter((k) => ![...found.values()].includes(k));
-    for (const s of labels) if (!found.has(s)) found.set(s, free.shift());
-    return found;
+  /* The dashes of the labels without a colour, in a figure with so few of them that each can be named: a colour stands
+     for one solver on the whole page, so that none is given here. */
+  function dashes(context, labels) {
+    const grey = labels.filter((s) => !context.slots.has(s));
+    return new Map(grey.length <= Charts.SLOTS ? grey.map((s, k) => [s, k]) : []);
   }
 
-  /* The names of curves with their look; the grey ones are counted. */
-  function chips(context, labels, slots) {
-    const coloured = labels.filter((label) => slots.has(label));
-    const grey = labels.length - coloured.length;
-    const found = coloured.map((label) =>
+  /* The names of curves with their look; the grey ones that have no dash of their own are counted. */
+  function chips(context, labels, dashed = new Map()) {
+    const named = labels.filter((label) => context.slots.has(label) || dashed.has(label));
+    const grey = labels.length - named.length;
+    const found = named.map((label) =>
       h(
         "li",
         {
           onmouseenter: () => focus(context.name(label)),
           onmouseleave: () => focus(""),
         },
-        swatch(slots.get(label)),
+        swatch(context.slots.get(label) ?? -1, dashed.get(label)),
         h("span", {}, context.name(label), ...context.marks(label)),
       ),
     );
@@ -149,5 +149,5 @@ const Figures = (() => {
     return found;
   }
 
-  return Object.freeze({ register, mount, update, focus, looks, swatch, boxes });
+  return Object.freeze({ register, mount, update, focus, dashes, swatch, boxes });
 })();

@@ -9,8 +9,15 @@ const Matrix = (() => {
   /* One stop of the tab key; the arrow keys go on from there. */
   function keys(table) {
     const cells = () => [...table.tBodies[0].rows].map((row) => [...row.cells].slice(1));
-    const first = table.querySelector("td");
-    if (first) first.tabIndex = 0;
+    const stop = (cell) => {
+      const before = table.querySelector("td[tabindex='0']");
+      if (before) before.tabIndex = -1;
+      if (cell) cell.tabIndex = 0;
+    };
+    stop(table.querySelector("td"));
+    table.addEventListener("focusin", (event) => {
+      if (event.target.closest("td")) stop(event.target.closest("td")); // a click moves it, too
+    });
     table.addEventListener("keydown", (event) => {
       const cell = event.target.closest("td");
       if (!cell) return;
@@ -19,8 +26,10 @@ const Matrix = (() => {
         ArrowLeft: [0, -1],
         ArrowDown: [1, 0],
         ArrowUp: [-1, 0],
-        Home: [0, -1e6],
-        End: [0, 1e6],
+        PageDown: [10, 0],
+        PageUp: [-10, 0],
+        Home: [event.ctrlKey ? -1e6 : 0, -1e6],
+        End: [event.ctrlKey ? 1e6 : 0, 1e6],
       };
       if (event.key === "Enter" || event.key === " ") {
         event.preventDefault();
@@ -33,8 +42,6 @@ const Matrix = (() => {
         clamp = (k, most) => Math.max(0, Math.min(most, k));
       const r = clamp(cell.parentElement.sectionRowIndex + steps[event.key][0], all.length - 1);
       const c = clamp(cell.cellIndex - 1 + steps[event.key][1], all[r].length - 1);
-      cell.tabIndex = -1;
-      all[r][c].tabIndex = 0;
       all[r][c].focus();
     });
     return table;
@@ -215,7 +222,7 @@ const Matrix = (() => {
         { class: "controls" },
         h(
           "label",
-          { style: "grid-auto-flow: column; align-items: center; justify-content: start; gap: .5rem" },
+          { class: "check" },
           h("input", {
             type: "checkbox",
             onchange: (e) => {

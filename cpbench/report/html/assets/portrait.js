@@ -24,7 +24,7 @@ const Portrait = (() => {
       paths[Number(cells[from])] += `M${from % width} ${Math.floor(from / width)}h${at - from}v1h-${at - from}z`;
     }
     return paths
-      .map((d, shade) => (d && shade ? svg("path", { d, "fill-opacity": 0.1 + (0.9 * shade) / DECADES }) : null))
+      .map((d, shade) => (d && shade ? svg("path", { d, "fill-opacity": 0.08 + (0.8 * shade) / DECADES }) : null))
       .filter(Boolean);
   }
 
@@ -61,7 +61,7 @@ const Portrait = (() => {
     const cell = step > 1 ? `a square of up to ${step} × ${step} entries` : "an entry";
     return figure(
       grid,
-      `${Dom.counted(entries, "nonzero")}, ${Dom.number((100 * entries) / whole)} % of the entries: a dark cell is ${cell}, ten times smaller a shade lighter, an empty one has zeros only.`,
+      `${Dom.counted(entries, "nonzero")}, ${Dom.number((100 * entries) / whole)} % of the entries: a filled cell is ${cell}, ten times smaller a shade fainter, an empty one has zeros only.`,
       "blocks",
     );
   }
@@ -156,7 +156,7 @@ const Portrait = (() => {
     const flat = all.filter((c) => c.flat).length;
     return figure(
       drawn,
-      `A solution for every cone that holds q, here ${held}: ${told ? `z = ${told}` : "there is none"}. ${kind}${flat ? `, ${flat} of 4 flat` : ""}.`,
+      `Each of the 4 cones that holds q gives a solution; ${held || "none"} of them ${held === 1 ? "does" : "do"}${told ? `: z = ${told}` : ""}. ${kind}${flat ? ` (${flat} of 4 are flat)` : ""}.`,
       "cones",
     );
   }
@@ -170,6 +170,8 @@ const Portrait = (() => {
       made.blocks ? blocks(made.blocks) : null,
       made.contacts ? contacts(made.contacts, made.answer) : null,
     ].filter(Boolean);
+    if (made.unanswered)
+      drawn.push(h("p", { class: "scope" }, "What its contacts do has no picture: no verified answer was kept."));
     return drawn.length ? [h("div", { class: "portraits" }, drawn)] : [h("p", { class: "scope" }, "It has no matrix.")];
   }
 

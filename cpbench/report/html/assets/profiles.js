@@ -14,46 +14,18 @@
         shown = Math.min(count, 16);
       const values = Array.from({ length: shown }, (_, k) => ({
         label: lines.label[k],
-        share: lines.solved[k] / total,
+        slot: context.slotOf(lines.label[k]),
+        v: lines.solved[k] / total,
         low: lines.low[k],
         high: lines.high[k],
         told: `${lines.solved[k]} of ${total}`,
       }));
-      const y = {
-        field: "label",
-        type: "nominal",
-        sort: null,
-        title: null,
-        axis: { ticks: false, domain: false, labelPadding: 8 },
-      };
-      const scale = { domain: [0, 1] };
-      const spec = {
-        height: 21 * values.length,
-        data: { values },
-        layer: [
-          {
-            mark: { type: "rule", strokeWidth: 5, opacity: 0.28, color: "var(--accent)" },
-            encoding: { y, x: { field: "low", type: "quantitative", scale }, x2: { field: "high" } },
-          },
-          {
-            mark: { type: "point", filled: true, size: 52, color: "var(--accent)", opacity: 1 },
-            encoding: {
-              y,
-              x: {
-                field: "share",
-                type: "quantitative",
-                scale,
-                title: "fraction of problems solved",
-                axis: { format: "%", tickCount: 5 },
-              },
-              tooltip: [
-                { field: "label", title: "solver" },
-                { field: "told", title: "solved" },
-              ],
-            },
-          },
-        ],
-      };
+      const spec = Charts.dots({
+        values,
+        scale: { domain: [0, 1] },
+        axis: { title: "fraction of problems solved", format: "%", tickCount: 5 },
+        tooltip: [{ field: "told", title: "solved" }],
+      });
       const rows = () =>
         lines.label.map((name, k) => [
           h("span", {}, name, ...context.marksOf(name, lines.kind[k])),
@@ -91,11 +63,62 @@
     },
   });
 
+  const BANDED = 3; // bands that are shown at once: more of them cover each other
+  let banded = false;
+
+  /* The ends of the bands of the coloured curves, as areas; nothing is said of a filter that they were not made for. */
+  function bandsOf(context, upto) {
+    const { bands } = context.group;
+    if (!banded || !context.whole || !bands?.labels.length) return [];
+    const leaders = context.byHeight.map((c) => c.label).filter((s) => context.slots.has(s));
+    return leaders.flatMap((s, place) => {
+      const label = context.name(s),
+        k = bands.labels.indexOf(label);
+      if (k < 0) return [];
+      const at = [...bands.taus, upto],
+        last = bands.taus.length - 1;
+      return at.map((x, j) => ({
+        label,
+        slot: context.slots.get(s),
+        first: place < BANDED,
+        x,
+        low: bands.low[k][Math.min(j, last)],
+        high: bands.high[k][Math.min(j, last)],
+      }));
+    });
+  }
+
+  /* What is said of the bands, drawn or not. */
+  function bandsTold({ group: { bands }, whole, data }) {
+    if (!banded) return "";
+    if (!bands) return ` There are no bands: ${data.facts.rows} rows are too many for them.`;
+    if (!bands.labels.length) return " There are no bands: all problems are of one family, and no other can be drawn.";
+    if (!whole)
+      return " Bands were computed for all problems and solvers of the formulation, their times and the planned tolerance: they do not hold for what is chosen now, and are not drawn.";
+    const few = bands.few ? "; with so few a rough guess" : "";
+    return ` Bands hold for what is chosen now, all problems and solvers, and for no other filter: 95 % at each τ by itself, ${Dom.counted(bands.families, "family", "families")} drawn again ${bands.replicates} times${few}. They are shown of the first ${BANDED} solvers in colour, of others while the pointer is on their name.`;
+  }
+
   const nothing = "Nothing is left of the chosen problems and solvers: loosen the filters.";
 
   Figures.register({
     id: "profile",
     title: "Performance profile",
+    controls(changed) {
+      const box = h("input", {
+        type: "checkbox",
+        id: "profile-bands",
+        onchange: (e) => {
+          banded = e.target.checked;
+          changed();
+        },
+      });
+      return h(
+        "div",
+        { class: "controls" },
+        h("label", { class: "check" }, box, h("span", {}, "bands: how far curves would move with other families")),
+      );
+    },
     build(context) {
       const { curves, metric } = context;
       if (!curves.some((c) => c.solved)) return { empty: nothing, labels: [] };
@@ -113,8 +136,10 @@
         );
       const title = `τ: ${context.metricName} over the least of any shown solver`;
       const axis = { title, values: binary ? Charts.powers(upto) : Charts.logTicks(1, upto), labelExpr: Charts.TINY };
+      const bands = bandsOf(context, upto);
       const spec = Charts.lines({
         values,
+        extra: bands.length ? [Charts.bands(bands)] : [],
         x: { scale: { ...Charts.logScale(1, upto), base: binary ? 2 : 10 }, axis },
         y: { scale: { domain: [0, 1] }, axis: { title: "fraction of problems", format: "%", tickCount: 5 } },
       });
@@ -124,7 +149,7 @@
         labels: order.filter((c) => c.solved).map((c) => c.label),
         numbers: context.numbers,
         summary: `${context.name(order[0].label)} solves most, ${Dom.percent(Engine.height(order[0], Infinity))}.`,
-        guide: `The height of a curve at τ is the fraction of the problems that the solver solved within τ times the ${context.metricName} of the best solver shown: at the left end where it was the best, at the right end what it solved at all.${context.floorText}${context.leftOutText}`,
+        guide: `The height of a curve at τ is the fraction of the problems that the solver solved within τ times the ${context.metricName} of the best solver shown: at the left end where it was the best, at the right end what it solved at all.${context.floorText}${context.leftOutText}${bandsTold(context)}`,
         table: () => ({
           head: ["solver", "τ = 1", "τ = 2", "τ = 5", "τ = 10", "τ = 100", "solved", "of"],
           right: [1, 2, 3, 4, 5, 6, 7],

@@ -1,0 +1,127 @@
+"""All rows of a results file as one table, in little time and memory.
+
+Most of a row says what many rows say: its problem, its solver, how it ended. These columns are read as one text a row
+(a JSON array that SQLite writes), each distinct one is cut into its values once, and all rows that say the same share
+them. So a million rows of 55 columns are some ten million values, not 55.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from itertools import count
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from cpbench.bench.results.schema import MEASURED, PLANNED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cpbench.bench.results.database import Database
+
+Values: TypeAlias = np.ndarray[tuple[int], np.dtype[Any]]
+
+KINDS = {**PLANNED, **MEASURED}
+OF_PROBLEM = ("problem", "address", "fingerprint", "node", "family", "sizes", "set", "sequence", "step")
+OF_SOLVER = (
+    "solver", "label", "request", "options", "measure", "start", "memory", "threads", "repeats_asked", "version",
+)  # fmt: skip
+OF_ENDING = (
+    "status", "route", "kind", "claim", "flags", "started", "host", "origin", "signal", "code", "attempts", "jobs",
+    "repeats",
+)  # fmt: skip
+SHARED = (OF_PROBLEM, OF_SOLVER, OF_ENDING)
+"""Text and whole numbers that repeat together; other numbers would lose digits in JSON."""
+SINGLE = tuple(name for name in KINDS if not any(name in names for names in SHARED))
+NUMBERS = tuple(name for name in SINGLE if KINDS[name] == "REAL")
+CHUNK = 500
+"""Rows that are held as Python objects at a time."""
+REMEMBERED = 10_000
+"""Values of a single column that later ones are compared with."""
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+_READ = ", ".join([*(f"json_array({_quoted(names)})" for names in SHARED), _quoted(SINGLE)])
+
+
+def whole_table(database: Database) -> pd.DataFrame:
+    """All rows in the order problem, label, key, with `error` ∞ where none was measured."""
+    import pandas as pd
+
+    shared = [defaultdict[str, int](count().__next__) for _ in SHARED]
+    readers = [*map(_places, shared), *map(_reader, SINGLE)]
+    found: list[list[Values]] = [[read(())] for read in readers]
+    for rows in database.chunks(f"SELECT {_READ} FROM rows ORDER BY rowid", CHUNK):
+        for parts, read, column in zip(found, readers, zip(*rows, strict=True), strict=True):
+            parts.append(read(column))
+    columns: dict[str, Any] = {}
+    ranks: dict[str, Values] = {}
+    for names, told in zip(SHARED, shared, strict=True):
+        distinct, place = _distinct(names, told), np.concatenate(found.pop(0))
+        columns |= {name: distinct[name].array.take(place) for name in names}
+        ranks |= {n: pd.factorize(distinct[n], sort=True)[0][place] for n in ("problem", "label") if n in names}
+    for name in SINGLE:
+        values = np.concatenate(found.pop(0))
+        columns[name] = values if name in NUMBERS else pd.Series(values).infer_objects().array
+    frame = pd.DataFrame({name: columns.pop(name) for name in KINDS}, copy=False)
+    frame["error"] = frame["error"].fillna(float("inf"))
+    order = _order(ranks["problem"], ranks["label"], frame["key"])
+    if order is not None:
+        frame = frame.take(order)
+        frame.index = pd.RangeIndex(len(frame))
+    return frame
+
+
+def _places(seen: defaultdict[str, int]) -> Callable[[Sequence[str]], Values]:
+    """Texts as their places among the distinct ones, in order of appearance."""
+    return lambda texts: np.fromiter(map(seen.__getitem__, texts), dtype=np.int32, count=len(texts))
+
+
+def _reader(name: str) -> Callable[[Sequence[Any]], Values]:
+    """A single column as an array: NaN where a number is missing, equal texts near each other one object."""
+    if name in NUMBERS:
+        return lambda values: np.fromiter(values, dtype=float, count=len(values))
+    if name == "key":  # no two are equal
+        return lambda values: np.fromiter(values, dtype=object, count=len(values))
+    once: dict[Any, Any] = {}
+
+    def read(values: Sequence[Any]) -> Values:
+        if len(once) > REMEMBERED:
+            once.clear()
+        return np.fromiter(map(once.setdefault, values, values), dtype=object, count=len(values))
+
+    return read
+
+
+def _distinct(names: Sequence[str], texts: Iterable[str]) -> pd.DataFrame:
+    """The values of shared columns, one line a distinct text."""
+    import pandas as pd
+
+    once: dict[Any, Any] = {}
+    return pd.DataFrame([[once.setdefault(v, v) for v in json.loads(text)] for text in texts], columns=list(names))
+
+
+def _order(problem: Values, label: Values, key: pd.Series) -> Values | None:
+    """Positions of the rows by rank of problem and label, then key; None where they lie so already."""
+    import pandas as pd
+
+    step = np.diff(problem)
+    same = (step == 0) & (np.diff(label) == 0)
+    before, after = (np.asarray(key, dtype=object)[k][same] for k in (slice(None, -1), slice(1, None)))
+    if not ((step < 0) | ((step == 0) & (np.diff(label) < 0))).any() and (before < after).all():
+        return None
+    found = np.lexsort((label, problem))
+    alike = np.append(False, (np.diff(problem[found]) == 0) & (np.diff(label[found]) == 0))
+    alike[:-1] |= alike[1:]
+    if not alike.any():
+        return found
+    rank = np.zeros(len(key), dtype=np.int64)
+    tied = found[alike]
+    rank[tied] = pd.factorize(key.iloc[tied], sort=True)[0]
+    return np.lexsort((rank, label, problem))

@@ -1,0 +1,70 @@
+"""What did not go well: claims that do not hold, failures by reason, solvers that could not run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from cpbench.analysis import attendance
+from cpbench.report.html.markup import Markup, code, element, table
+from cpbench.report.run import Run
+from cpbench.report.text import counted, cut, number, solve_command
+
+LISTED = 60
+"""The most lines of a list of pairs."""
+
+
+def false_claims(run: Run) -> Iterator[Markup]:
+    """Answers that were called right and are not, each with the command that runs it again."""
+    found = run.false_claims
+    if not len(found):
+        yield element("p", "Every claim of a solver held on the problem it was given.")
+        return
+    told = f"{counted(len(found), 'answer')} that a solver called right, and whose error is beyond the tolerance"
+    yield element("p", told + (f"; the first {LISTED}." if len(found) > LISTED else "."), class_="scope")
+    lines = (
+        [r["problem"], r["label"], r["status"], number(r["error"]), f"{r['tolerance']:g}", code(_again(run, r))]
+        for _, r in found.head(LISTED).iterrows()
+    )
+    head = ["problem", "solver", "verdict", "error", "tolerance", "again with"]
+    yield table("Claims that do not hold", head, lines, right=[3, 4])
+
+
+def reasons(run: Run) -> Iterator[Markup]:
+    """Outcomes and messages that are alike in one line, then who was absent."""
+    for title, found in (("Started, not solved", run.failures), ("Never started", run.refusals)):
+        if not found:
+            continue
+        yield element("h3", f"{title} ({sum(reason.count for reason in found)})")
+        lines = (
+            [
+                reason.status.replace("_", " ") + (f", {reason.kind} route" if reason.kind else ""),
+                reason.count,
+                _solvers_of(reason.labels),
+                element("div", cut(reason.message, 240) or "—", class_="said"),
+                code(_again(run, reason.example)),
+            ]
+            for reason in found[: 2 * LISTED]
+        )
+        head = ["outcome", "pairs", "solvers", "message of the first", "first pair again"]
+        yield table(title, head, lines, right=[1])
+    gone = attendance.absences(run.rows)
+    if gone:
+        yield element("h3", "Not available here")
+        lines = (
+            [one.state, cut((one.detail.strip().splitlines() or ["not told"])[-1], 300), _solvers_of(one.solvers)]
+            for one in gone
+        )
+        yield table("Solvers that could not run", ["state", "reason", "solvers"], lines)
+
+
+def _solvers_of(counts: Mapping[str, int]) -> str:
+    names = [f"{label} {count}" for label, count in counts.items()]
+    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+
+
+def _again(run: Run, row: Any) -> str:
+    command = solve_command(row, (run.meta.get("solvers") or {}).get(row["label"]))
+    return command.replace(str(Path.cwd()) + os.sep, "")

@@ -1,0 +1,79 @@
+"""Sheets: the solvers of the run with their sources, and the machine that it was made on."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from cpbench.report.html.markup import Markup, element, table
+from cpbench.report.run import Run, tunings
+from cpbench.report.run_sections import DRIFT
+from cpbench.report.text import cut, seconds
+from cpbench.verification import Status
+
+
+def solvers(run: Run) -> Iterator[Markup]:
+    """Versions, licences, methods and citations; which were tuned, and what that took."""
+    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
+    here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"].unique())
+    used = run.rows[run.rows["version"] != ""].groupby("solver")["version"].unique()
+    by_name = {str(sheet.get("name", "")): sheet for _, sheet in sorted(sheets.items())}
+    lines = []
+    for name in sorted(set(by_name) & here):
+        sheet = by_name[name]
+        versions = ", ".join(sorted(used.get(name, []))) or sheet.get("version", "")
+        restriction = sheet.get("publishing", "")
+        licence = sheet.get("licence", "") or "—"
+        cited = sheet.get("citation", "")
+        method = element("div", sheet.get("summary", "")) + (element("div", cited, class_="scope") if cited else "")
+        told = f"{licence}; publishing: {restriction}" if restriction else licence
+        lines.append([name, sheet.get("node", ""), versions or "—", told, Markup(method)])
+    if lines:
+        yield table("Solvers", ["solver", "solves", "version", "licence", "method and source"], lines)
+    found = tunings(run)
+    if found:
+        yield element("h3", "Tuned")
+        names = run.rows.groupby("label")["fingerprint"].unique()
+        told = (
+            [
+                label,
+                record.get("method", ""),
+                record.get("configurations", ""),
+                seconds(float(record.get("spent", math.nan))),
+                f"{len(set(record.get('problems', ())) & set(names.get(label, ())))} of {len(names.get(label, ()))}",
+            ]
+            for label, record in sorted(found.items())
+        )
+        yield element("p", "Their options were searched for on problems before this run.", class_="scope")
+        head = ["solver", "search", "configurations", "took", "problems of this report it has seen"]
+        yield table("Tuned solvers", head, told, right=[2, 3])
+
+
+def machine(run: Run) -> Iterator[Markup]:
+    """Facts of the machine, its drift during the run, files that were refused."""
+    facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
+    hosts = sorted(set(run.rows["host"].unique()) - {""})
+    facts |= {"hosts": ", ".join(hosts)} if hosts else {}
+    facts |= {f"{name} (package)": version for name, version in sorted((run.meta.get("versions") or {}).items())}
+    if facts:
+        yield table("Machine and versions", ["what", "value"], ([name, value] for name, value in facts.items()))
+    took = [float(r["seconds"]) for r in run.meta.get("references") or [] if r["seconds"] == r["seconds"]]
+    if len(took) > 1:
+        spread = max(took) / min(took)
+        told = (
+            f"A solve that is always the same was repeated {len(took)} times during the run: it took "
+            f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}."
+        )
+        if spread > DRIFT:
+            yield element("p", told, " Ratios of times nearer to 1 than that are the machine's.", class_="note warning")
+        else:
+            yield element("p", told)
+    refused = [(str(address), str(reason)) for address, reason in run.meta.get("refused") or []]
+    if refused:
+        here = str(Path.cwd()) + os.sep
+        yield element("h3", f"Refused files ({len(refused)})")
+        lines = ([a.removeprefix(here), cut(r.replace(here, ""), 300)] for a, r in sorted(refused))
+        yield table("Refused files", ["file", "reason"], lines)
