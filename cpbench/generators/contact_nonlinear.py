@@ -34,7 +34,7 @@ SUMMARY = "balls with drag, spinning bodies and pendulums that touch: implicit s
 CITATION = "planted by cpbench; the schemes are those of Moreau 1988 and Acary and Brogliato 2008"
 
 
-@collection("contact-nonlinear", "nfc", SUMMARY, CITATION, builtin=False)
+@collection("contact-nonlinear", "nfc", SUMMARY, CITATION)
 def build() -> list[Instance]:
     """One body to twenty."""
     return [
