@@ -15,25 +15,36 @@ from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.box_linear import NODES, BoxLinear
-from cpbench.solvers.native.box_newton import At, Box, Descent, Method, compile_map, fall_back, run, small_problem
+from cpbench.solvers.native.box_newton import (
+    DENSE_LIMIT,
+    At,
+    Box,
+    Descent,
+    Method,
+    compile_map,
+    fall_back,
+    run,
+    small_problem,
+)
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
 
 SMALL_ENOUGH = 0.5
 """A solution of the linear problem is used when its natural residual is below this share of that of F at z."""
 INNER_TOLERANCE = 1e-14
-INNER_ITERATIONS = (30, 3)
-"""An inner solver has 30 + 3n iterations or pivots: what takes longer is rarely a good direction."""
+ITERATIONS, PIVOTS = 40, 5
+"""What an inner solver may do: 40 iterations from where it is linearized, or 40 + 5n pivots where it takes no start.
+What takes longer is rarely a good direction."""
 SEPARATOR = "+"
 
 
 @dataclass(frozen=True)
 class JosephyNewtonOptions:
     """`inner` : solver of the linear problems, of node lcp, mlcp or avi; several are joined by + and tried one after
-    the other. `max_iterations` : linear problems. `memory` : merits that the line search compares with. `restarts` :
-    other starts that are tried in the end."""
+    the other, those that keep a sparse matrix so before the others where it is one. `max_iterations` : linear problems.
+    `memory` : merits that the line search compares with. `restarts` : other starts that are tried in the end."""
 
-    inner: str = "newton-min+lemke"
+    inner: str = "lemke+newton-min"
     max_iterations: int = fixed(500)
     memory: int = searched(5, low=1, high=20)
     restarts: int = fixed(20)
@@ -93,10 +104,10 @@ class _JosephyNewton(Method):
     def __init__(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> None:
         super().__init__(box)
         self._inner = _inner(options.inner)
+        if box.n > DENSE_LIMIT:
+            self._inner.sort(key=lambda solver: Trait.SPARSE not in solver.spec.traits)
         self.strategies = len(self._inner)
-        self._budget = replace(
-            budget, tolerance=INNER_TOLERANCE, iterations=INNER_ITERATIONS[0] + INNER_ITERATIONS[1] * box.n
-        )
+        self._budget = replace(budget, tolerance=INNER_TOLERANCE)
         self._deadline = time.monotonic() + budget.seconds
         self._descent = Descent(box, fischer_burmeister, options.memory, project=True)
         box.counters["subproblems"] = 0
@@ -139,7 +150,8 @@ class _JosephyNewton(Method):
         left = max(self._deadline - time.monotonic(), 0.1) if math.isfinite(self._deadline) else math.inf
         q = at.F - J @ at.z
         linear = BoxLinear(J, q, box.lb, box.ub, at.z)
-        z = linear.solve(solver, replace(self._budget, seconds=left))
+        most = ITERATIONS + (0 if Trait.WARM_START in solver.spec.traits else PIVOTS * box.n)
+        z = linear.solve(solver, replace(self._budget, seconds=left, iterations=most))
         if z is None:
             return None
         with np.errstate(all="ignore"):
