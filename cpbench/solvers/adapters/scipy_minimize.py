@@ -44,6 +44,10 @@ STUCK = 1e-15
 """Tolerances of trust-constr, where nothing moves any more."""
 
 
+FLAT = 4.0 * float(np.finfo(float).eps)
+"""A change of f, if f is of size one, below which SLSQP only goes to and fro."""
+
+
 class _OutOfTime(Exception):
     pass
 
@@ -152,7 +156,7 @@ class ScipySLSQP(ScipyMinimize):
             constraints=constraints,
             method="SLSQP",
             callback=look,
-            options={"maxiter": limit, "ftol": max(tolerance**2, 1e-16)},
+            options={"maxiter": limit, "ftol": max(tolerance**2, FLAT)},
         )
         k, own = problem.h.rows, np.ravel(found.get("multipliers", []))
         own = own if own.size == k + problem.g.rows else np.zeros(k + problem.g.rows)
@@ -203,6 +207,6 @@ class ScipyTrustConstr(ScipyMinimize):
             constraints=constraints,
             method="trust-constr",
             callback=watch,
-            options={"maxiter": limit, "gtol": STUCK, "xtol": STUCK, "barrier_tol": STUCK},
+            options={"maxiter": limit, "gtol": 0.0, "xtol": STUCK, "barrier_tol": STUCK},
         )
         return found, point(found.x, found.v)

@@ -27,7 +27,10 @@ class HyperplaneOptions(ProjectionOptions):
 
 class _Hyperplane(Method):
     """r = z − P_S(z − γF(z)); y = z − ηr with η = 1, ½, … such that F(y)ᵀr ≥ σ‖r‖²/γ; then z⁺ = P_S∩H(z) with
-    H = {x : F(y)ᵀ(x − y) ≤ 0}. Needs F monotone and continuous, not Lipschitz."""
+    H = {x : F(y)ᵀ(x − y) ≤ 0}. Needs F monotone and continuous, not Lipschitz.
+
+    On a curved boundary F is nearly normal to r, so that F(y)ᵀr, about ‖r‖²/γ, is lost in rounding where ‖r‖ is about
+    the square root of that of ‖F‖‖z‖: smaller errors are not reached there."""
 
     options: HyperplaneOptions
 

@@ -1,0 +1,166 @@
+"""Native solvers of variational and quasi-variational inequalities and of equations: on problems of the generators and
+on planted ones, judged by residuals; generalized Jacobians against differences; what they say of what is not theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cpbench.formulations import QVI, VI, Equation, VIPoint
+from cpbench.formulations.conic import cone_fields
+from cpbench.generators import generators
+from cpbench.product_cones import Cone, ProductCone
+from cpbench.solvers.base import Budget, Claim, solvers
+from cpbench.solvers.native.natural_newton import Conditions
+from cpbench.testing import cases
+from cpbench.testing import planted_nonlinear as plant
+from cpbench.testing.planted_nonlinear import graph
+from cpbench.verification import judge
+
+PROJECTION = ("vi-projection", "vi-extragradient", "vi-solodov-svaiter", "vi-golden-ratio", "vi-projected-reflected")
+INSTANCES = {
+    i.name: i.problem
+    for c in generators
+    if c.builtin and c.node in ("vi", "qvi")
+    for i in c.instances()
+    if i.problem.node in ("vi", "qvi")
+}
+PROBLEMS = INSTANCES | {f"{node}-{case.name}": case.problem for node in ("vi", "qvi") for case in cases(node)}
+
+
+def _solved(solver: str, problem, tolerance: float):
+    output = solvers.get(solver).run(problem, Budget(tolerance=tolerance, seconds=20.0))
+    assert output.claim is Claim.SOLVED, f"{output.claim}: {output.message}"
+    assert judge(problem, output.point, tolerance).solved
+    return output
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_newton_solves_every_problem(name: str) -> None:
+    problem = PROBLEMS[name]
+    _solved(f"{problem.node}-newton", problem, 1e-10)
+
+
+SIMPLE = ("vi-box", "vi-ball", "vi-second-order", "vi-whole-space", "harker-pang-box-20", "box-12", "balls-5")
+
+
+@pytest.mark.parametrize("name", SIMPLE)
+@pytest.mark.parametrize("solver", PROJECTION)
+def test_projections_solve_monotone_problems_on_simple_sets(solver: str, name: str) -> None:
+    curved = name in ("vi-ball", "vi-second-order", "balls-5")  # rounding ends a line search on F(y)ᵀr there
+    tolerance = 1e-8 if curved and solver == "vi-solodov-svaiter" else 1e-10
+    assert _solved(solver, PROBLEMS[name], tolerance).counters["iterations"] > 0
+
+
+@pytest.mark.parametrize("solver", PROJECTION)
+def test_a_rotation_is_solved_by_all_but_the_fixed_point(solver: str) -> None:
+    """F(z) = (z₂ − 1, 1 − z₁), monotone and not cocoercive: steps of z − γF(z) only lead away from (1, 1)."""
+    import casadi as ca
+
+    problem = VI(F=graph(2, lambda x: ca.vertcat(x[1] - 1.0, 1.0 - x[0])), lb=[-5.0, -5.0], ub=[5.0, 5.0])
+    output = solvers.get(solver).run(problem, Budget(tolerance=1e-9, iterations=3000))
+    assert judge(problem, output.point, 1e-9).solved == (solver != "vi-projection")
+    assert (output.claim is Claim.SOLVED) == (solver != "vi-projection")
+
+
+@pytest.mark.parametrize("name", [n for n in PROBLEMS if PROBLEMS[n].node == "qvi" and not PROBLEMS[n].g.rows])
+def test_projection_on_moving_sets(name: str) -> None:
+    _solved("qvi-projection", PROBLEMS[name], 1e-10)
+
+
+@pytest.mark.parametrize("solver", [*PROJECTION, "qvi-projection"])
+def test_rows_are_refused_with_a_way_out(solver: str) -> None:
+    node = solvers.get(solver).spec.node
+    problem = PROBLEMS["vi-everything" if node == "vi" else "qvi-moving-rows"]
+    why = solvers.get(solver).obstacle(problem)
+    assert why is not None
+    assert f"{node}-newton" in why
+
+
+@pytest.mark.parametrize("power", [-8, 8])
+@pytest.mark.parametrize("solver", [*PROJECTION, "vi-newton"])
+def test_units_do_not_matter(solver: str, power: int) -> None:
+    """F in other units is solved as well: step lengths are measured."""
+    problem = PROBLEMS["vi-box"]
+    scale = 10.0**power
+    F = graph(problem.start.size, lambda x: scale * problem.F.sx(x))
+    _solved(solver, VI(F=F, lb=problem.lb, ub=problem.ub, start=problem.start), 1e-8)
+
+
+def test_newton_converges_quadratically() -> None:
+    """F(z) = exp(z) + Mz on a box, a regular solution: the order of the last steps above rounding is nearly 2."""
+    import casadi as ca
+
+    M = np.array([[3.0, 1.0, 0.0], [-1.0, 2.0, 1.0], [0.0, -1.0, 2.0]])
+    F = graph(3, lambda x: ca.exp(x) + ca.DM(M) @ x - ca.DM([40.0, 5.0, -9.0]))
+    errors: list[float] = []
+    problem = VI(F=F, lb=np.zeros(3), start=[5.0, 5.0, 5.0])
+    solvers.get("vi-newton").run(problem, Budget(tolerance=1e-13), record=lambda k, error, point: errors.append(error))
+    steps = np.log([e for e in errors if e > 1e-13])
+    orders = np.diff(steps)[1:] / np.diff(steps)[:-1]
+    assert errors[-1] <= 1e-13
+    assert orders[-2:].max() > 1.8
+
+
+def _off_corners(node: str) -> dict[str, VI | QVI]:
+    rng = np.random.default_rng(500)
+    if node == "vi":
+        return {
+            "product": plant.vi(rng, 3, plant.product(rng), 3, 1, 2)[0],
+            "ball": plant.vi(rng, 2, ProductCone.of((Cone.BALL, 2, 3, 0.5)), 1, 1, 1)[0],
+        }
+    return {
+        "box": plant.moving_box(rng, 6)[0],
+        "disk": plant.friction_as_qvi(rng, 4, 3)[0],
+        "rows": plant.moving_rows(rng, 5, 3)[0],
+    }
+
+
+@pytest.mark.parametrize(
+    ("node", "name"), [("vi", "product"), ("vi", "ball"), ("qvi", "box"), ("qvi", "disk"), ("qvi", "rows")]
+)
+def test_the_newton_matrix_is_the_derivative(node: str, name: str) -> None:
+    """At random points, where the natural map is differentiable: against central differences."""
+    problem = _off_corners(node)[name]
+    field, rng = Conditions(problem), np.random.default_rng(501)
+    compared = 0
+    for _ in range(5):
+        x = rng.standard_normal(field.size)
+        J, moving = field.projection(x - field.F(x), x)
+        eye = np.eye(x.size)
+        V = eye - J.toarray() @ (eye - field.derivative(x).toarray()) - moving.toarray()
+        numbers = {}
+        for h in (1e-6, 3e-6):
+            columns = [
+                (field.defect(x + h * e, field.F(x + h * e)) - field.defect(x - h * e, field.F(x - h * e))) / (2 * h)
+                for e in eye
+            ]
+            numbers[h] = np.array(columns).T
+        if np.abs(numbers[1e-6] - numbers[3e-6]).max() < 1e-6:  # else a corner is between
+            np.testing.assert_allclose(V, numbers[1e-6], atol=1e-6)
+            compared += 1
+    assert compared >= 3
+
+
+def test_the_start_is_where_it_begins() -> None:
+    problem, seen = PROBLEMS["vi-box"], []
+    for solver in (*PROJECTION, "vi-newton"):
+        seen.clear()
+        solvers.get(solver).run(problem, Budget(iterations=1), record=lambda k, error, point: seen.append(point()))
+        np.testing.assert_array_equal(seen[0].z, problem.project(problem.start))
+
+
+def test_equations_without_root_are_not_solved() -> None:
+    output = solvers.get("equation-newton").run(Equation(F=graph(1, lambda x: x * x + 1.0)), Budget(iterations=300))
+    assert output.claim is not Claim.SOLVED
+
+
+def test_f_beside_a_huge_z_is_not_lost() -> None:
+    """F = 1 everywhere has no root; z − (z − 1) is 0 in floating point for z = −1e20."""
+    constant = graph(1, lambda x: 1.0 + 0.0 * x)
+    free = VI(F=constant)
+    assert judge(free, VIPoint(z=np.array([-1e20])), 1e-6).error >= 1.0
+    moving = QVI(F=constant)
+    assert judge(moving, moving.point_from_vector([-1e20]), 1e-6).error >= 1.0
+    whole = VI(F=constant, **cone_fields(ProductCone.of((Cone.FREE, 1, 1))))
+    assert judge(whole, VIPoint(z=np.array([1e20])), 1e-6).error >= 1.0
