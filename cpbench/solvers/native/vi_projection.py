@@ -29,7 +29,7 @@ WORSE = 2.0
 class FixedPointOptions(ProjectionOptions):
     """`step` : γ, 0 for one that adapts to the Lipschitz constants met."""
 
-    step: float = searched(0.0, low=1e-3, high=1e1, log=True)
+    step: float = searched(0.0, low=0.0, high=10.0)
 
 
 class _FixedPoint(Method):
