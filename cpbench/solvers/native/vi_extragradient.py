@@ -78,7 +78,7 @@ class QVIProjection(ProjectionSolver):
     spec: ClassVar[SolverSpec] = projection_spec(
         "qvi-projection",
         "extragradient on the moving set, self-adaptive steps",
-        "Noor 1985, Appl. Math. Lett.; Chan and Pang 1982, Math. Oper. Res. 7; Fukushima 2007, Pac. J. Optim. 3",
+        "Chan and Pang 1982, Math. Oper. Res. 7:211; Noor 1988, Appl. Math. Lett. 1:367",
         node="qvi",
         options=ExtragradientOptions,
     )
