@@ -15,17 +15,8 @@ from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.box_linear import NODES, BoxLinear
-from cpbench.solvers.native.box_newton import (
-    DENSE_LIMIT,
-    At,
-    Box,
-    Descent,
-    Method,
-    compile_map,
-    fall_back,
-    run,
-    small_problem,
-)
+from cpbench.solvers.native.box_newton import DENSE_LIMIT, Box, Method, compile_map, run, small_problem
+from cpbench.solvers.native.merit_search import At, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
 

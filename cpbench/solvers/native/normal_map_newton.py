@@ -13,16 +13,8 @@ import scipy.sparse as sp
 from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, identity, max_abs, norm
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.box_newton import (
-    ARMIJO,
-    Box,
-    Descent,
-    Method,
-    compile_map,
-    fall_back,
-    run,
-    small_problem,
-)
+from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
+from cpbench.solvers.native.merit_search import ARMIJO, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.native.normal_path import PERTURBATIONS, cell_matrix, normal_point
 from cpbench.solvers.options import fixed, searched

@@ -12,18 +12,9 @@ from cpbench.cones import project_box
 from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.box_newton import (
-    ACCEPT,
-    At,
-    Box,
-    Descent,
-    Method,
-    compile_map,
-    fall_back,
-    run,
-    small_problem,
-)
+from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
 from cpbench.solvers.native.lcp_claims import principal
+from cpbench.solvers.native.merit_search import ACCEPT, At, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.native.normal_path import NormalPath, normal_point
 from cpbench.solvers.options import fixed, searched

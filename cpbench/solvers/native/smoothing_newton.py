@@ -12,17 +12,8 @@ import numpy as np
 from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.box_newton import (
-    ARMIJO,
-    At,
-    Box,
-    Descent,
-    Method,
-    compile_map,
-    fall_back,
-    run,
-    small_problem,
-)
+from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
+from cpbench.solvers.native.merit_search import ARMIJO, At, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
 
