@@ -49,7 +49,7 @@ class CheckReport:
     how : where the answer is from, '' when there is none; `tried` : why not from elsewhere.
     target, source : verdicts on the answer to the converted problem and on the lifted one.
     moved : largest error on the source over error on the target, over MOVES answers beside this one; None when the
-        target has no unknowns. apply, lift : seconds.
+        target has no unknowns. apply, lift : seconds. remarks : what the conversions say of this answer.
     """
 
     arrival: graph.Arrival
@@ -60,6 +60,7 @@ class CheckReport:
     moved: float | None
     apply: float
     lift: float
+    remarks: tuple[str, ...] = ()
 
     @property
     def amplification(self) -> float:
@@ -115,6 +116,7 @@ def examine(
         _largest_ratio(problem, converted, steps, answer.point),
         seconds,
         lifted,
+        tuple(graph.remarks(converted, answer.point, steps)),
     )
 
 

@@ -240,6 +240,17 @@ def lift(problem: Problem, point: Any, steps: int | None = None) -> Any:
     return point
 
 
+def remarks(problem: Problem, point: Any, steps: int | None = None) -> list[str]:
+    """What the conversions that `lift` undoes have to say of this answer, each with its name."""
+    found: list[str] = []
+    for step in reversed(_last(problem, steps)):
+        edge = make(step.conversion, dict(step.parameters))
+        said = edge.remark(point, step.trace)
+        found += [f"{edge.label}: {said}"] if said else []
+        point = edge.lift(point, step.trace)
+    return found
+
+
 def push(problem: Problem, point: Any, steps: int | None = None) -> Any:
     """Carry an answer to the source of a converted problem forward through its provenance (its last `steps`)."""
     for step in _last(problem, steps):

@@ -94,4 +94,6 @@ def _print(problem: Problem, report: checking.CheckReport, tolerance: float) -> 
     if report.moved is not None:
         beside = f"{number(report.moved)} at most over {checking.MOVES} answers moved by {number(checking.MOVED)}"
         click.echo(f"  amplification  {number(report.amplification)} by the lift; {beside}")
+    for remark in report.remarks:
+        click.echo(f"  note           {remark}")
     click.echo(f"  seconds        convert {number(report.apply)}, lift {number(report.lift)}")

@@ -42,5 +42,7 @@ def command(solution: Path, output: Path, problem: str | None, steps: int | None
     if not write_plain(lifted, output, force=force):
         said = {"name": converted.name}
         storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=said, force=force)
+    for remark in graph.remarks(converted, point, steps):
+        click.echo(f"note: {remark}", err=True)
     edges = " > ".join(s.conversion for s in undone)
     click.echo(f"{output}: answer to the {first.source_node} problem before {edges}")

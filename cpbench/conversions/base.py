@@ -90,6 +90,10 @@ class Conversion(ABC):
         """The target answer of a source answer (warm starts, tests); raises NotApplicable where there is none."""
         raise NotApplicable(self.label, "has no push: target answers cannot be made from source answers")
 
+    def remark(self, point: Any, trace: Trace) -> str:
+        """What should be known of this very answer to the target before its lift is trusted; mostly nothing."""
+        return ""
+
     def tolerance(self, tolerance: float) -> float:
         """What to ask of an answer to the target so that the lifted answer meets `tolerance` on the source."""
         return tolerance

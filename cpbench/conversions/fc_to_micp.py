@@ -101,6 +101,16 @@ class FCtoMiCP(Conversion):
         xi = np.where(slides, np.linalg.norm(y[:, 1:], axis=1), 0.0)
         return MiCPPoint(z=np.column_stack([x, xi]).ravel() if mu.size else np.zeros(0))
 
+    def remark(self, point: MiCPPoint, trace: Trace) -> str:
+        contacts = self.singular(point, trace)
+        if not contacts.size:
+            return ""
+        first = ", ".join(map(str, contacts[:5])) + (", ..." if contacts.size > 5 else "")
+        return (
+            f"(49) is singular at {contacts.size} of {np.asarray(trace['mu']).size} contacts ({first}): there its "
+            "error bounds that of the reactions by a root only"
+        )
+
     def singular(self, point: MiCPPoint, trace: Trace) -> NDArray[np.intp]:
         """Contacts at which the rows are singular in this answer: friction, but nothing to carry it."""
         x, y = _states(self.lift(point, trace), trace)

@@ -146,6 +146,9 @@ def test_micp_tells_where_it_is_singular(rng, states, regular):
     told = edge.singular(there, target.provenance[-1].trace)
     empty = {"touch"} if regular else {"touch", "open"}
     assert told.tolist() == [c for c, state in enumerate(states) if state in empty]
+    said = graph.remarks(target, there)
+    assert len(said) == bool(told.size)
+    assert all(f"singular at {told.size} of {len(states)} contacts ({told[0]}" in text for text in said)
     F, z = target.F(there.z), there.z
     # ξ of an open contact may be anything in the lecture's form; the best choice is the most regular
     conditions = []
