@@ -28,6 +28,15 @@ HOMES = {
     "gfc": (("fc", "nsgs"),),
     "rfc": (("rfc", "nsgs-rolling"),),
     "grfc": (("rfc", "nsgs-rolling"),),
+    "nlp": (("micp", "josephy-newton"),),
+    "ncp": (("micp", "josephy-newton"),),
+    "micp": (("micp", "josephy-newton"),),
+    "ge": (("micp", "josephy-newton"), ("vi", "vi-newton")),
+    "vi": (("micp", "josephy-newton"), ("vi", "vi-newton")),
+    "cp": (("vi", "vi-newton"),),
+    "qvi": (("qvi", "qvi-newton"),),
+    "equation": (("equation", "equation-newton"),),
+    "nfc": (("nfc", "newton-contact"),),
 }
 """Where a problem of a node is solved, and by what, the first that it can be brought to: solvers that come with every
 installation."""

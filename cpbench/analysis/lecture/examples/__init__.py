@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import dataclasses
 
-from cpbench.analysis.lecture.examples import contact, linear, variational
+from cpbench.analysis.lecture.examples import contact, linear, maps, variational
 from cpbench.formulations.base import Problem
 
 
 def problems() -> dict[str, Problem]:
     """Every problem by its name in the file that goes with the page."""
-    made = {
+    made: dict[str, Problem] = {
         "qp": linear.quadratic(),
         "qp-repeated": linear.repeated_row(),
         "lcp": linear.symmetric(),
@@ -36,4 +36,5 @@ def problems() -> dict[str, Problem]:
         "rolling-plane": contact.rolling_plane(),
         "rolling-global": contact.rolling_global(),
     }
+    made |= maps.problems(made)
     return {name: dataclasses.replace(problem, name=name) for name, problem in made.items()}
