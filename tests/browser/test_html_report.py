@@ -444,7 +444,7 @@ SHOWN = """(id) => Object.entries(Figures.boxes.get(id).view?.getState({ data: (
 def drawn(page: Any, figure: str) -> list[dict[str, Any]]:
     """The rows of all data sets of a chart, once it is drawn."""
     page.evaluate(f"document.querySelector('[data-figure=\"{figure}\"]').scrollIntoView()")
-    page.wait_for_function(f"(({{ dirty, view }}) => !dirty && view)(Figures.boxes.get('{figure}'))")
+    page.wait_for_function(f"() => (({{ dirty, view }}) => !dirty && view)(Figures.boxes.get('{figure}'))")
     return list(page.evaluate(SHOWN, figure))
 
 
@@ -456,7 +456,7 @@ def test_bands_are_those_of_python_and_hold_for_no_other_filter(
     told = page.locator("#figure-profile figcaption")
     assert not [found for found in drawn(page, "profile") if found["first"] is not None]
     page.locator("#profile-bands").check()
-    page.wait_for_function("document.querySelector('#figure-profile figcaption').innerText.includes('Bands')")
+    page.wait_for_function("() => document.querySelector('#figure-profile figcaption').innerText.includes('Bands')")
     time_ = metrics.METRICS["time"]
     compared = group[rows_of.ranked(group)]
     values = metrics.matrix(compared, time_).reindex(group["fingerprint"].unique(), fill_value=math.inf)
@@ -478,10 +478,14 @@ def test_bands_are_those_of_python_and_hold_for_no_other_filter(
         )
         assert heights == pytest.approx(made.estimate[label].tolist()), "the band is around this curve"
     page.locator("#solver-lines input").first.uncheck()
-    page.wait_for_function("document.querySelector('#figure-profile figcaption').innerText.includes('do not hold')")
+    page.wait_for_function(
+        "() => document.querySelector('#figure-profile figcaption').innerText.includes('do not hold')"
+    )
     assert not [found for found in drawn(page, "profile") if found["first"] is not None]
     page.locator("#solver-lines input").first.check()
-    page.wait_for_function("document.querySelector('#figure-profile figcaption').innerText.includes('no other filter')")
+    page.wait_for_function(
+        "() => document.querySelector('#figure-profile figcaption').innerText.includes('no other filter')"
+    )
     assert [found for found in drawn(page, "profile") if found["first"] is not None]
 
 

@@ -58,8 +58,20 @@ const Figures = (() => {
     });
   }
 
-  async function show(box) {
+  /* One after another, each painted before the next is made: the first is there as soon as it can be. */
+  let line = Promise.resolve();
+  function show(box) {
+    line = line.then(() => made(box)).catch(reportError);
+    return line;
+  }
+
+  async function made(box) {
     if (!box.dirty || !context) return;
+    await draw(box);
+    await new Promise((done) => setTimeout(done));
+  }
+
+  async function draw(box) {
     box.dirty = false;
     const made = box.kind.build(context);
     box.view?.finalize();
