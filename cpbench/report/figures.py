@@ -27,8 +27,9 @@ MARKS = {str(Kind.APPROXIMATE): "≈", str(Kind.RELAXATION): "⊇", str(Kind.NEC
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)
 ACROSS = "τ: time over the time of the fastest, log scale (failures are at ∞, beyond the right end)"
 LABEL_LENGTH = 30
-POINTS = 1_500
-"""The most corners of a curve, so that none is off by more than this part of the axis, half a pixel."""
+POINTS, GREY_POINTS = 1_000, 500
+"""The most corners of a curve, in colour and in grey: none is off by more than this part of the axis, less than the
+width of its line."""
 STYLE = {
     "text.parse_math": False,  # a label is text, whatever dollar signs it has
     "svg.hashsalt": "cpbench",
@@ -92,8 +93,8 @@ def profile_axes(
     places = dict(zip(profile.leading(EMPHASISED), range(EMPHASISED), strict=False))
     upto = right_end(profile)
     for curve in reversed(curves):
-        tau, height = curve.outline(upto, POINTS)
         place, dashed = places.get(curve.label), kinds.get(curve.label, "") in INEXACT
+        tau, height = curve.outline(upto, GREY_POINTS if place is None else POINTS)
         layer = 2 if place is None else 5 if dashed else 4  # between its dashes, what lies under it shows
         marks: dict[str, Any] = {} if place is None else {"markevery": (0, max(1, len(tau) // 6)), "clip_on": False}
         axes.plot(tau, height, drawstyle="steps-post", **legend.look(place, dashed), **marks, zorder=layer)

@@ -60,22 +60,30 @@ def whole_table(database: Database) -> pd.DataFrame:
     for rows in database.chunks(f"SELECT {_READ} FROM rows ORDER BY rowid", CHUNK):
         for parts, read, column in zip(found, readers, zip(*rows, strict=True), strict=True):
             parts.append(read(column))
-    columns: dict[str, Any] = {}
-    ranks: dict[str, Values] = {}
-    for names, told in zip(SHARED, shared, strict=True):
-        distinct, place = _distinct(names, told), np.concatenate(found.pop(0))
-        columns |= {name: distinct[name].array.take(place) for name in names}
-        ranks |= {n: pd.factorize(distinct[n], sort=True)[0][place] for n in ("problem", "label") if n in names}
-    for name in SINGLE:
-        values = np.concatenate(found.pop(0))
-        columns[name] = values if name in NUMBERS else pd.Series(values).infer_objects().array
-    frame = pd.DataFrame({name: columns.pop(name) for name in KINDS}, copy=False)
+    with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a text of its own
+        frame, ranks = _joined(shared, [np.concatenate(parts) for parts in found])
     frame["error"] = frame["error"].fillna(float("inf"))
     order = _order(ranks["problem"], ranks["label"], frame["key"])
     if order is not None:
         frame = frame.take(order)
         frame.index = pd.RangeIndex(len(frame))
     return frame
+
+
+def _joined(shared: Sequence[Iterable[str]], read: list[Values]) -> tuple[pd.DataFrame, dict[str, Values]]:
+    """The table of what was `read`, and the ranks of problem and label; `read` is emptied on the way."""
+    import pandas as pd
+
+    columns: dict[str, Any] = {}
+    ranks: dict[str, Values] = {}
+    for names, texts in zip(SHARED, shared, strict=True):
+        distinct, place = _distinct(names, texts), read.pop(0)
+        columns |= {name: distinct[name].array.take(place) for name in names}
+        ranks |= {n: pd.factorize(distinct[n], sort=True)[0][place] for n in ("problem", "label") if n in names}
+    for name in SINGLE:
+        values = read.pop(0)
+        columns[name] = values if name in NUMBERS else pd.Series(values).infer_objects().array
+    return pd.DataFrame({name: columns.pop(name) for name in KINDS}, copy=False), ranks
 
 
 def _places(seen: defaultdict[str, int]) -> Callable[[Sequence[str]], Values]:
