@@ -11,6 +11,7 @@ from cpbench.conversions.base import make
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP
+from cpbench.formulations.nfc import NonlinearFrictionContact
 from cpbench.matrices import Dense, Vector, max_abs, norm
 
 
@@ -94,6 +95,18 @@ def fixed_point(problem: FrictionContact, edge: str, most: int = 25, enough: flo
         normal = r.reshape(problem.nc, -1)[:, 0]
         slide = np.linalg.norm(u[:, 1:], axis=1) if knob == "slip" else np.maximum(normal, 0.0)
         held = tuple((problem.mu * slide).tolist())
+    return path
+
+
+def newton_steps(problem: NonlinearFrictionContact, most: int = 12, enough: float = 1e-13) -> list[FrozenStep]:
+    """Linearise the dynamics, solve the contact problem, linearise where it ends; first where nothing touches."""
+    at, path = problem.free_motion, []
+    while not path or (path[-1].error > enough and len(path) < most):
+        conversion = make("nfc-gfc", {"velocity": tuple(at.tolist())})
+        linear, trace = conversion.apply(problem)
+        point = conversion.lift(answer(linear).point, trace)
+        path.append(FrozenStep(at, point.r, problem.residuals(point).error))
+        at = point.v
     return path
 
 

@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from cpbench import graph
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable
 from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, solve
 
 TOLERANCE = 1e-12
@@ -62,6 +65,14 @@ def answer(problem: Problem, solver: str = "") -> Answer:
     point = graph.lift(arrived.problem, done.point, len(steps)) if steps else done.point
     by = " → ".join([*(step.label for step in steps), chosen])
     return Answer(point, by, problem.residuals(point).error, done.counters)
+
+
+def outcome(problem: Problem, solver: str) -> Vector | None:
+    """All unknowns of the answer of a solver of the problem's own node; None where it gives up."""
+    try:
+        return np.concatenate(list(answer(problem, solver).point.arrays().values()))
+    except CpbenchError:
+        return None
 
 
 def _bring(problem: Problem, homes: tuple[tuple[str, str], ...]) -> tuple[graph.Arrival, str]:

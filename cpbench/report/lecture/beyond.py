@@ -33,7 +33,7 @@ def section() -> Section:
             ),
             *shown(
                 [
-                    *trips("rolling", "rfc-lcp-facets", "rfc-coneqp"),
+                    *trips("rolling", "rfc-lcp-facets", "rfc-coneqp", "rfc-cp", "rfc-vi"),
                     *trips("rolling-plane", "rfc-lcp-2d"),
                     *trips("rolling-global", "grfc-rfc"),
                 ]

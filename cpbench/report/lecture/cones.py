@@ -5,14 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.analysis.lecture.examples import problems
+from cpbench.analysis.lecture.examples.maps import four_unknowns
 from cpbench.analysis.lecture.examples.nonlinear import hock_schittkowski_14, kojima_shindo
 from cpbench.analysis.lecture.inequalities import cone_products
 from cpbench.analysis.lecture.newton import josephy_newton
-from cpbench.analysis.lecture.round_trips import answer
+from cpbench.analysis.lecture.round_trips import answer, outcome
+from cpbench.conversions.base import make
 from cpbench.report import canvas
 from cpbench.report.lecture import cells, svg
-from cpbench.report.lecture.blocks import Block, Figure, Heading, Section, Try, formula, table, text
-from cpbench.report.lecture.conversions import data, shown, trips
+from cpbench.report.lecture.blocks import Block, Figure, Heading, Section, Table, Try, formula, table, text
+from cpbench.report.lecture.conversions import by_solvers, data, shown, trips
+from cpbench.report.lecture.formulas import maps
 
 MU = 0.5
 
@@ -48,7 +51,10 @@ def _cone() -> tuple[Block, ...]:
             w=w,
             product=abs(float(x @ w)),
         ),
-        *shown([*trips("soclcp", "soclcp-coneqp"), *trips("coneqp", "coneqp-soclcp")]),
+        *shown([*trips("soclcp", "soclcp-coneqp", "soclcp-cp"), *trips("coneqp", "coneqp-soclcp")]),
+        text("A map that is not affine over the same cone, and the affine one in the same dress:"),
+        maps(problems()["cubic-cone"], "F", of="x", unknowns=("x_{1}", "x_{2}", "x_{3}")),
+        *shown([*trips("cubic-cone", "cp-vi"), *trips("linear-cp", "cp-soclcp")]),
         Try(
             (
                 "cpbench solve problems.h5::soclcp --solver newton-cone",
@@ -78,6 +84,24 @@ def _nonlinear() -> tuple[Block, ...]:
             "Josephy's method. Where the residual is large, a linear problem on the way had no solution, and the "
             "method stopped. It does not come to the degenerate solution; methods of the section after next do.",
         ),
+        maps(problems()["kojima-shindo"], "F"),
+        *shown([*trips("kojima-shindo", "ncp-micp"), *trips("lcp", "lcp-ncp"), *trips("linear-ncp", "ncp-lcp")]),
+        _both(),
+    )
+
+
+def _both() -> Table:
+    """Each published start by solvers of the library, on the problem as data."""
+    rows = []
+    for start in (np.array([1.0, 0.0, 0.0, 0.0]), np.array([1.0, 0.0, 1.0, 0.0]), np.ones(4)):
+        problem = make("ncp-micp").apply(four_unknowns(start))[0]
+        found = [outcome(problem, solver) for solver in ("josephy-newton", "path-search", "semismooth-newton-fb")]
+        rows.append((cells.vector(start), *(cells.vector(z) if z is not None else "stops" for z in found)))
+    return table(
+        ("from", "`josephy-newton`", "`path-search`", "`semismooth-newton-fb`"),
+        rows,
+        "The same problem by solvers of the library, which do not stop where a linear problem has no solution. Both "
+        "solutions are found; which one, the start and the method say.",
     )
 
 
@@ -104,6 +128,15 @@ def _mixed() -> tuple[Block, ...]:
             free=path[-1].x[:n],
             lam=path[-1].x[n:],
             steps=len(path) - 1,
+        ),
+        *shown(trips("mlcp", "mlcp-micp"), "The mixed linear problem (14) is the case of an affine map."),
+        by_solvers("program-conditions", "josephy-newton", "path-search", "normal-map-newton", "smoothing-newton"),
+        Try(
+            (
+                "cpbench solve problems.h5::kojima-shindo --solver path-search",
+                "cpbench solve problems.h5::cubic-cone --solver vi-newton",
+                "cpbench route problems.h5::kojima-shindo --to equation",
+            )
         ),
         text(
             "The lecture's two ways to go on: linearise the map and solve linear problems, as here, or rewrite the "

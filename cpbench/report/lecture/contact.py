@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from cpbench.analysis.lecture.examples import problems
 from cpbench.analysis.lecture.examples.contact import STEP
+from cpbench.analysis.lecture.examples.maps import MASS
+from cpbench.analysis.lecture.friction import newton_steps
 from cpbench.analysis.lecture.round_trips import answer, refusal, round_trip
 from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.nfc import NonlinearFrictionContact
 from cpbench.matrices import dense, max_abs, norm
 from cpbench.report import canvas
-from cpbench.report.lecture import svg
-from cpbench.report.lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, text
+from cpbench.report.lecture import cells, svg
+from cpbench.report.lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text
 from cpbench.report.lecture.conversions import data, shown, trips
+from cpbench.report.lecture.formulas import maps
 from cpbench.report.pictures import contact as picture
 
 
 def section() -> Section:
-    """The problems P, P_LM, P_L, and (40)."""
+    """The problems P, P_LM, P_L, the frictionless case (40), and P."""
     return Section(
         "contact",
         "Contact, one time step",
         text("A moving body touches another: what was abstract so far has a normal, a velocity and an impulse."),
-        (*_forms(), *_reduce(), *_frictionless()),
+        (*_forms(), *_reduce(), *_frictionless(), *_drag()),
     )
 
 
@@ -122,6 +126,39 @@ def _frictionless() -> tuple[Block, ...]:
             )
         ),
     )
+
+
+def _drag() -> tuple[Block, ...]:
+    """P itself, by Newton's method on the dynamics."""
+    problem = problems()["ball"]
+    assert isinstance(problem, NonlinearFrictionContact)
+    path, found = newton_steps(problem), answer(problem)
+    rows = [
+        (str(k), cells.vector(step.frozen), cells.vector(step.r), cells.error(step.error))
+        for k, step in enumerate(path, start=1)
+    ]
+    return (
+        Heading("Nonlinear dynamics"),
+        text(
+            "A ball of «mass» kg is thrown along a floor through a heavy fluid, whose drag grows with the square of "
+            "its speed. One step of implicit Euler is a problem ($\\mathcal{P}$) with",
+            mass=MASS,
+        ),
+        maps(problem, "F", unknowns=("v_{x}", "v_{y}", "v_{z}"), of="v"),
+        text(
+            "It ends with $v$ = «v» m/s and the impulse $r$ = «r» N s, normal first. One linearisation is a problem "
+            "($\\mathcal{P}_{\\mathrm{LM}}$), and every linear one is a case of ($\\mathcal{P}$):",
+            v=found.point.v, r=found.point.r,
+        ),
+        *shown([*trips("ball", "nfc-gfc"), *trips("ball-linearized", "gfc-nfc")]),
+        text("Linearise again at the velocity that came out, and solve the contact again:"),
+        table(
+            ("step", "linearised at $v$ [m/s]", "impulse $r$ [N s]", "error on ($\\mathcal{P}$)"),
+            rows,
+            "Newton's method on the dynamics; the law of contact is solved as it is in every step.",
+        ),
+        Try(("cpbench solve problems.h5::ball --solver newton-contact",)),
+    )  # fmt: skip
 
 
 def _states(problem: GlobalFrictionContact, point: object) -> Figure:

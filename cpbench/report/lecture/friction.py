@@ -61,8 +61,10 @@ def _direct(problem: FrictionContact) -> tuple[Block, ...]:
         ),
         text(
             "The lecture's two complaints stand: all of it is nonlinear, and it is hard to say which $F$ of (19) it "
-            "belongs to."
+            "belongs to. The library makes it a mixed problem (21) all the same, in a form that is regular where a "
+            "contact opens:"
         ),
+        *shown([*trips("sliding", "fc-micp"), *trips("plane", "fc-micp")]),
     )  # fmt: skip
 
 
@@ -91,6 +93,11 @@ def _cone(problem: FrictionContact) -> tuple[Block, ...]:
         ),
         text("Measured: $r^{\\top}\\hat u$ = «product», while $r^{\\top}u$ = «work» is the work of friction.",
              product=cells.error(abs(float(r @ hat))), work=float(r @ u)),
+        text(
+            "So friction is a cone problem, a variational inequality over the cone, or one over a set that moves: the "
+            "disk whose radius is $\\mu r_{\\mathrm N}$."
+        ),
+        *shown(trips("sliding", "fc-cp", "fc-vi", "fc-qvi")),
     )  # fmt: skip
 
 
@@ -119,6 +126,7 @@ def _frozen(problem: FrictionContact) -> tuple[Block, ...]:
         Try(
             (
                 "cpbench solve problems.h5::sliding --solver nsgs",
+                "cpbench solve problems.h5::sliding --solver qvi-newton",
                 "cpbench plot cone -o cone.svg",
                 "cpbench convert problems.h5::sliding sliding-as-program.h5 --to coneqp --via fc-coneqp",
             )

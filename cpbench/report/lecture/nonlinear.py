@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from cpbench.analysis.lecture.examples import problems
 from cpbench.analysis.lecture.examples.nonlinear import hock_schittkowski_14, program_14
 from cpbench.analysis.lecture.newton import Iterate, josephy_newton
 from cpbench.matrices import Vector
 from cpbench.report import canvas
 from cpbench.report.lecture import cells, svg
-from cpbench.report.lecture.blocks import Figure, Section, formula, table, text
+from cpbench.report.lecture.blocks import Block, Figure, Heading, Section, Try, formula, table, text
+from cpbench.report.lecture.conversions import by_solvers, shown, trips
+from cpbench.report.lecture.formulas import maps
 
 
 def section() -> Section:
@@ -56,6 +59,38 @@ def section() -> Section:
                 published=best,
                 off=abs(program_14(*last[:2])[0] - best),
             ),
+            *_nodes(),
+        ),
+    )
+
+
+def _nodes() -> tuple[Block, ...]:
+    """The program as a problem of the library, and what it is converted to."""
+    program, letters = problems()["program"], ("x", "y")
+    return (
+        Heading("The program as data"),
+        text(
+            "The library holds $f$, $g$ and $h$ as lists of operations, with exact derivatives. From them it writes "
+            "the conditions (12), as a mixed complementarity problem (21) or as an inclusion (30):"
+        ),
+        maps(program, "f", "g", "h", unknowns=letters, of="x,y"),
+        maps(problems()["program-conditions"], "F", unknowns=(*letters, "\\lambda", "\\mu"), of="x,y,\\lambda,\\mu"),
+        *shown(
+            [*trips("program", "nlp-micp", "nlp-ge"), *trips("qp", "qp-nlp"), *trips("linear-nlp", "nlp-qp")],
+            "The program of the first section goes to this one and back.",
+        ),
+        text(
+            "Newton's linearisation is a conversion too, and says that it errs. From the point inside where the "
+            "program starts, one step goes this far:"
+        ),
+        *shown(trips("program-conditions", "micp-mlcp")),
+        by_solvers("program", "scipy-slsqp", "scipy-trust-constr", "casadi-ipopt-nlp", "casadi-sqpmethod"),
+        Try(
+            (
+                "cpbench solve problems.h5::program --solver scipy-slsqp",
+                "cpbench solve problems.h5::program --solver josephy-newton",
+                "cpbench convert problems.h5::program conditions.h5 --to micp",
+            )
         ),
     )
 

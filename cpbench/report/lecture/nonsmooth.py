@@ -18,7 +18,7 @@ from cpbench.analysis.lecture.newton import (
     smooth_gradient,
 )
 from cpbench.report import canvas
-from cpbench.report.lecture import cells, svg
+from cpbench.report.lecture import cells, solvable, svg
 from cpbench.report.lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text
 from cpbench.report.pictures import ncp_functions as picture
 
@@ -38,7 +38,7 @@ def section() -> Section:
         "nonsmooth",
         "Nonsmooth equations",
         text("Everything so far becomes one equation with corners, and Newton's method learns to live with corners."),
-        (*_inclusion(), *_newton(), *_functions(), *_merit()),
+        (*_inclusion(), *solvable.inclusions(), *_newton(), *_functions(), *solvable.equations(), *_merit()),
     )
 
 

@@ -11,12 +11,14 @@ from cpbench.report.lecture import svg
 from cpbench.report.lecture.blocks import Figure, Section, text
 
 PLACES = {
-    "grfc": (0.0, 3.1), "gfc": (0.0, 1.5), "rfc": (1.0, 3.1), "fcm": (1.0, 2.4), "afc": (1.0, 0.0), "fc": (2.0, 1.05),
-    "coneqp": (3.15, 3.1), "soclcp": (3.15, 1.72), "mlcp": (3.15, 0.0), "lcp": (4.3, 1.5), "qp": (4.3, 2.7),
-    "relay": (5.4, 0.0), "avi": (5.4, 1.9),
+    "grfc": (0.0, 5.0), "nfc": (0.0, 3.2), "gfc": (0.0, 1.6), "rfc": (1.0, 4.5), "fcm": (1.0, 2.6), "afc": (1.0, 0.0),
+    "fc": (2.0, 1.55), "coneqp": (2.15, 5.0), "soclcp": (3.05, 4.6), "cp": (3.4, 3.3), "qvi": (1.6, 3.3),
+    "mlcp": (3.15, 0.0), "micp": (3.9, 1.05), "lcp": (4.72, 1.95), "ncp": (3.25, 2.3), "qp": (4.6, 5.0),
+    "nlp": (5.5, 5.0), "relay": (6.6, 1.0), "avi": (6.45, 2.2), "vi": (3.95, 4.0), "ge": (5.2, 3.3),
+    "equation": (5.9, 0.4),
 }  # fmt: skip
 """Columns from the mechanics to the mathematics."""
-UNIT = (75.0, 63.0)
+UNIT = (65.0, 62.0)
 """Points of a unit of the places."""
 
 
@@ -52,7 +54,7 @@ def _map() -> Figure:
             pair = (edge.source, edge.target)
             pairs[pair] = pairs.get(pair, False) or best_kind(edge).exact
     with canvas.drawing():
-        figure = canvas.page(6.6, 3.3)
+        figure = canvas.page(6.8, 4.9)
         axes = figure.add_axes((0.01, 0.01, 0.98, 0.98))
         for (source, target), exact in pairs.items():
             both = (target, source) in pairs
@@ -70,8 +72,8 @@ def _map() -> Figure:
                 x, y, name, ha="center", va="center", fontsize=9, zorder=5,
                 bbox={"boxstyle": "round,pad=0.42", "facecolor": "#ffffff", "edgecolor": canvas.GREY, "linewidth": 0.8},
             )  # fmt: skip
-        axes.set_xlim(-0.4, 5.8)
-        axes.set_ylim(-0.35, 3.35)
+        axes.set_xlim(-0.4, 6.95)
+        axes.set_ylim(-0.3, 5.3)
         axes.set_axis_off()
         drawn = svg.inline(figure, "fig-map", alt)
     told = text("Blue: exact for every problem, or for some. Dashed: approximations and relaxations only.")

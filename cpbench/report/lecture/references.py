@@ -20,6 +20,8 @@ REFERENCES = {
     "Journal of the Operations Research Society of Japan 29, 352–375, 1986.",
     "robinson": "S. M. Robinson. Normal maps induced by linear transformations. Mathematics of Operations Research "
     "17, 691–714, 1992.",
+    "harker": "P. T. Harker. Generalized Nash games and quasi-variational inequalities. European Journal of "
+    "Operational Research 54, 81–94, 1991.",
     "fischer": "A. Fischer. A special Newton-type optimization method. Optimization 24, 269–284, 1992.",
     "penalized": "B. Chen, X. Chen, C. Kanzow. A penalized Fischer–Burmeister NCP-function. Mathematical Programming "
     "88, 211–216, 2000.",

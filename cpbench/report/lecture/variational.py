@@ -10,7 +10,7 @@ from cpbench.analysis.lecture.round_trips import answer
 from cpbench.formulations.avi import AVI
 from cpbench.matrices import Vector, dense
 from cpbench.report import canvas
-from cpbench.report.lecture import cells, svg
+from cpbench.report.lecture import cells, sets, svg
 from cpbench.report.lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text
 from cpbench.report.lecture.conversions import data, shown, trips
 
@@ -24,7 +24,7 @@ def section() -> Section:
         "variational",
         "Variational inequalities",
         text("Stand at a point of a set so that the wind blows you into the wall, or does not blow at all."),
-        (*_inequality(), *_boxes(), *_normal_map()),
+        (*_inequality(), *_boxes(), *_normal_map(), *sets.curved(), *sets.moving()),
     )
 
 
@@ -55,7 +55,7 @@ def _inequality() -> tuple[Block, ...]:
             least=least,
             lam=found.point.lam,
         ),
-        *shown(trips("avi", "avi-mlcp")),
+        *shown([*trips("avi", "avi-mlcp", "avi-vi"), *trips("linear-vi", "vi-avi", "vi-micp", "vi-ge")]),
     )
 
 

@@ -6,6 +6,7 @@ The QP, NLP and contact problems keep their letters over several sections: what 
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 
 from cpbench.analysis.lecture.examples import contact, linear, maps, variational
 from cpbench.formulations.base import Problem
@@ -13,6 +14,12 @@ from cpbench.formulations.base import Problem
 
 def problems() -> dict[str, Problem]:
     """Every problem by its name in the file that goes with the page."""
+    return dict(_problems())
+
+
+@cache
+def _problems() -> tuple[tuple[str, Problem], ...]:
+    """Made once: those with maps are written by CasADi and converted."""
     made: dict[str, Problem] = {
         "qp": linear.quadratic(),
         "qp-repeated": linear.repeated_row(),
@@ -37,4 +44,4 @@ def problems() -> dict[str, Problem]:
         "rolling-global": contact.rolling_global(),
     }
     made |= maps.problems(made)
-    return {name: dataclasses.replace(problem, name=name) for name, problem in made.items()}
+    return tuple((name, dataclasses.replace(problem, name=name)) for name, problem in made.items())

@@ -1,4 +1,4 @@
-"""Small problems with nonlinear maps: a program, complementarity, inequalities over sets still and moving, a contact."""
+"""Small problems with nonlinear maps: a program, complementarity, inequalities over still and moving sets, a ball."""
 
 from __future__ import annotations
 
