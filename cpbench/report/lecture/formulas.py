@@ -7,25 +7,31 @@ from collections.abc import Sequence
 
 from cpbench.expressions.infix import formulas
 from cpbench.formulations.base import Problem
-from cpbench.report.lecture.blocks import Data
+from cpbench.report.lecture.blocks import Data, Formula, formula
 
 LONGEST = 400
+SYMBOLS = {"upper": r"\mathrm{upper}"}
+WIDE = 66
+"""Characters of LaTeX in a row."""
 
 
-def maps(problem: Problem, *names: str, unknowns: Sequence[str] = (), of: str = "z") -> Data:
-    """The maps of a problem that are named, in unknowns that are LaTeX, z_1 and so on unless given."""
+def maps(problem: Problem, *names: str, unknowns: Sequence[str] = (), of: str = "z") -> Data | Formula:
+    """The maps of a problem that are named, in unknowns that are LaTeX, z_1 and so on unless given.
+
+    What is wider than a small screen is a display, which scrolls.
+    """
+    wide = False
     parts = []
     for name in names:
         F = problem.maps()[name]
         letters = tuple(unknowns) or tuple(f"z_{{{k + 1}}}" for k in range(F.inputs))
-        body = r"\\".join(latex(row) for row in formulas(F, letters, LONGEST))
+        rows = [latex(row) for row in formulas(F, letters, LONGEST)]
+        wide |= max(map(len, rows)) > WIDE
+        body = r"\\".join(rows)
         if F.rows > 1:
             body = rf"\begin{{pmatrix}}{body}\end{{pmatrix}}"
         parts.append(rf"{SYMBOLS.get(name, name)}({of}) = {body}")
-    return Data(tuple(parts))
-
-
-SYMBOLS = {"upper": r"\mathrm{upper}"}
+    return formula(r"\qquad ".join(parts)) if wide else Data(tuple(parts))
 
 
 def latex(infix: str) -> str:
@@ -40,7 +46,7 @@ def latex(infix: str) -> str:
     """
     told = infix.replace("+ -", "- ").replace("- -", "+ ")
     told = re.sub(r"(?<![\w.}])1\*", "", told)
-    factor = r"([A-Za-z\\]+(?:_\{\d+\})?|\([^()]*\))"
+    factor = r"([A-Za-z\\]+(?:_\{\w+\})?|\([^()]*\))"
     told = re.sub(rf"(?<![\w}}]){factor}((?:\*\1(?![\w_]))+)", _power, told)
     told = re.sub(r"sqrt\(([^()]*)\)", r"\\sqrt{\1}", told)
     told = re.sub(r"\*(-[^\s()*/]+)", r" (\1)", told)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cpbench.analysis.lecture.examples import problems
@@ -62,6 +64,8 @@ def moving() -> tuple[Block, ...]:
     z = answer(problem).point.z
     w = problem.F(z)
     _, lower, upper = problem.set_at(z)
+    far = replace(problem, start=np.array([10.0, 0.0]))
+    other = answer(far)
     return (
         Heading("A set that moves"),
         text("In a *quasi-variational inequality* the set depends on the point that stands in it: $z\\in X(z)$ with"),
@@ -74,12 +78,17 @@ def moving() -> tuple[Block, ...]:
         maps(problem, "F", "upper"),
         _firms(problem, z),
         text(
-            "Here $z$ = «z», where $F(z)$ = «w»; the set that belongs to it goes from «lower» to «upper». It is not "
-            "the only solution: the limit can be shared in other ways.",
+            "Here $z$ = «z», where $F(z)$ = «w»; the set that belongs to it goes from «lower» to «upper», and "
+            "does not bind. It is not the only solution. From «far» the solver comes to «other», where the limit is "
+            "shared out and $F$ = «force»: both would take more. Its error is «error».",
             z=z,
             w=w,
             lower=lower,
             upper=upper,
+            far=far.start,
+            other=other.point.z,
+            force=problem.F(other.point.z),
+            error=cells.error(other.error),
         ),
         by_solvers("duopoly", "qvi-newton", "qvi-projection"),
         text("Coulomb's friction is one of these, as a later section shows: the disk moves with the normal impulse."),
@@ -111,7 +120,8 @@ def _disk(problem: VI, z: Vector) -> Figure:
         axes.text(-0.9, 0.75, "$X$", color=canvas.BLUE, fontsize=11, ha="right")
         axes.set_aspect("equal")
         axes.set_axis_off()
-        axes.margins(0.06)
+        axes.set_xlim(-1.15, max(1.15, out[0] + 0.6))
+        axes.set_ylim(-1.05, 1.05)
         drawn = svg.inline(figure, "fig-disk", "Arrows in a disk; at the solution the arrow points straight outwards")
     return Figure(
         drawn,
