@@ -12,6 +12,7 @@ from cpbench.analysis import bootstrap, failures, means, pairwise, profiles, rel
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
 from cpbench.report import convergence, figures, panels
+from cpbench.report.easel import Easel
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
 from cpbench.report.run import Run, each, group_name, tunings
@@ -21,7 +22,7 @@ MATRIX_PROBLEMS = 60
 """The most problems of a formulation for which the matrix is printed."""
 
 
-def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
+def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
     problems = rows["fingerprint"].nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
     most = rows_of.limit(rows)
@@ -41,7 +42,7 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame, several: bool) ->
         leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
         yield from mean_section(times, bootstrap.families_of(rows), most, ranked, leading)
         yield from gap_section(times, ranked, leading)
-        yield from _figures(run, group, rows, times, several)
+        yield from _figures(run, easel, group, rows, times, several)
     yield from _verdicts(rows, labels)
     yield from _matrix(rows, labels, problems)
     yield from _families(rows)
@@ -79,7 +80,9 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
         )
 
 
-def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, several: bool) -> Iterator[str]:
+def _figures(
+    run: Run, easel: Easel, group: Group, rows: pd.DataFrame, times: pd.DataFrame, several: bool
+) -> Iterator[str]:
     profile = profiles.performance_profile(times)
     kinds = rows_of.label_kinds(rows)
     slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
@@ -91,7 +94,7 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
     title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}, {limit}"
     yield "### Performance profile"
     name = f"profile-{slug}"
-    figures.save(figures.profile_figure(profile, title, kinds), run.folder, name)
+    easel.draw(name, figures.profile_figure, profile, title, kinds)
     yield f"[![Performance profile, {plain(title)}]({name}.png)]({name}.svg)"
     yield (
         f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} count as that. "
@@ -105,10 +108,10 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame, se
         yield "\n".join(f"- {code(one)} lies above {code(other)} here, below it alone" for one, other in swapped)
     if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
         name = f"profile-{slug}-each"
-        figures.save(panels.panels_figure(profile, f"{title}, each solver apart", kinds), run.folder, name)
+        easel.draw(name, panels.panels_figure, profile, f"{title}, each solver apart", kinds)
         yield f"[![Each solver's curve, {plain(title)}]({name}.png)]({name}.svg)"
         yield f"*{panels.panels_guide()}*"
-    yield from convergence.section(run, rows, title, f"errors-{slug}")
+    yield from convergence.section(run, easel, rows, title, f"errors-{slug}")
 
 
 def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:

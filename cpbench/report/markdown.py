@@ -18,6 +18,7 @@ from cpbench.analysis.comparison import Comparison
 from cpbench.report import csv_text
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.comparison.markdown import section as comparison_section
+from cpbench.report.easel import Easel
 from cpbench.report.group_sections import group_sections
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, assembled, each, group_name
@@ -62,9 +63,10 @@ def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
     if comparison is not None:
         parts += comparison_section(comparison)
     several = len(run.parts) > run.rows["node"].nunique()
-    for group, rows in run.parts:
-        parts += group_sections(run, group, rows, several)
-    parts += run_sections(run)
+    with Easel(folder) as easel:
+        for group, rows in run.parts:
+            parts += group_sections(run, easel, group, rows, several)
+        parts += run_sections(run)
     parts += ["## Methods", METHODS.strip()]
     path = folder / "report.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
