@@ -48,6 +48,8 @@ MEMORY = 2 * 2**30
 """Bytes that the process may take."""
 BYTES = 400_000
 """What the pictures of a page may take, compressed."""
+COLUMNS = ("address", "family", "tolerance", "node", "status", "error")
+"""What is asked of the rows, beside what tells them apart."""
 MOST = 4000
 """Problems that are asked for."""
 
@@ -92,7 +94,7 @@ class Portraits:
 
     def __init__(self, store: Store, table: pd.DataFrame) -> None:
         self._found: dict[str, Portrait] = {}
-        self._sitters = sitters(store, rows_of.normalised(table))
+        self._sitters = sitters(store, rows_of.normalised(table, COLUMNS))
         self._thread = threading.Thread(target=self._paint, daemon=True)
         self._thread.start()
 
@@ -138,9 +140,11 @@ def _place(address: str, folder: Path) -> tuple[str, int]:
 def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, float]]:
     """The kept answer of least error of each contact problem that somebody solved, its label and error."""
     contact = [name for name in formulations.names() if issubclass(formulations.get(name), ContactProblem)]
-    solved = rows[rows["node"].isin(contact) & rows_of.solved(rows)].sort_values("error", kind="stable")
+    solved = rows.loc[
+        rows["node"].isin(contact) & rows_of.solved(rows), ["fingerprint", "key", "label", "error"]
+    ].sort_values("error", kind="stable")
     found: dict[str, tuple[bytes, str, float]] = {}
-    for row in solved.drop_duplicates("fingerprint")[["fingerprint", "key", "label", "error"]].to_dict("records"):
+    for row in solved.drop_duplicates("fingerprint").to_dict("records"):
         _, kept = store.ending(str(row["key"]))
         if kept is not None:
             found[str(row["fingerprint"])] = kept, str(row["label"]), float(row["error"])

@@ -20,12 +20,19 @@ from cpbench.report.attendance_sections import publishing
 from cpbench.report.comparison.markdown import section as comparison_section
 from cpbench.report.easel import Easel
 from cpbench.report.group_sections import group_sections
+from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, assembled, each, group_name
 from cpbench.report.run_sections import run_sections
 from cpbench.report.text import code, counted, listed, plain
 from cpbench.report.text import table as text_table
 from cpbench.verification import Status
+
+MANY = (
+    "numbers and curves are of all of them; lists of pairs are cut short, and `report.html` has the facts of single "
+    f"pairs for at most {KEPT} failures"
+)
+"""What is said where rows are too many to show each."""
 
 
 def write_report(
@@ -108,6 +115,7 @@ def _facts(run: Run) -> str:
         "run on": meta.get("date", ""),
         "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
         "rows": "`results.csv`, one a pair" if len(run.rows) else "",
+        "many rows": MANY if len(run.rows) > WHOLE else "",
     }
     lines = [f"- {name}: {value}" for name, value in facts.items() if str(value)]
     command = str(meta.get("command", "")).replace(str(Path.cwd()) + os.sep, "")
