@@ -18,7 +18,7 @@ from cpbench.analysis.comparison import Comparison
 from cpbench.report import csv_text
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.comparison.markdown import section as comparison_section
-from cpbench.report.easel import Easel
+from cpbench.report.easel import FEW, Easel
 from cpbench.report.group_sections import group_sections
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.methods import METHODS
@@ -70,7 +70,7 @@ def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
     if comparison is not None:
         parts += comparison_section(comparison)
     several = len(run.parts) > run.rows["node"].nunique()
-    with Easel(folder) as easel:
+    with Easel(folder, few=FEW if len(run.rows) <= WHOLE else 0) as easel:
         for group, rows in run.parts:
             parts += group_sections(run, easel, group, rows, several)
         parts += run_sections(run)
