@@ -58,7 +58,7 @@ class Easel:
 
     def __init__(self, folder: Path, processes: int | None = None, few: int = FEW) -> None:
         self._folder, self._few = folder, few
-        self._count = min(_cores(), MOST) if processes is None else processes
+        self._count = min(cores(), MOST) if processes is None else processes
         self._queue: SimpleQueue[Job | None] = SimpleQueue()
         self._waiting: list[Job] = []
         self._left: SimpleQueue[Job] = SimpleQueue()
@@ -166,7 +166,8 @@ def work() -> None:
         told.write(b"drawn\n")
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Those that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

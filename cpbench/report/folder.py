@@ -41,7 +41,8 @@ def write_folder(
     """
     chosen = {"publishable": publishable, "with_imported": with_imported}
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
-    documents = (markdown.write(run, title, comparison), page.write(run, title))
+    with markdown.rows_beside(run):
+        documents = (markdown.write_text(run, title, comparison), page.write(run, title))
     rows, files = rows_of.with_time(run.rows), [run.folder / f"results.{name}" for name in data]
     for path in files:
         row_files.write(rows, path)
