@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import table as rows_of
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
@@ -43,7 +42,7 @@ def write_folder(
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
     with markdown.rows_beside(run):
         documents = (markdown.write_text(run, title, comparison), page.write(run, title))
-    rows, files = rows_of.with_time(run.rows), [run.folder / f"results.{name}" for name in data]
+    files = [run.folder / f"results.{name}" for name in data]
     for path in files:
-        row_files.write(rows, path)
+        row_files.write(run.timed, path)
     return (*documents, *files)

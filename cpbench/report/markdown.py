@@ -71,7 +71,7 @@ def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
 def rows_beside(run: Run) -> AbstractContextManager[None]:
     """results.csv, written by the time this is left; meanwhile, by a copy of this process, where rows are many."""
     run.folder.mkdir(parents=True, exist_ok=True)
-    rows = rows_of.with_time(run.rows)
+    rows = run.timed
 
     def write_rows() -> None:
         with open(run.folder / "results.csv", "wb") as file:
