@@ -53,11 +53,12 @@ class Easel:
     Parameters
     ----------
     folder : where the files go. processes : how many draw; None for as many as there are cores, at most MOST.
+    few : figures up to which no process is started.
     """
 
-    def __init__(self, folder: Path, processes: int | None = None) -> None:
-        self._folder = folder
-        self._count = min(_cores(), MOST) if processes is None else processes
+    def __init__(self, folder: Path, processes: int | None = None, few: int = FEW) -> None:
+        self._folder, self._few = folder, few
+        self._count = min(cores(), MOST) if processes is None else processes
         self._queue: SimpleQueue[Job | None] = SimpleQueue()
         self._waiting: list[Job] = []
         self._left: SimpleQueue[Job] = SimpleQueue()
@@ -66,7 +67,7 @@ class Easel:
     def draw(self, name: str, make: Callable[..., Figure], *given: Any) -> None:
         """Have `make(*given)` saved as `name`; `make` is a function of a module."""
         self._waiting.append(Job(self._folder, name, make, given))
-        if self._count > 1 and len(self._waiting) > FEW and not self._hands:
+        if self._count > 1 and len(self._waiting) > self._few and not self._hands:
             self._hands = [_Hand(self._queue, self._left) for _ in range(self._count)]
         if self._hands:
             self._hand_over()
@@ -165,7 +166,8 @@ def work() -> None:
         told.write(b"drawn\n")
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Those that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

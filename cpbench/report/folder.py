@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import table as rows_of
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
@@ -41,8 +40,9 @@ def write_folder(
     """
     chosen = {"publishable": publishable, "with_imported": with_imported}
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
-    documents = (markdown.write(run, title, comparison), page.write(run, title))
-    rows, files = rows_of.with_time(run.rows), [run.folder / f"results.{name}" for name in data]
+    with markdown.rows_beside(run):
+        documents = (markdown.write_text(run, title, comparison), page.write(run, title))
+    files = [run.folder / f"results.{name}" for name in data]
     for path in files:
-        row_files.write(rows, path)
+        row_files.write(run.timed, path)
     return (*documents, *files)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,10 @@ from cpbench.analysis.comparison import Comparison
 from cpbench.report import csv_text
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.comparison.markdown import section as comparison_section
-from cpbench.report.easel import Easel
+from cpbench.report.easel import FEW, Easel, cores
 from cpbench.report.group_sections import group_sections
 from cpbench.report.html.columns import KEPT, WHOLE
+from cpbench.report.meanwhile import meanwhile
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, assembled, each, group_name
 from cpbench.report.run_sections import run_sections
@@ -62,15 +64,30 @@ def write_report(
 
 def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
     """`write_report` of a run that is assembled."""
+    with rows_beside(run):
+        return write_text(run, title, comparison)
+
+
+def rows_beside(run: Run) -> AbstractContextManager[None]:
+    """results.csv, written by the time this is left; meanwhile, by a copy of this process, where rows are many."""
+    run.folder.mkdir(parents=True, exist_ok=True)
+    rows = run.timed
+
+    def write_rows() -> None:
+        with open(run.folder / "results.csv", "wb") as file:
+            csv_text.write(rows, file)
+
+    return meanwhile(write_rows, copied=len(rows) > WHOLE and cores() > 1)
+
+
+def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Path:
+    """report.md and its figures."""
     folder = run.folder
-    folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / "results.csv", "wb") as file:
-        csv_text.write(rows_of.with_time(run.rows), file)
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     if comparison is not None:
         parts += comparison_section(comparison)
     several = len(run.parts) > run.rows["node"].nunique()
-    with Easel(folder) as easel:
+    with Easel(folder, few=FEW if len(run.rows) <= WHOLE else 0) as easel:
         for group, rows in run.parts:
             parts += group_sections(run, easel, group, rows, several)
         parts += run_sections(run)

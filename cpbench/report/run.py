@@ -46,6 +46,11 @@ class Run:
         return [(group, attended(rows)) for group, rows in rows_of.groups(self.rows)]
 
     @cached_property
+    def timed(self) -> pd.DataFrame:
+        """All rows with the `time` that figures and tables are of: what the files of rows hold."""
+        return rows_of.with_time(self.rows)
+
+    @cached_property
     def nodes(self) -> pd.DataFrame:
         """`summary.nodes` of all rows."""
         return summary.nodes(self.rows)

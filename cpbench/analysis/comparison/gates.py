@@ -62,6 +62,8 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
     and over it on the other, is no change of status.
     """
     pairs = pairs[pairs["status_base"] != pairs["status_new"]]
+    if pairs.empty:  # texts of no rows have no type that pandas could join
+        return
     base, new = pairs["status_base"], pairs["status_new"]
     change = base.str.replace("_", " ") + " → " + new.str.replace("_", " ")
     message = pairs["message_new"].where(new.isin(REFUSED), pairs["message_base"])

@@ -204,7 +204,7 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settin
     timed = times.by_time(own, one_machine, told, settings.alpha)
     moved = counted["verdict"].map({str(Verdict.REGRESSED): 1, str(Verdict.IMPROVED): -1}).fillna(0).astype(int)
     against = (moved * timed["significant"]) < 0
-    why = counted["why"] + ", but " + timed["time_why"]
+    why = counted["why"].astype(str) + ", but " + timed["time_why"].astype(str)  # of no pairs they are no texts yet
     gates.rule(ruling, "counters", Verdict.INCONCLUSIVE, against, "counters against time", why)
     for verdict in (Verdict.REGRESSED, Verdict.INCONCLUSIVE, Verdict.IMPROVED):
         gates.rule(ruling, "counters", verdict, counted["verdict"] == verdict, "counters", counted["why"])

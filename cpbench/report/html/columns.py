@@ -45,7 +45,7 @@ PLAIN = ("verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
 def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
     """Columns and facts of a run."""
     parts = run.parts
-    rows = pd.concat([part for _, part in parts], ignore_index=True) if parts else run.rows
+    rows = _one_after_another([part for _, part in parts]) if parts else run.rows
     whole = len(rows) <= WHOLE
     problem, prints = _codes(rows["fingerprint"])
     label, labels = rows_of.codes(rows["label"])
@@ -80,6 +80,11 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "texts": texts,
     }
     return columns, facts
+
+
+def _one_after_another(parts: list[pd.DataFrame]) -> pd.DataFrame:
+    """The rows of all parts, numbered; those of one are not copied."""
+    return parts[0].reset_index(drop=True) if len(parts) == 1 else pd.concat(parts, ignore_index=True)
 
 
 def _codes(values: pd.Series) -> tuple[Column, list[str]]:
@@ -135,8 +140,8 @@ def _numeric(values: pd.Series) -> pd.Series[float]:
 
 def _chosen(rows: pd.DataFrame) -> pd.Index[Any]:
     """The failures that are kept of many rows: by turns of every solver and status."""
-    failed = rows[~rows_of.solved(rows) & ~rows["status"].isin(REFUSED)]
-    turn = failed.groupby(["label", "status", "node"], sort=False).cumcount()
+    failed = ~rows_of.solved(rows) & ~rows["status"].isin(REFUSED)
+    turn = rows.loc[failed, ["label", "status", "node"]].groupby(["label", "status", "node"], sort=False).cumcount()
     return pd.Index(np.sort(turn.sort_values(kind="stable").index[:KEPT].to_numpy()))
 
 
@@ -162,7 +167,8 @@ def _commands(run: Run, rows: pd.DataFrame) -> list[str]:
 
 
 def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]:
-    first = rows.drop_duplicates("fingerprint").set_index("fingerprint").loc[list(prints)]
+    told = ["fingerprint", "problem", "address", "sizes", "sequence", "step"]
+    first = rows[told].drop_duplicates("fingerprint").set_index("fingerprint").loc[list(prints)]
     family = families_of(rows).reindex(list(prints)).fillna("")
     names = rows_of.problem_names(first.reset_index())
     return {

@@ -20,6 +20,8 @@ Column = np.ndarray[tuple[int], np.dtype[Any]]
 
 TYPES = {"u8": np.uint8, "u16": np.uint16, "u32": np.uint32, "f32": np.float32, "f64": np.float64}
 ALIGNED = 8
+LEVEL = 5
+"""Of compression: 6 takes twice as long and saves one byte of thirty."""
 
 
 def packed(columns: Mapping[str, Column], facts: Mapping[str, Any]) -> str:
@@ -34,7 +36,7 @@ def packed(columns: Mapping[str, Column], facts: Mapping[str, Any]) -> str:
     while len(longer := _header(parts, facts, len(head))) != len(head):  # places have digits, digits take place
         head = longer
     body = b"".join(values.tobytes().ljust(_round(values.nbytes), b"\0") for _, values in parts.values())
-    return base64.b64encode(gzip.compress(longer + body, compresslevel=6, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(longer + body, compresslevel=LEVEL, mtime=0)).decode("ascii")
 
 
 def unpacked(text: str) -> tuple[dict[str, Column], Any]:
