@@ -1,7 +1,9 @@
 """Nonlinear programs of Hock and Schittkowski's collection, by their numbers there.
 
-Starting points are the published ones. Of hs13 the minimum has no multipliers, so that it is no point of Karush, Kuhn
-and Tucker: it is left out. Known points have all their digits, in `hock_schittkowski_points`.
+Three families by what their rows are, which that collection has in the names of its classes, too: what suits one is
+often nothing for another. Starting points are the published ones. Of hs13 the minimum has no multipliers, so that it
+is no point of Karush, Kuhn and Tucker: it is left out. Known points have all their digits, in
+`hock_schittkowski_points`.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.generators.base import Instance, collection
-from cpbench.generators.hock_schittkowski_points import POINTS
+from cpbench.generators.hock_schittkowski_points import POINTS, Known
 from cpbench.generators.symbols import Symbol, exp, log, mapped, sin, total, unknowns
 
 Formula = Callable[..., Sequence[Any]]
@@ -22,14 +24,22 @@ INF = float("inf")
 ROOT3, ROOT2 = 3.0**0.5, 2.0**0.5
 
 
-@collection(
-    "hock-schittkowski",
-    "nlp",
-    "41 nonlinear programs of Hock and Schittkowski",
-    "Hock and Schittkowski 1981, Test Examples for Nonlinear Programming Codes, Springer, LNEMS 187",
-)
-def build() -> list[Instance]:
-    return [_instance(number) for number in sorted(_PROGRAMS)]
+CITATION = "Hock and Schittkowski 1981, Test Examples for Nonlinear Programming Codes, Springer, LNEMS 187"
+
+
+@collection("hock-schittkowski-bounds", "nlp", "programs of Hock and Schittkowski with bounds only", CITATION)
+def bounded() -> list[Instance]:
+    return _instances("bounds")
+
+
+@collection("hock-schittkowski-linear", "nlp", "programs of Hock and Schittkowski with linear rows", CITATION)
+def linear() -> list[Instance]:
+    return _instances("linear")
+
+
+@collection("hock-schittkowski-nonlinear", "nlp", "programs of Hock and Schittkowski with nonlinear rows", CITATION)
+def nonlinear() -> list[Instance]:
+    return _instances("nonlinear")
 
 
 @dataclass(frozen=True)
@@ -64,8 +74,19 @@ def _program(number: int, *parts: Any, **others: Any) -> None:
     _PROGRAMS[number] = _Program(*parts, **others)
 
 
-def _instance(number: int) -> Instance:
-    problem, known = _PROGRAMS[number].problem(f"hs{number}"), POINTS[number]
+def _instances(rows: str) -> list[Instance]:
+    """Those whose rows are nothing but bounds, or linear, or nonlinear."""
+    problems = {number: program.problem(f"hs{number}") for number, program in sorted(_PROGRAMS.items())}
+    return [_instance(problem, POINTS[number]) for number, problem in problems.items() if _rows(problem) == rows]
+
+
+def _rows(problem: NLP) -> str:
+    if problem.g.rows + problem.h.rows == 0:
+        return "bounds"
+    return "linear" if problem.g.compiled.affine and problem.h.compiled.affine else "nonlinear"
+
+
+def _instance(problem: NLP, known: Known) -> Instance:
     n = problem.start.size
     point = NLPPoint(
         z=np.array(known.z), lam=_filled(known.lam, problem.g.rows), mu=_filled(known.mu, problem.h.rows),

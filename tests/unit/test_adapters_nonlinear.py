@@ -14,7 +14,7 @@ from cpbench.testing import cases
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 
-PROGRAMS = {i.name: i.problem for c in generators if c.name == "hock-schittkowski" for i in c.instances()}
+PROGRAMS = {i.name: i.problem for c in generators if c.name.startswith("hock-schittkowski") for i in c.instances()}
 """Those of the Hock-Schittkowski subset that are nonlinear programs."""
 EXACT = ("scipy-root-hybr", "scipy-root-lm", "equation-newton")
 NLP_SOLVERS = ("casadi-ipopt-nlp", "casadi-sqpmethod", "scipy-slsqp", "scipy-trust-constr")

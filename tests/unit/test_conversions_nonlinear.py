@@ -34,7 +34,7 @@ from cpbench.testing import planted, planted_conic, planted_nonlinear
 from cpbench.testing.planted_nonlinear import graph as formula
 
 INF = np.inf
-PROGRAMS = {i.name: i for i in generators.get("hock-schittkowski").instances()}
+PROGRAMS = {i.name: i for c in generators if c.name.startswith("hock-schittkowski") for i in c.instances()}
 EQUATIONS = ("min", "fb", "pfb", "ep", "normal")
 
 

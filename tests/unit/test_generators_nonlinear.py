@@ -21,7 +21,8 @@ from cpbench.testing.checks_problem import KNOWN, _marks
 
 FAMILIES = (
     "ncp-classics", "nash-cournot", "walras", "walras-simplex", "scarf-activities", "harker-pang", "harker-pang-sets",
-    "membranes", "traffic-paths", "traffic-grid", "hock-schittkowski", "vi-classics", "vi-planted", "cp-planted",
+    "membranes", "traffic-paths", "traffic-grid", "hock-schittkowski-bounds", "hock-schittkowski-linear",
+    "hock-schittkowski-nonlinear", "vi-classics", "vi-planted", "cp-planted",
     "qvi-games", "qvi-friction", "qvi-obstacles", "ge-planted", "equations",
 )  # fmt: skip
 LARGE = ("nash-cournot-large", "walras-large", "harker-pang-large", "traffic-grid-large", "membranes-large")
