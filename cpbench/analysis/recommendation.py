@@ -46,12 +46,14 @@ class Advice:
 
     Attributes
     ----------
-    loss : expected doublings of the virtual best's time. similar : problems of the node, near in features, on which
-    it was started; solved, within : how many of them it solved, and within twice the time of the virtual best.
+    loss : expected doublings of the virtual best's time. measured : problems of any node on which it was started;
+    without any it is expected to fail. similar : those of the node, near in features; solved, within : how many of
+    them it solved, and within twice the time of the virtual best.
     """
 
     label: str
     loss: float
+    measured: int
     similar: int
     solved: int
     within: int
@@ -82,7 +84,7 @@ class Recommendation:
 def recommend(
     known: Experience, features: Mapping[str, Any], applicable: Collection[str], without: Collection[int] = ()
 ) -> Recommendation:
-    """The labels among `applicable` that were measured, ranked for a problem of these features.
+    """The labels in `applicable`, ranked for a problem of these features; those that were never measured come last.
 
     `without` : places of cases that are not to be used.
 
@@ -110,12 +112,13 @@ def _recommend(
     started = ~np.isnan(known.ratios[near])
     solved = np.isfinite(known.ratios[near])
     within = known.ratios[near] <= WITHIN
-    advice = [
-        Advice(label, float(score[j]), int(started[:, j].sum()), int(solved[:, j].sum()), int(within[:, j].sum()))
-        for j, label in enumerate(known.labels)
-        if may[j] and not np.isnan(losses[used, j]).all()
-    ]
-    advice.sort(key=lambda a: (round(a.loss / TIE), -(a.solved + 1) / (a.similar + 1), a.loss, a.label))
+    advice = [Advice(label, WORST, 0, 0, 0, 0) for label in set(applicable).difference(known.labels)]
+    for j in np.flatnonzero(may):
+        counts = (int(part[:, j].sum()) for part in (~np.isnan(losses[used]), started, solved, within))
+        advice.append(Advice(known.labels[j], float(score[j]), *counts))
+    advice.sort(
+        key=lambda a: (a.measured == 0, round(a.loss / TIE), -(a.solved + 1) / (a.similar + 1), a.loss, a.label)
+    )
     first = int(np.where(same, distance, math.inf).argmin()) if same.any() else None
     return Recommendation(
         tuple(advice),
@@ -134,8 +137,7 @@ def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.D
     A problem that another family has, too, is left out with both. The labels that take the problem are known
     beforehand, as they are to whoever asks: an edge or a solver refuses before anything is solved.
 
-    Columns: node, family, problem, label ('' where no label that takes it was measured elsewhere), ratio (its time
-    over the virtual best, ∞ for a failure), similar.
+    Columns: node, family, problem, label, ratio (its time over the virtual best, ∞ for a failure), similar.
     """
     families, prints = ([getattr(case, name) for case in known.cases] for name in ("family", "fingerprint"))
     records: list[dict[str, Any]] = []
@@ -147,8 +149,8 @@ def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.D
         case = known.cases[i]
         alike = [k for k in range(len(known.cases)) if families[k] == families[i] or prints[k] == prints[i]]
         found = _recommend(known, at, case.features, case.outcomes.keys(), alike)
-        label = found.advice[0].label if found.advice else ""
-        ratio = float(known.ratios[i, known.labels.index(label)]) if label else math.inf
+        label = found.advice[0].label
+        ratio = float(known.ratios[i, known.labels.index(label)])
         records.append(
             {
                 "node": case.node,

@@ -39,6 +39,12 @@ def solver_of(label: str, request: str) -> Solver | None:
     return solvers.get(name) if name in solvers else None
 
 
+def unmeasured(labels: Sequence[str], requests: Mapping[str, str]) -> list[str]:
+    """Solvers registered here that none of the measured labels is of."""
+    of_labels = {solver_of(label, requests.get(label, "exact")) for label in labels}
+    return [solver.spec.name for solver in solvers if solver not in of_labels]
+
+
 def applicable(problem: Problem, labels: Sequence[str], requests: Mapping[str, str], warm: bool) -> set[str]:
     """Labels whose solver is registered here and has a route from the problem, as far as its first edge tells;
     with `warm`, those that take a starting point."""
@@ -106,10 +112,10 @@ def _options(request: plan.Request) -> list[str]:
     return [] if set(request.kinds) <= set(plan.EXACT_KINDS) else ["--routes", "all"]
 
 
-def require_some(ranked: Sequence[Advice], node: str, source: str) -> None:
-    """Raises CpbenchError where nothing that was measured takes the problem."""
+def require_some(ranked: Sequence[Advice], node: str) -> None:
+    """Raises CpbenchError where nothing takes the problem."""
     if not ranked:
         raise CpbenchError(
-            f"{source}: no solver was measured that takes this problem ({node}); measure some with: cpbench run "
-            "PROBLEMS -o run.sqlite, then give --results run.sqlite"
+            f"no solver takes this problem ({node}), neither one that was measured nor another of those registered "
+            "here; see what there is with: cpbench list solvers"
         )

@@ -109,9 +109,10 @@ def _recommend(
     asked = storage.load(address, format=file_format)
     if any(case.fingerprint == asked.fingerprint for case in known.cases):
         remarks.append("this very problem is among those that were measured")
-    may = candidates.applicable(asked, known.labels, known.requests, warm)
+    labels = [*known.labels, *candidates.unmeasured(known.labels, known.requests)]
+    may = candidates.applicable(asked, labels, known.requests, warm)
     found = rec.recommend(known, features(asked), may)
-    candidates.require_some(found.advice, asked.node, source)
+    candidates.require_some(found.advice, asked.node)
     taken: list[Candidate] = []
     passed: list[Candidate] = []
     for one in candidates.examined(asked, found.advice, known.requests, missing=missing):
@@ -120,7 +121,7 @@ def _recommend(
             break
     if not taken:
         raise CpbenchError(
-            f"{source}: none of the {len(passed)} solvers measured takes this problem here; the first, "
+            f"{source}: none of {len(passed)} solvers takes this problem here; the first, "
             f"{passed[0].advice.label}: {passed[0].obstacle}"
         )
     rates = rec.rates(known, rec.evaluate(known, asked.node, CHECKED)).to_dict("records")
@@ -146,21 +147,25 @@ def _recommend(
 def _print(place: int, one: Candidate, width: int) -> None:
     advice = one.advice
     kind = "" if one.kind in ("equivalent", "one-way") else f", {one.kind}"
-    expected = f"about {2**advice.loss:.2g} times the fastest"
-    click.echo(f"  {place}. {advice.label:<{width}} {one.route}{kind}: {expected}; {_told(one)}")
+    click.echo(f"  {place}. {advice.label:<{width}} {one.route}{kind}: {_told(one)}")
     if one.here:
         click.echo(f"     cannot run here: {one.here}")
 
 
 def _told(one: Candidate) -> str:
     advice = one.advice
+    if not advice.measured:
+        return "never measured"
+    expected = f"about {2**advice.loss:.2g} times the fastest"
     if not advice.similar:
-        return "by what it came to on other problems"
-    return f"solved {advice.solved} of {advice.similar} like it, {advice.within} within twice the fastest"
+        return f"{expected}; by what it came to on other problems"
+    return f"{expected}; solved {advice.solved} of {advice.similar} like it, {advice.within} within twice the fastest"
 
 
 def _alike(found: Recommendation, node: str) -> str:
     """How much like it was measured."""
+    if not any(one.measured for one in found.advice):
+        return "no solver that was measured takes this problem; these were never measured"
     if not found.measured:
         return f"nothing like it was measured: no {node} problem at all; this is what is best on other formulations"
     nearest = f"the nearest is {found.nearest} (distance {found.distance:.2g})"
@@ -211,7 +216,7 @@ def _record(
         "recommended": [
             {
                 **asdict(one.advice),
-                "times_the_fastest": 2**one.advice.loss,
+                "times_the_fastest": 2**one.advice.loss if one.advice.measured else None,
                 "route": one.route,
                 "kind": one.kind,
                 "cannot_run": one.here,

@@ -215,7 +215,6 @@ def test_features_of_an_older_file_are_read_again(monkeypatch, capsys, tmp_path:
         ("nothing", "give a PROBLEM, or --evaluate, or --make TABLE"),
         ("both", "give a PROBLEM, or --evaluate, or --make TABLE"),
         ("one family", "there is nothing to leave out"),
-        ("unknown solvers", "no solver was measured that takes this problem (lcp)"),
         ("make of nothing", "--results FILE"),
     ],
 )  # fmt: skip
@@ -234,10 +233,10 @@ def test_bad_input_is_one_line(
         db.execute("PRAGMA user_version=99")
         db.commit()
         db.close()
-    elif case in ("no rows", "not run", "all failed", "unknown solvers", "one family"):
+    elif case in ("no rows", "not run", "all failed", "one family"):
         took = {"all failed": math.inf, "not run": math.nan}.get(case, 1.0)
         some = {"no rows": [], "one family": problems[:1]}.get(case, problems[:2])
-        results(file, some, {"unknown-here" if case == "unknown solvers" else "lemke": took})
+        results(file, some, {"lemke": took})
         if case == "one family":
             arguments[0] = "--evaluate"
     elif case == "no problem":
@@ -269,3 +268,13 @@ def test_a_problem_of_another_formulation_goes_by_what_reaches_it(
     said = capsys.readouterr().out
     assert "nothing like it was measured: no qp problem at all" in said
     assert "checked    not at all: no qp problem was measured" in said
+
+
+def test_solvers_of_a_plugin_that_is_not_loaded_leave_those_that_were_never_measured(
+    monkeypatch, capsys, tmp_path: Path, problems: list[Path]
+) -> None:
+    found = results(tmp_path / "plugin.sqlite", problems[:2], {"unknown-here": 1.0, "another": 2.0})
+    assert cpbench(monkeypatch, "recommend", problems[2], "--results", found) == 0
+    said = capsys.readouterr().out
+    assert "no solver that was measured takes this problem; these were never measured" in said
+    assert "times the fastest" not in said

@@ -203,8 +203,7 @@ def test_what_is_far_away_is_not_alike() -> None:
 def test_only_what_takes_the_problem_is_ranked() -> None:
     cases = [case("p", {"a": 1.0, "b": 2.0}, unknowns=9)]
     assert best(cases, may="b", unknowns=9) == "b"
-    assert recommend(Experience(tuple(cases)), {"node": "lcp"}, {"z"}).advice == ()
-    assert recommend(Experience(()), {"node": "lcp"}, {"a"}).advice == ()
+    assert recommend(Experience(tuple(cases)), {"node": "lcp"}, set()).advice == ()
 
 
 @given(st.lists(st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(1, 1000)), min_size=1, max_size=8))
@@ -257,11 +256,17 @@ def test_the_same_problem_in_another_family_does_not_advise_either() -> None:
     assert found["label"].tolist() == ["b", "b", "a"]
 
 
-def test_a_family_alone_with_its_solvers_is_not_solved() -> None:
+def test_where_nothing_measured_takes_the_problem_something_else_is_tried() -> None:
     found = evaluate(Experience((case("p", {"a": 1.0}, family="u"), case("q", {"b": 1.0}, family="v"))))
-    assert found["label"].tolist() == ["", ""]
-    assert np.isinf(found["ratio"]).all()
+    assert found["label"].tolist() == ["a", "b"]
+    assert found["ratio"].tolist() == [1.0, 1.0]
     assert rates(Experience(()), evaluate(Experience(()))).to_dict("records")[0]["problems"] == 0
+
+
+def test_what_was_never_measured_comes_last() -> None:
+    seen = Experience((case("p", {"b": math.inf, "c": 1.0}, unknowns=9),))
+    ranked = recommend(seen, {"node": "lcp", "unknowns": 9.0}, {"a", "b", "c", "z"}).advice
+    assert [(one.label, one.measured) for one in ranked] == [("c", 1), ("b", 1), ("a", 0), ("z", 0)]
 
 
 # --------------------------------------------------------------------------------- the table that is shipped
