@@ -7,11 +7,12 @@ The friction cone of a contact is K_μ = {r : ‖r_T‖ ≤ μ r_N}, normal firs
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from cpbench.matrices import Dense, Vector
+if TYPE_CHECKING:  # guests in another interpreter project by this module, and have NumPy alone
+    from cpbench.matrices import Dense, Vector
 
 
 def tangential_norm(x: Dense) -> Vector:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.cones import project_cylinder, project_friction_cone, project_rolling_cone
-from cpbench.matrices import Dense, Vector
+
+if TYPE_CHECKING:
+    from cpbench.matrices import Dense, Vector
 
 
 class Cone(IntEnum):

@@ -2,19 +2,22 @@
 
 A discretized equation has one term a node of its grid, and all of them the same operations; then this is several times
 faster than going through the operations one by one, be it in machine code. A few deep terms are left to CasADi.
+At run time this needs NumPy alone: guests in another interpreter evaluate maps by it.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench.expressions.map import Map
 from cpbench.expressions.operators import NUMPY, Operator
-from cpbench.matrices import Vector
+
+if TYPE_CHECKING:
+    from cpbench.expressions.map import Map
+    from cpbench.matrices import Vector
 
 WORTHWHILE = 200
 """Operations a call must have, on average; a call costs about as much as so many operations of compiled code."""

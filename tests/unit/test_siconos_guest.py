@@ -86,8 +86,8 @@ def test_tolerance_and_bound_are_always_set() -> None:
 
 def test_names_are_one_each_and_few_run_by_default() -> None:
     constants = [(s.row.constant, s.row.inner) for s in TABLES]
-    assert len(set(constants)) == len(constants) == 77
-    assert sum(s.spec.by_default for s in TABLES) == 12
+    assert len(set(constants)) == len(constants) == 88
+    assert sum(s.spec.by_default for s in TABLES) == 15
     known = siconos.about(siconos.interpreter())["constants"]
     assert {constant for constant, _ in constants} <= set(known)
     assert {inner for _, inner in constants if inner} <= set(known)

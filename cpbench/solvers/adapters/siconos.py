@@ -99,6 +99,8 @@ class SiconosSolver(ServedSolver):
     """A solver of Siconos; subclasses have the node and say which of its problems Siconos can hold."""
 
     node: ClassVar[str]
+    carried_by: ClassVar[str] = "npy-dir"
+    """The exchange."""
 
     def __init__(self, row: Row) -> None:
         self.row = row
@@ -115,7 +117,7 @@ class SiconosSolver(ServedSolver):
             known_failures=row.known_failures,
         )
         guest = (str(GUEST), row.constant, "--storage", row.storage)
-        super().__init__(spec, (interpreter(), *guest), env={"PYTHONDONTWRITEBYTECODE": "1"})
+        super().__init__(spec, (interpreter(), *guest), self.carried_by, env={"PYTHONDONTWRITEBYTECODE": "1"})
 
     def obstacle(self, problem: Any) -> str | None:
         if not sum(problem.point_sizes.values()):

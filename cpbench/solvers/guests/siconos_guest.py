@@ -93,11 +93,12 @@ class Guest:
     """What the requests do, for one solver and the storage of its matrices."""
 
     def __init__(self, solver: str, storage: str) -> None:
-        import siconos_problems  # before the first fork
+        import siconos_maps  # before the first fork
+        import siconos_problems
         from siconos_memory import numerics, read
 
         self.numerics: Any = numerics
-        self.read, self.problems = read, siconos_problems
+        self.read, self.problems, self.maps = read, siconos_problems, siconos_maps
         self.solver, self.storage = solver, storage
         numerics.numerics_set_verbose(0)
         self.known = hasattr(numerics, solver)
@@ -114,9 +115,11 @@ class Guest:
     def load(self, request: dict[str, Any]) -> dict[str, Any]:
         folder = Path(request["problem"])
         description = json.loads((folder / "problem.json").read_text(encoding="utf-8"))
-        self.loaded = self.problems.load(
-            request["node"], self.read(folder), self.storage, int(description.get("dimension", 1))
-        )
+        data = self.read(folder)
+        if "F.heads" in data:
+            self.loaded = self.maps.load(self.solver, data)
+        else:
+            self.loaded = self.problems.load(request["node"], data, self.storage, int(description.get("dimension", 1)))
         return {}
 
     def solve(self, request: dict[str, Any]) -> dict[str, Any]:
@@ -128,6 +131,8 @@ class Guest:
         limit = int(settings["max_iter"])
         options.iparam[self.numerics.SICONOS_IPARAM_MAX_ITER] = limit
         options.iparam[self.numerics.SICONOS_IPARAM_ITER_DONE] = 0
+        if self.solver == "SICONOS_NCP_PATHSEARCH":  # without its own memory it frees what it does not have, and dies
+            options.iparam[self.numerics.SICONOS_IPARAM_PREALLOC] = 1
         options.dparam[self.numerics.SICONOS_DPARAM_TOL] = settings["tolerance"]
         if settings.get("inner"):
             self.numerics.solver_options_update_internal(options, 0, getattr(self.numerics, settings["inner"]))
@@ -141,6 +146,7 @@ class Guest:
             "claim": claim,
             "iterations": done,
             "seconds": seconds,
+            "counters": self.loaded.counters(),
             "message": f"info {info}, Siconos' own error {residual:.1e}",
         }
 

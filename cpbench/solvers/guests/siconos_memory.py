@@ -138,12 +138,15 @@ def _blocks(M: Any, b: int) -> int:
 
 
 def read(folder: Any) -> dict[str, Any]:
-    """The arrays of an npy-dir: NAME.npy, or NAME.data.npy, .indices.npy, .indptr.npy and .shape.npy of a CSR."""
+    """The arrays of an npy-dir or npy-map: NAME.npy, or NAME.data.npy, .indices.npy, .indptr.npy and .shape.npy of a
+    CSR; the parts of a map keep their names (F.heads)."""
     data: dict[str, Any] = {}
     for path in sorted(folder.glob("*.npy")):
         name, _, part = path.stem.partition(".")
         if not part:
             data[name] = np.load(path)
+        elif part not in ("data", "indices", "indptr", "shape"):
+            data[path.stem] = np.load(path)
         elif part == "data":
             parts = (np.load(folder / f"{name}.{p}.npy") for p in ("data", "indices", "indptr", "shape"))
             data[name] = SparseRows(*parts)

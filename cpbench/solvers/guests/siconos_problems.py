@@ -53,6 +53,10 @@ class Loaded:
         unknowns = [POINTER(array.ctypes.data) for array in self.arrays]
         return int(getattr(LIBRARY, self.driver)(problem, *unknowns, settings))
 
+    def counters(self) -> dict[str, int]:
+        """What is counted beside iterations."""
+        return {}
+
     def answer(self) -> Mapping[str, Any]:
         """The parts of the node's point."""
         return self._answer(*self.arrays)

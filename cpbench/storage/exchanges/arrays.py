@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.exchange import Exchange, exchanges
+from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Problem
 from cpbench.storage.arrays import read_npy, read_npz, sparse_from_parts
 from cpbench.storage.exchanges import header
@@ -43,6 +44,14 @@ class _ArrayExchange(Exchange):
     def _get(self, path: Path, wanted: Iterable[str]) -> tuple[Arrays, bytes]:
         """Those of the arrays that are there, and the header, b"" where there is none; raises FormatError."""
 
+    def _put_maps(self, problem: Problem) -> Arrays:
+        """The nonlinear maps of a problem as arrays, where the exchange carries any."""
+        return {}
+
+    def _get_maps(self, path: Path, cls: type[Problem]) -> Mapping[str, Map]:
+        """The maps of a problem of class `cls`; raises FormatError."""
+        return {}
+
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
         arrays: dict[str, NDArray[Any]] = {}
         for name, value in problem.data().items():
@@ -53,13 +62,14 @@ class _ArrayExchange(Exchange):
                 arrays[f"{name}.shape"] = np.array(value.shape, np.int64)
             else:
                 arrays[name] = matrices.dense(value)
-        _written(path, lambda: self._put(path, arrays, header.encode(problem)))
+        arrays |= self._put_maps(problem)
+        _written(path, lambda: self._put(path, arrays, header.encode(problem, self.maps)))
 
     def read_problem(self, path: Path) -> Problem:
         _, text = self._get(path, ())
-        cls, fields, data = header.decode(path, text)
+        cls, fields, data = header.decode(path, text, self.maps)
         arrays, _ = self._get(path, [*data, *(f"{name}.{part}" for name in data for part in SPARSE)])
-        parts: dict[str, Any] = {}
+        parts: dict[str, Any] = {**self._get_maps(path, cls)}
         for key in data:
             sparse = {part: arrays[f"{key}.{part}"] for part in SPARSE if f"{key}.{part}" in arrays}
             if len(sparse) == len(SPARSE):

@@ -16,11 +16,13 @@ HEADER = "problem.json"
 _LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
-def encode(problem: Problem) -> bytes:
-    """The file for `problem`; raises FormatError where it is not all arrays."""
-    if problem.maps():
+def encode(problem: Problem, maps: bool = False) -> bytes:
+    """The file for `problem`; raises FormatError where it is not all arrays, unless `maps` are allowed."""
+    if problem.maps() and not maps:
         raise FormatError(problem.name or problem.node, "", _no_maps(problem.node))
-    others = {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - _LEFT_BEHIND
+    others = (
+        {f.name for f in dataclasses.fields(problem)} - problem.data().keys() - problem.maps().keys() - _LEFT_BEHIND
+    )
     header = {"node": problem.node, "name": problem.name}
     return json.dumps(header | {name: getattr(problem, name) for name in sorted(others)}).encode()
 
@@ -29,8 +31,9 @@ def _no_maps(node: str) -> str:
     return f"a problem of type {node} has nonlinear maps, which are no arrays: the exchange hdf5 carries them"
 
 
-def decode(path: Path, text: bytes) -> tuple[type[Problem], dict[str, Any], list[str]]:
-    """Class, name and plain fields of the problem at `path`, and the names of its arrays; raises FormatError."""
+def decode(path: Path, text: bytes, maps: bool = False) -> tuple[type[Problem], dict[str, Any], list[str]]:
+    """Class, name and plain fields of the problem at `path`, and the names of its arrays; raises FormatError, also
+    where the problem has maps, unless these are allowed."""
     try:
         header = json.loads(text)
         cls = formulations.get(header.pop("node"))
@@ -38,10 +41,11 @@ def decode(path: Path, text: bytes) -> tuple[type[Problem], dict[str, Any], list
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError, UnknownName) as cause:
         raise FormatError(path, HEADER, f"names no problem ({type(cause).__name__}: {cause})") from None
     fields = {f.name: f for f in dataclasses.fields(cls)}
-    if any("map" in f.metadata for f in fields.values()):
+    mapped = {key for key, f in fields.items() if "map" in f.metadata}
+    if mapped and not maps:
         raise FormatError(path, HEADER, _no_maps(cls.node))
     data = [key for key, f in fields.items() if "shape" in f.metadata]
-    unknown = header.keys() - (fields.keys() - data - _LEFT_BEHIND)
+    unknown = header.keys() - (fields.keys() - data - mapped - _LEFT_BEHIND)
     if unknown:
         raise FormatError(path, HEADER, f"has {', '.join(sorted(unknown))}, which {cls.node} has not")
     return cls, {"name": name, **header}, data
