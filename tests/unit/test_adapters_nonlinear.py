@@ -58,6 +58,7 @@ def test_f_that_is_no_number_is_no_root(solver: str) -> None:
 
     output = _run(solver, Equation(F=graph(1, ca.log), start=[-1.0]))
     assert output.claim is not Claim.SOLVED
+    assert "\n" not in output.message
 
 
 # --------------------------------------------------------------------------------------------- programs

@@ -139,7 +139,8 @@ class ScipyRoot(Solver):
             with np.errstate(all="ignore"):
                 watched(first)
                 jacobian = watched.jacobian if self.exact else None
-                message = str(root(watched, first, jac=jacobian, method=self.guest, options=more).message)
+                said = root(watched, first, jac=jacobian, method=self.guest, options=more).message
+                message = " ".join(str(said).split())  # one of MINPACK's has two lines
         except _Enough:
             message = watched.message
         except (ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:  # F or a step is no number
