@@ -21,7 +21,12 @@ from cpbench.report.show import slip_angle
 @click.command()
 @click.argument("source", metavar="IN", type=Address())
 @click.argument("target_file", metavar="OUT", type=click.Path(path_type=Path))
-@click.option("--to", "node", required=True, metavar="NODE", help="Formulation to reach (cpbench list formulations).")
+@click.option(
+    "--to", "node", metavar="NODE", help="Formulation to reach (cpbench list formulations).  [default: its own]"
+)
+@click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Another value of a named parameter first."
+)
 @click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")
 @click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
 @click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
@@ -39,7 +44,8 @@ from cpbench.report.show import slip_angle
 def command(
     source: str,
     target_file: Path,
-    node: str,
+    node: str | None,
+    settings: tuple[str, ...],
     via: tuple[str, ...],
     facets: tuple[int, ...],
     angle: float,
@@ -51,13 +57,17 @@ def command(
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Convert a problem to another formulation; OUT knows how to lift an answer back (cpbench lift).
+    """Convert a problem to another formulation, format, or parameters; OUT knows how to lift an answer back.
 
     With --check, the solution in IN is carried there and back, or, where there is none that passes, an answer that a
     native solver finds there; exit code 1 when an exact conversion's lifted answer does not pass, or there is none.
     """
-    formulations.get(node)
+    if node is not None:
+        formulations.get(node)
     problem = storage.load(source, format=file_format)
+    node = node or problem.node
+    if settings:
+        problem = problem.with_parameters(dict(map(_setting, settings)))
     pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header)[1] if via else ()
     room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
@@ -69,12 +79,20 @@ def command(
         click.echo(f"  {remark}")
     click.echo(f"{target_file} ({node}: {sizes_line(arrival.problem)})")
     if check:
-        found = storage.solution(source)
+        found = None if settings else storage.solution(source)
         known = None if found is None else found[0]
         report = checking.examine(problem, arrival, done.seconds(problem, arrival.route), known, tolerance)
         _print(problem, report, tolerance)
         if not report.passed:
             sys.exit(1)
+
+
+def _setting(text: str) -> tuple[str, float]:
+    name, _, value = text.rpartition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise click.BadParameter(f"'{text}' is not NAME=VALUE, as in nu=0.5", param_hint="--set") from None
 
 
 def _print(problem: Problem, report: checking.CheckReport, tolerance: float) -> None:

@@ -50,6 +50,8 @@ def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
         click.echo(f"  {name:<12} {_describe(value)}")
     for name, F in problem.maps().items():
         click.echo(f"  {name:<12} map {F.rows}x{F.inputs}, {F.operations} operations, {F.constants.size} constants")
+    for name, value in problem.parameters.items():
+        click.echo(f"  parameter    {name} = {value:.17g}")
     for label in LABELS:
         text = getattr(problem.info, label)
         if text:
@@ -88,6 +90,7 @@ def _record(address: str, problem: Problem, measured: tuple[Fact, ...]) -> dict[
             name: {"shape": list(F.shape), "operations": F.operations, "constants": F.constants.size}
             for name, F in problem.maps().items()
         },
+        "parameters": problem.parameters,
         "unknowns": problem.point_sizes,
         "info": {label: getattr(problem.info, label) for label in LABELS},
         "properties": {key: _plain(value) for key, value in problem.info.properties.items()},

@@ -3,6 +3,7 @@ code."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -28,12 +29,20 @@ def _operators() -> dict[int, Operator]:
     return {getattr(ca, f"OP_{theirs}"): Operator[ours] for theirs, ours in _SAME.items()}
 
 
-def read(variables: Any, outputs: Any) -> Map:
-    """The map from the column `variables` (symbols) to the column `outputs`; raises ProblemError."""
+def read(variables: Any, outputs: Any, parameters: Mapping[str, float]) -> Map:
+    """The map from the column `variables` (symbols) to the column `outputs`, or a list of its rows, in which the other
+    symbols are those named in `parameters`; raises ProblemError."""
     import casadi as ca
 
     try:
-        function = ca.Function("F", [variables], [ca.densify(outputs)])
+        rows = ca.densify(ca.vertcat(*outputs) if isinstance(outputs, list | tuple) else outputs)
+        rows = ca.SX(rows) if isinstance(rows, ca.DM) else rows
+        own = {symbol.__hash__() for symbol in ca.symvar(variables)}
+        others = [symbol for symbol in ca.symvar(rows) if symbol.__hash__() not in own]
+        unknown = [symbol.name() for symbol in others if symbol.name() not in parameters]
+        if unknown:
+            raise ProblemError("map", f"has the symbol {unknown[0]}, which is no variable: give it in parameters")
+        function = ca.Function("F", [variables, *others], [rows])
     except (RuntimeError, NotImplementedError) as cause:
         raise ProblemError("map", f"is no function of the given variables ({_last_line(cause)})") from None
     if not function.is_a("SXFunction"):
@@ -41,7 +50,7 @@ def read(variables: Any, outputs: Any) -> Map:
             function = function.expand()
         except RuntimeError as cause:
             raise ProblemError("map", f"has a CasADi node with no elementary form ({_last_line(cause)})") from None
-    return _Reader(function).map()
+    return _Reader(function, [(symbol.name(), parameters[symbol.name()]) for symbol in others]).map()
 
 
 def _last_line(cause: BaseException) -> str:
@@ -52,9 +61,10 @@ def _last_line(cause: BaseException) -> str:
 class _Reader:
     """CasADi's list of instructions, whose places of work are used again and again, as values that are not."""
 
-    def __init__(self, function: Any) -> None:
+    def __init__(self, function: Any, parameters: list[tuple[str, float]]) -> None:
         self._function = function
-        self._builder = Builder(int(function.nnz_in()))
+        self._builder = Builder(int(function.nnz_in(0)))
+        self._parameters = [self._builder.parameter(name, value) for name, value in parameters]
 
     def map(self) -> Map:
         import casadi as ca
@@ -66,7 +76,7 @@ class _Reader:
             code = f.instruction_id(k)
             inputs, outputs = f.instruction_input(k), f.instruction_output(k)
             if code == ca.OP_INPUT:
-                work[outputs[0]] = inputs[1]
+                work[outputs[0]] = self._parameters[inputs[0] - 1] if inputs[0] else inputs[1]
             elif code == ca.OP_CONST:
                 work[outputs[0]] = build.constant(f.instruction_constant(k))
             elif code == ca.OP_OUTPUT:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from cpbench.errors import FormatError, ProblemError
 from cpbench.expressions.map import Builder, Map
 from cpbench.expressions.mof_json import Fields, parse, shown, shown_number
 from cpbench.expressions.mof_terms import Terms
@@ -46,13 +47,22 @@ Function: TypeAlias = Affine | Quadratic | Nonlinear
 class Functions:
     """Functions of the variables `column` (name -> number), all in one map.
 
-    `source` is what a FormatError names, with the place of the function and the entry of its node_list.
+    `source` is what a FormatError names, with the place of the function and the entry of its node_list. `parameters`
+    are further names, with their values.
     """
 
-    def __init__(self, source: str | Path, column: Mapping[str, int]) -> None:
+    def __init__(
+        self, source: str | Path, column: Mapping[str, int], parameters: Mapping[str, float] | None = None
+    ) -> None:
         self._fields = Fields(source)
-        self._column = column
-        self.build = Builder(len(column))
+        self._inputs = len(column)
+        self.build = Builder(self._inputs)
+        try:
+            others = {name: self.build.parameter(name, value) for name, value in (parameters or {}).items()}
+        except ProblemError as cause:
+            raise FormatError(source, "variables", cause.cause) from None
+        self._column = {**column, **others}
+        self.parametric = bool(others)
 
     def map(self, functions: list[Function]) -> Map:
         """The map with these rows."""
@@ -89,10 +99,10 @@ class Functions:
     def bare(self, function: Function) -> int | None:
         """The variable that a function is, None where it is more."""
         if isinstance(function, Nonlinear):
-            return function.value if function.value < len(self._column) else None
+            return function.value if function.value < self._inputs else None
         affine = function.affine if isinstance(function, Quadratic) and not function.products else function
         if isinstance(affine, Affine) and affine.values == [1.0] and affine.constant == 0.0:
-            return affine.columns[0]
+            return affine.columns[0] if affine.columns[0] < self._inputs else None
         return None
 
     # --------------------------------------------------------------------------------------- reading
@@ -177,6 +187,28 @@ class Functions:
         return i, j, fields.number(term, "coefficient", where)
 
 
+def parameter_of(constraint: Any) -> str | None:
+    """The variable that a constraint says to be a parameter, None where it says another thing."""
+    function, set_ = (constraint.get(key) if isinstance(constraint, dict) else None for key in ("function", "set"))
+    if not (isinstance(function, dict) and isinstance(set_, dict)):
+        return None
+    fits = set_.get("type") == "Parameter" and function.get("type") == "Variable"
+    return function["name"] if fits and isinstance(function.get("name"), str) else None
+
+
+def parameters(fields: Fields, model: Any) -> dict[str, float]:
+    """Of a model, with their values; raises FormatError."""
+    found: dict[str, float] = {}
+    for k, constraint in fields.items(model, "constraints"):
+        name = parameter_of(constraint)
+        if name is None:
+            continue
+        if name in found:
+            raise fields.refused(f"constraints/{k}", f"has a second value for the parameter '{shown(name)}'")
+        found[name] = fields.number(constraint["set"], "value", f"constraints/{k}/set")
+    return found
+
+
 def maps(text: bytes, source: str | Path, inputs: Mapping[str, int | None]) -> dict[str, Map]:
     """The maps in a model that `to_mof.model` made: those of `inputs`, which says how many variables each takes.
 
@@ -184,16 +216,19 @@ def maps(text: bytes, source: str | Path, inputs: Mapping[str, int | None]) -> d
     """
     fields = Fields(source)
     stored = parse(text, source)
-    names = fields.names(stored)
+    values = parameters(fields, stored)
+    names = [name for name in fields.names(stored) if name not in values]
     found: dict[str, Map] = {}
     for k, constraint in fields.items(stored, "constraints"):
         where = f"constraints/{k}"
+        if parameter_of(constraint) is not None:
+            continue
         name = fields.get(constraint, "name", str, where)
         if name not in inputs or name in found:
             raise fields.refused(where, f"is named '{shown(name)}', expected each of {', '.join(inputs)} once")
         size = inputs[name]
         taken = names if size is None else names[max(len(names) - size, 0) :]
-        functions = Functions(source, {variable: j for j, variable in enumerate(taken)})
+        functions = Functions(source, {variable: j for j, variable in enumerate(taken)}, values)
         rows = functions.rows(fields.get(constraint, "function", dict, where), f"{where}/function")
         found[name] = functions.map(rows)
     return found

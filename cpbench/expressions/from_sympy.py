@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cpbench.errors import ProblemError
@@ -19,14 +19,16 @@ _BINARY = {"atan2": "ATAN2", "StrictLessThan": "LT", "LessThan": "LE", "Equality
 _TURNED = {"StrictGreaterThan": "LT", "GreaterThan": "LE"}
 
 
-def read(variables: Sequence[Any], outputs: Sequence[Any]) -> Map:
-    """The map from symbols to expressions; raises ProblemError on a function or symbol that a map has not."""
-    return _Reader(variables).map(outputs)
+def read(variables: Sequence[Any], outputs: Sequence[Any], parameters: Mapping[str, float]) -> Map:
+    """The map from symbols to expressions in them and in the symbols named in `parameters`; raises ProblemError on a
+    function or symbol that a map has not."""
+    return _Reader(variables, parameters).map(outputs)
 
 
 class _Reader:
-    def __init__(self, variables: Sequence[Any]) -> None:
+    def __init__(self, variables: Sequence[Any], parameters: Mapping[str, float]) -> None:
         self._build = Builder(len(variables))
+        self._parameters = parameters
         self._known: dict[Any, int] = {symbol: k for k, symbol in enumerate(variables)}
 
     def map(self, outputs: Sequence[Any]) -> Map:
@@ -43,6 +45,10 @@ class _Reader:
     def _made(self, e: Any) -> int:
         if e.is_Number or e.is_NumberSymbol:
             return self._build.constant(float(e))
+        if e.is_Symbol:
+            if e.name not in self._parameters:
+                raise ProblemError("map", f"has the symbol {e.name}, which is no variable: give it in parameters")
+            return self._build.parameter(e.name, self._parameters[e.name])
         name = type(e).__name__
         if name == "Pow":
             return self._power(e.base, e.exp)
@@ -66,7 +72,7 @@ class _Reader:
             return total
         if e.is_Boolean and not e.args:
             return self._build.constant(1.0 if bool(e) else 0.0)
-        raise ProblemError("map", f"has SymPy's {name} in {str(e)[:60]}, which is no function or variable of a map")
+        raise ProblemError("map", f"has SymPy's {name} in {str(e)[:60]}, which is no function of a map")
 
     def _power(self, base: Any, exponent: Any) -> int:
         from sympy import Rational

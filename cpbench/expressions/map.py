@@ -4,13 +4,15 @@ Values are numbered: 0 … n−1 are the unknowns, then the constants, then one 
 have smaller numbers (so there is no cycle). The list is canonical: only what the outputs need, in the order in which a
 walk from the first output to the last, left argument first, is done with it; an operation that occurs twice stands
 once. So equal functions that were built differently have equal lists, and a file read again gives the same bits.
+
+A parameter is a constant with a name, which no other constant is merged with: its value may be changed.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -38,7 +40,7 @@ class Map:
     ----------
     inputs : n. constants : (c,) finite. heads : (k,) numbers of `Operator`.
     left, right : (k,) numbers of the arguments' values; right is −1 where an operator has one argument.
-    outputs : (m,) numbers of values.
+    outputs : (m,) numbers of values. named : name -> place in `constants` of the parameters.
 
     Raises ProblemError where a number is out of range, an argument comes after its use or a constant is not finite.
     """
@@ -49,6 +51,7 @@ class Map:
     left: Index
     right: Index
     outputs: Index
+    named: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name, dtype in (
@@ -71,6 +74,8 @@ class Map:
             raise ProblemError("map.constants", "has a number that is not finite")
         if not np.isin(self.heads, list(Operator)).all():
             raise ProblemError("map.heads", "has a number that is no operator")
+        if any(not 0 <= place < self.constants.size for place in self.named.values()):
+            raise ProblemError("map.named", f"has a place that is none of {self.constants.size} constants")
         own = first + np.arange(k)
         binary = self.heads >= Operator.ADD
         for name, bad in (
@@ -100,12 +105,12 @@ class Map:
         return int(self.heads.size)
 
     def arrays(self) -> dict[str, Vector | Index]:
-        """The list itself, without `inputs`, in the order in which the constructor takes it."""
+        """The list itself, without `inputs`, in the order in which the constructor takes it. Not the names."""
         return {name: getattr(self, name) for name in ("constants", "heads", "left", "right", "outputs")}
 
     @cached_property
     def digest(self) -> bytes:
-        """SHA-256 of the list, the same however the map was built."""
+        """SHA-256 of the list, the same however the map was built; the names of parameters are no part of it."""
         h = hashlib.sha256(f"map {self.inputs} {self.constants.size} {self.operations} {self.rows};".encode())
         for array in self.arrays().values():
             h.update(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
@@ -118,7 +123,19 @@ class Map:
         return hash(self.digest)
 
     def __reduce__(self) -> Any:
-        return (Map, (self.inputs, *self.arrays().values()))
+        return (Map, (self.inputs, *self.arrays().values(), dict(self.named)))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Name -> value."""
+        return {name: float(self.constants[place]) for name, place in self.named.items()}
+
+    def with_parameters(self, values: Mapping[str, float]) -> Map:
+        """The map in which these parameters have other values; names that it has not are passed over."""
+        constants = self.constants.copy()
+        for name in self.named.keys() & values.keys():
+            constants[self.named[name]] = values[name]
+        return replace(self, constants=constants)
 
     # ----------------------------------------------------------------------------------- evaluation
 
@@ -159,19 +176,22 @@ class Map:
         return cls(inputs, none, none, none, none, none)
 
     @classmethod
-    def from_casadi(cls, variables: Any, outputs: Any) -> Map:
-        """Of CasADi SX expressions, or of MX ones that expand to SX; raises ProblemError on an operator or a symbol
-        that a map has not."""
+    def from_casadi(cls, variables: Any, outputs: Any, parameters: Mapping[str, float] | None = None) -> Map:
+        """Of CasADi SX expressions, or of MX ones that expand to SX; `parameters` are the other symbols by name, with
+        their values. Raises ProblemError on an operator or a symbol that a map has not."""
         from cpbench.expressions.from_casadi import read
 
-        return read(variables, outputs)
+        return read(variables, outputs, parameters or {})
 
     @classmethod
-    def from_sympy(cls, variables: Sequence[Any], outputs: Sequence[Any]) -> Map:
-        """Of SymPy expressions in the symbols `variables`; raises ProblemError as `from_casadi`."""
+    def from_sympy(
+        cls, variables: Sequence[Any], outputs: Sequence[Any], parameters: Mapping[str, float] | None = None
+    ) -> Map:
+        """Of SymPy expressions in the symbols `variables`, and `parameters` by name; raises ProblemError as
+        `from_casadi`."""
         from cpbench.expressions.from_sympy import read
 
-        return read(variables, outputs)
+        return read(variables, outputs, parameters or {})
 
     def only(self, values: Sequence[int]) -> Map:
         """The map to the values of these numbers."""
@@ -201,8 +221,9 @@ class Builder:
 
     def __init__(self, inputs: int) -> None:
         self._inputs = inputs
-        self._known: dict[tuple[int, int, int] | bytes, int] = {}
+        self._known: dict[tuple[int, int, int] | bytes | str, int] = {}
         self._nodes: list[tuple[int, int, int] | float] = []
+        self._named: dict[str, int] = {}
 
     def constant(self, value: float) -> int:
         """Raises ProblemError unless it is finite."""
@@ -211,12 +232,22 @@ class Builder:
             raise ProblemError("map", f"has the constant {value}, expected a finite number")
         return self._number(np.float64(value).tobytes(), value)
 
+    def parameter(self, name: str, value: float) -> int:
+        """A constant with a name; raises ProblemError unless it is finite, or where unknowns are called so in files."""
+        value = float(value)
+        if not np.isfinite(value):
+            raise ProblemError("map", f"has the parameter {name} = {value}, expected a finite number")
+        if name.startswith(("z[", "y[")):
+            raise ProblemError("map", f"has the parameter {name}, a name of unknowns in files: give it another")
+        self._named[name] = self._number(name, value)
+        return self._named[name]
+
     def apply(self, operator: Operator, left: int, right: int = -1) -> int:
         """The number of the operation on values that exist."""
         node = (int(operator), left, right)
         return self._number(node, node)
 
-    def _number(self, key: tuple[int, int, int] | bytes, node: tuple[int, int, int] | float) -> int:
+    def _number(self, key: tuple[int, int, int] | bytes | str, node: tuple[int, int, int] | float) -> int:
         found = self._known.get(key)
         if found is None:
             found = self._known[key] = self._inputs + len(self._nodes)
@@ -242,6 +273,7 @@ class Builder:
             np.array([placed(node[1]) for node in nodes], dtype=np.int64),
             np.array([placed(node[2]) for node in nodes], dtype=np.int64),
             np.array([placed(end) for end in ends], dtype=np.int64),
+            {name: place[old] - self._inputs for name, old in self._named.items() if old in place},
         )
 
     def _walk(self, ends: Sequence[int]) -> tuple[list[int], list[int]]:

@@ -2,7 +2,8 @@
 functions and variables that stand beside each other in Complements.
 
 Bounds are constraints of a bare variable. Read are the sets GreaterThan, LessThan, EqualTo, Interval, Parameter,
-Nonnegatives, Nonpositives, Zeros, HyperRectangle and Complements; a model with any other is refused.
+Nonnegatives, Nonpositives, Zeros, HyperRectangle and Complements; a model with any other is refused. A variable in
+Parameter is a parameter of the maps where there are any; in a linear or quadratic program it is a fixed variable.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.expressions.from_mof import Affine, Function, Functions
+from cpbench.expressions.from_mof import Affine, Function, Functions, parameter_of, parameters
 from cpbench.expressions.mof_json import Fields, parse, shown
 from cpbench.matrices import Vector
 
@@ -73,7 +74,9 @@ class Model:
 
     @property
     def affine(self) -> bool:
-        """Whether everything but the objective is."""
+        """Whether everything but the objective is. Not where there are parameters, which no matrix keeps."""
+        if self.functions.parametric:
+            return False
         rows = (row.function for row in (*self.above, *self.equal))
         return all(isinstance(function, Affine) for function in (*rows, *self.pairs.values()))
 
@@ -105,13 +108,15 @@ class _Reader:
         version = fields.get(model, "version", dict, "")
         if version.get("major") != 1:
             raise fields.refused("version", f"is {shown(version.get('major'))}, cpbench reads MathOptFormat 1")
-        names = fields.names(model)
+        values = parameters(fields, model) if _has_maps(model) else {}
+        names = [name for name in fields.names(model) if name not in values]
         starts = [
             fields.number(variable, "primal_start", f"variables/{k}") if "primal_start" in variable else 0.0
             for k, variable in enumerate(model["variables"])
+            if variable["name"] not in values
         ]
         n = len(names)
-        self._functions = Functions(source, {name: k for k, name in enumerate(names)})
+        self._functions = Functions(source, {name: k for k, name in enumerate(names)}, values)
         self.model = Model(
             source=source,
             name=_text(model, "name"),
@@ -124,7 +129,8 @@ class _Reader:
         )
         self._objective(fields.get(model, "objective", dict, ""))
         for k, constraint in fields.items(model, "constraints"):
-            self._constrain(constraint, f"constraints/{k}")
+            if parameter_of(constraint) not in values:
+                self._constrain(constraint, f"constraints/{k}")
 
     def _objective(self, objective: dict[str, Any]) -> None:
         fields, model = self._fields, self.model
@@ -142,6 +148,9 @@ class _Reader:
         if kind not in _SIDES and kind != "Complements":
             raise fields.refused(f"{where}/set", f"is {shown(kind)}, cpbench reads {SETS}")
         rows = self._functions.rows(function, f"{where}/function")
+        size = set_.get("dimension", len(rows))
+        if size != len(rows):
+            raise fields.refused(f"{where}/set", f"has dimension {shown(size)}, its function {len(rows)} values")
         if kind == "Complements":
             self._complement(rows, where)
             return
@@ -149,6 +158,8 @@ class _Reader:
         bare = function["type"] in ("Variable", "VectorOfVariables")
         for row, least, most in zip(rows, low, high, strict=True):
             if bare and isinstance(row, Affine):
+                if row.columns[0] >= len(self.model.names):
+                    raise fields.refused(where, "bounds a parameter")
                 self._bound(row.columns[0], least, most)
             elif least == most:
                 self.model.equal.append(Row(row, least))
@@ -189,6 +200,19 @@ class _Reader:
             if column in model.pairs:
                 raise fields.refused(where, f"has variable {column + 1} beside two functions")
             model.pairs[column] = row
+
+
+def _has_maps(model: dict[str, Any]) -> bool:
+    """Whether a model becomes a problem with maps if it has parameters: it has Complements, or a nonlinear function."""
+    objective, constraints = model.get("objective"), model.get("constraints")
+    parts = [objective, *(constraints if isinstance(constraints, list) else [])]
+    kinds = [
+        part[key].get("type")
+        for part in parts
+        for key in ("function", "set")
+        if isinstance(part, dict) and isinstance(part.get(key), dict)
+    ]
+    return any(kind in ("Complements", "ScalarNonlinearFunction", "VectorNonlinearFunction") for kind in kinds)
 
 
 def _text(model: dict[str, Any], key: str) -> str:

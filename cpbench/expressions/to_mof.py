@@ -56,20 +56,29 @@ def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
 def model(maps: Mapping[str, Map], names: Sequence[str]) -> dict[str, Any]:
     """A model that does nothing but hold maps: each is a constraint of its name in Reals. A map of fewer inputs than
     there are names takes the last ones; one without rows is left out."""
+    parameters = {name: value for F in maps.values() for name, value in F.parameters.items()}
     return {
         "version": VERSION,
-        "variables": [{"name": name} for name in names],
+        "variables": [{"name": name} for name in (*names, *parameters)],
         "objective": {"sense": "feasibility"},
         "constraints": [
-            {
-                "name": label,
-                "function": vector(F, names[len(names) - F.inputs :]),
-                "set": {"type": "Reals", "dimension": F.rows},
-            }
-            for label, F in maps.items()
-            if F.rows
+            *(parameter(name, value) for name, value in parameters.items()),
+            *(
+                {
+                    "name": label,
+                    "function": vector(F, names[len(names) - F.inputs :]),
+                    "set": {"type": "Reals", "dimension": F.rows},
+                }
+                for label, F in maps.items()
+                if F.rows
+            ),
         ],
     }
+
+
+def parameter(name: str, value: float) -> dict[str, Any]:
+    """The constraint that a parameter is; JuMP takes its variable for one by that."""
+    return {"function": {"type": "Variable", "name": name}, "set": {"type": "Parameter", "value": value}}
 
 
 VERSION = {"major": 1, "minor": 7}
@@ -99,6 +108,8 @@ class _Writer:
         arguments = np.concatenate([F.left, F.right[F.right >= 0], F.outputs])
         self._uses: list[int] = np.bincount(arguments, minlength=self._first + F.operations).tolist()
         self._terms: list[Term] = [*names, *F.constants.tolist(), *[None] * F.operations]
+        for name, place in F.named.items():
+            self._terms[F.inputs + place] = name
         self._depth = [0] * (self._first + F.operations + 1)  # the last one is for the argument that is not there
 
     def written(self, members: Iterable[int], ends: Iterable[int]) -> tuple[list[Term], list[Term]]:
@@ -146,6 +157,7 @@ class _Plain:
         self._operations = list(zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True))
         self._reader = Functions("", {str(k): k for k in range(F.inputs)})
         build, self._number = self._reader.build, list(range(F.inputs))
+        self._named = {F.inputs + place for place in F.named.values()}
         self._number += [build.constant(c) for c in F.constants.tolist()]
         for head, a, b in self._operations:
             self._number.append(build.apply(Operator(head), self._number[a], self._number[b] if b >= 0 else -1))
@@ -193,6 +205,8 @@ class _Plain:
         """(c, x) of c·x, x the number of a variable or of a product of two; −1: the number c itself; None: no such."""
         inputs, constants = self._F.inputs, self._F.constants
         head, a, b = self._operation(value)
+        if value in self._named or a in self._named:
+            return 0.0, None
         if inputs <= value < inputs + constants.size:
             return float(constants[value - inputs]), -1
         factor = 1.0

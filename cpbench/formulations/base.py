@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
@@ -247,6 +247,11 @@ class Problem(ABC):
                 origin.setdefault(symbol, label)
             object.__setattr__(self, f.name, value)
         object.__setattr__(self, "_sizes", sizes)
+        values = self.parameters
+        for name, F in self.maps().items():
+            for key, value in F.parameters.items():
+                if value != values[key]:
+                    raise ProblemError(f"{self.node}.{name}", f"has {key} = {value:g}, another map {values[key]:g}")
         self.check()
 
     def _left_out(self, f: dataclasses.Field[Any], sizes: Mapping[str, int]) -> Matrix | Vector | Map:
@@ -276,6 +281,25 @@ class Problem(ABC):
     def maps(self) -> dict[str, Map]:
         """The nonlinear maps by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in fields(self) if "map" in f.metadata}
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The named parameters of the maps, with their values."""
+        return {name: value for F in self.maps().values() for name, value in F.parameters.items()}
+
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
+        """The problem in which these parameters have other values; what was known of this one is left out, and how it
+        was made. Raises ProblemError on a name that is none of them."""
+        unknown = sorted(values.keys() - self.parameters.keys())
+        if unknown:
+            has = ", ".join(self.parameters) or "no parameters"
+            raise ProblemError(self.node, f"has no parameter {unknown[0]}: it has {has}")
+        for name, value in values.items():
+            if not np.isfinite(value):
+                raise ProblemError(self.node, f"cannot have {name} = {value}, expected a finite number")
+        maps = {name: F.with_parameters(values) for name, F in self.maps().items()}
+        info = dataclasses.replace(self.info, properties={})
+        return dataclasses.replace(self, info=info, provenance=(), **maps)
 
     def sizes(self) -> dict[str, int]:
         """Dimensions by symbol (n, m, nc, ...)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -36,16 +35,6 @@ class NCP(NonlinearProblem):
 
     F: Map = map_field("n", "n")
     start: Vector = vector_field("n", fill=0.0)
-
-    @classmethod
-    def from_casadi(cls, z: Any, F: Any, **others: Any) -> NCP:
-        """Of CasADi expressions: a column of symbols z and a column F. Raises ProblemError."""
-        return cls(F=Map.from_casadi(z, F), **others)
-
-    @classmethod
-    def from_sympy(cls, z: Sequence[Any], F: Sequence[Any], **others: Any) -> NCP:
-        """Of SymPy expressions in the symbols z. Raises ProblemError."""
-        return cls(F=Map.from_sympy(z, F), **others)
 
     @classmethod
     def from_mof(cls, text: str | bytes, **others: Any) -> NCP:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
@@ -25,6 +27,19 @@ class NonlinearProblem(_HasMap, Problem):
 
     `scale` is ‖F(P(0))‖, P the projection on the set of the problem, or ‖F(start)‖ where F is not defined there.
     """
+
+    @classmethod
+    def from_casadi(cls, z: Any, F: Any, parameters: Mapping[str, float] | None = None, **others: Any) -> Self:
+        """Of CasADi expressions: a column of symbols z and a column F, or a list of its rows, in which other symbols
+        are named in `parameters`, with their values. Raises ProblemError."""
+        return cls(F=Map.from_casadi(z, F, parameters), **others)
+
+    @classmethod
+    def from_sympy(
+        cls, z: Sequence[Any], F: Sequence[Any], parameters: Mapping[str, float] | None = None, **others: Any
+    ) -> Self:
+        """Of SymPy expressions in the symbols z, and in those named in `parameters`. Raises ProblemError."""
+        return cls(F=Map.from_sympy(z, F, parameters), **others)
 
     def project(self, z: Vector) -> Vector:
         """P(z), on the part of the set that has a projection in closed form."""

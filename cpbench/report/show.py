@@ -43,6 +43,8 @@ def text(problem: Problem) -> str:
         lines += ["", *show(label, value, shape(problem, label))]
     for label, F in problem.maps().items():
         lines += ["", *_map(problem, label, F)]
+    if problem.parameters:
+        lines += ["", f"parameters: {', '.join(f'{k} = {v:.17g}' for k, v in problem.parameters.items())}"]
     return "\n".join(lines)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from cpbench.expressions import to_mof
 from cpbench.matrices import Vector
 
 FEASIBILITY = '{"sense": "feasibility"}'
@@ -17,7 +19,8 @@ class Written:
     """The parts of a file: names of the variables with their bounds and starts, the objective, the other constraints.
 
     `entries` : about how many coefficients or operations. `minor` : of the version from which on readers take it; every
-    later one has what is written here. `remark` : stands behind the formulation in the description.
+    later one has what is written here. `remark` : stands behind the formulation in the description. `parameters` :
+    values by name.
     """
 
     names: Sequence[str]
@@ -29,6 +32,7 @@ class Written:
     start: Vector | None = None
     minor: int = 0
     remark: str = ""
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def variables(self) -> Iterator[str]:
         """With their starts, where these are not 0, which a reader takes for a start that is not given."""
@@ -36,6 +40,8 @@ class Written:
         for name, start in zip(self.names, starts, strict=True):
             given = f', "primal_start": {start!r}' if start or np.signbit(start) else ""
             yield f'{{"name": "{name}"{given}}}'
+        for name in self.parameters:
+            yield json.dumps({"name": name})
 
     def bounds(self) -> Iterator[str]:
         """Two constraints where a variable has two bounds: JuMP finds these, but not an interval. They have no names:
@@ -45,6 +51,8 @@ class Written:
                 if np.isfinite(value):
                     bound = one_sided(kind, side, value)
                     yield f'{{"function": {{"type": "Variable", "name": "{name}"}}, "set": {bound}}}'
+        for name, value in self.parameters.items():
+            yield json.dumps(to_mof.parameter(name, value))
 
 
 def one_sided(kind: str, side: str, value: float) -> str:

@@ -362,7 +362,7 @@ def test_a_nonlinear_program_of_others(tmp_path: Path) -> None:
     sine = _nonlinear({"type": "sin", "args": ["x"]})
     constraints = [
         {"function": {"type": "Variable", "name": "x"}, "set": {"type": "Interval", "lower": -1, "upper": 4}},
-        {"function": {"type": "Variable", "name": "y"}, "set": {"type": "Parameter", "value": 2}},
+        {"function": {"type": "Variable", "name": "y"}, "set": {"type": "EqualTo", "value": 2}},
         {"name": "c1", "function": sine, "set": {"type": "Interval", "lower": -0.5, "upper": 0.5}},
         {"function": sine, "set": {"type": "LessThan", "upper": 0.0}},
         {"function": quadratic, "set": {"type": "LessThan", "upper": 7.0}},
