@@ -71,23 +71,17 @@ class FCtoMiCP(Conversion):
         return 1e-3 * tolerance
 
     def apply(self, problem: FrictionContact) -> tuple[MiCP, Trace]:
-        """The start is x_N = ξ = 1 and half of the friction that there may be, against the free velocity: the
-        derivative is singular at z = 0, and that by ξ is 0 where x_T is."""
+        """The start is what a few projections come to (`contact_maps.approached`), at 0 nothing can be told from the
+        derivative: it is singular there."""
         self.require(problem)
         nc, d = problem.nc, problem.dimension
         chosen = _units(problem)
+        trace = {**chosen.trace, "mu": problem.mu, "W": problem.W, "q": problem.q}
         lb = np.full((nc, d + 1), -np.inf)
         lb[:, [0, d]] = 0.0
-        start = np.zeros((nc, d + 1))
-        start[:, 0] = 1.0
-        start[:, d] = problem.mu > 0
-        slides = contact_maps.by_contact(chosen.unit * problem.q, nc)[:, 1:]
-        size = np.linalg.norm(slides, axis=1)
-        moves = (problem.mu > 0) & (size > 0)
-        start[moves, 1:d] = -0.5 * slides[moves] / size[moves, None]
+        start = self.push(contact_maps.approached(problem, contact_maps.units(problem)), trace)
         F = _map(problem, chosen, self._regular)
-        target = MiCP(F=F, lb=lb.ravel(), ub=np.full(lb.size, np.inf), start=start.ravel())
-        return target, {**chosen.trace, "mu": problem.mu, "W": problem.W, "q": problem.q}
+        return MiCP(F=F, lb=lb.ravel(), ub=np.full(lb.size, np.inf), start=start.z), trace
 
     def lift(self, point: MiCPPoint, trace: Trace) -> FCPoint:
         chosen, mu = Units.of_trace(trace), np.asarray(trace["mu"])

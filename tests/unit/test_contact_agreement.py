@@ -18,24 +18,31 @@ from cpbench import storage
 from cpbench.solvers import Budget, solvers
 from cpbench.testing import planted
 
-BUDGET = Budget(tolerance=ASKED, seconds=4.0)
+BUDGET = Budget(tolerance=ASKED, seconds=10.0)
+FIRST = ("semismooth-newton-min", "vi-newton", "qvi-newton")
+"""Solvers that are asked before others: they solve nearly all."""
 SMALL = [
     "Confeti-ex13-4contact-Fc3D-SBM.dat",
     "FC3D_Example1.dat",
     "FrictionContact3D_1c.dat",
     "NESpheres_10_1.dat",
     *(f"Rover{number}.dat" for number in (1039, 1040, 1041, 11211, 3865, 4144, 4396, 4516, 4613, 4622, 9770)),
+    "mj_dm_dog-nc12.hdf5",
     "mj_dm_humanoid-nc6.hdf5",
     "mj_dm_humanoid_CMU-nc5.hdf5",
     "mj_shadow_pen-nc3.hdf5",
+    "OneObject-i1028-138.hdf5.dat",
+    "siconos_box_stack8-nc32.hdf5",
 ]
-"""Real files of up to ten contacts."""
+"""Real files that are quick."""
+STIFF = ["OneObject-i100000-316.hdf5.dat", "fclib_local_problem_test.hdf5"]
+"""Those on which Gauss–Seidel ends at 1e-3 and 1e-6."""
 
 
 def solved_by(problem, node):
     """The first solver whose answer, lifted, solves the contact problem; else the errors of all of them."""
     errors = {}
-    for solver, target in converted(problem, node):
+    for solver, target in sorted(converted(problem, node), key=lambda pair: pair[0].spec.name not in FIRST):
         error = error_of(problem, solver, target, BUDGET)
         if error <= SOLVED:
             return solver.spec.name, error
@@ -56,9 +63,10 @@ def test_planted_contacts(node, d, seed, record_property):
 
 
 @pytest.mark.parametrize("node", REACHED)
-@pytest.mark.parametrize("file", SMALL)
+@pytest.mark.parametrize("file", SMALL + STIFF)
 def test_real_files(node, file, shared_data, record_property):
     problem = storage.load(shared_data / "fc3d_local" / file)
-    assert problem.residuals(solvers.get("nsgs").run(problem, BUDGET).point).error <= SOLVED
+    if file in SMALL:
+        assert problem.residuals(solvers.get("nsgs").run(problem, BUDGET).point).error <= SOLVED
     name, error = solved_by(problem, node)
     record_property("solved by", f"{name}, error {error:.1e}")

@@ -185,11 +185,15 @@ def test_micp_lift_mends_what_a_singular_contact_leaves_open():
         assert problem.residuals(edge.lift(almost, target.provenance[-1].trace)).error <= 1e-11
 
 
-def test_micp_start_is_regular(rng):
+@pytest.mark.parametrize("form", ["regular", "lecture"])
+def test_micp_start_is_near_a_solution(rng, form):
     problem, _ = planted.fc(rng, 8, 3, "positive definite")
-    target = make("fc-micp").step(problem)
-    assert np.linalg.cond(target.F.jacobian(target.start).toarray()) < 1e6
-    assert np.linalg.cond(target.F.jacobian(0 * target.start).toarray()) > 1e12
+    edge = make("fc-micp", {"form": form})
+    target = edge.step(problem)
+    start = edge.lift(MiCPPoint(target.start), target.provenance[-1].trace)
+    assert problem.residuals(start).error < 1e-2, "projections come near where the problem is this easy"
+    nothing = FrictionContact(W=np.zeros((3, 3)), q=[1.0, 0.5, 0.0], mu=[0.5])
+    assert not edge.step(nothing).start[:3].any()
 
 
 # -------------------------------------------------------------------------------------- real files

@@ -53,4 +53,4 @@ class EquationNewton(Solver):
         field = _System(prepared)
         limit = budget.iterations or options.max_iterations
         first = prepared.start if start is None else start.z
-        return run(field, NaturalNewton(field, options), budget, limit, first, record)
+        return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)

@@ -9,6 +9,8 @@ Newton      (I − J(I − E′) − ∂P/∂S) d = −Φ, J an element of ∂P 
             length cuts ‖Φ‖, E′ is regularized by εI, ε → 0 with ‖Φ‖; then Levenberg–Marquardt.
 Otherwise   steps of the extragradient method on the same inequality, which converge where it is monotone; Newton is
             tried again after a while, each time a longer one, and must beat the least ‖Φ‖ it was accepted at.
+Elsewhere   where neither gains for long (no inequality need be monotone), from random points, drawn with the budget's
+            seed; when these are used up, from the best of all.
 """
 
 from __future__ import annotations
@@ -40,13 +42,19 @@ DAMPING = (1e-8, 1e-5, 1e-2, 1.0)
 """Of Levenberg–Marquardt, relative to the largest entry of VᵀV."""
 FIRST_PHASE = 10
 """Extragradient steps before Newton is tried again the first time."""
+PATIENCE = 100
+"""Steps without gain of a tenth of ‖Φ‖ after which another start is tried."""
+SPREAD = (-1.0, 1.0)
+"""Random starts scatter by a power of 10 drawn from here, times max(1, |z|) of the first start."""
+DRAWS = 30
 
 
 @dataclass(frozen=True)
 class NaturalNewtonOptions(ProjectionOptions):
-    """`max_iterations` : steps of either kind."""
+    """`max_iterations` : steps of either kind. `restarts` : other starts that are tried where steps gain nothing."""
 
     max_iterations: int = fixed(20_000)
+    restarts: int = fixed(5)
 
 
 class Conditions(Field):
@@ -182,16 +190,37 @@ class NaturalNewton(Method):
     """Newton while it descends, extragradient steps in between."""
 
     field: Conditions
+    options: NaturalNewtonOptions
+
+    def __init__(self, field: Conditions, options: NaturalNewtonOptions, seed: int) -> None:
+        super().__init__(field, options)
+        self._rng = np.random.default_rng(seed)
+        field.counters |= {"restarts": 0}
 
     def begin(self, z: Vector, F: Vector) -> None:
+        self._first = z
+        self._best = z, F, math.inf
+        self._stand(z, F)
+
+    def _stand(self, z: Vector, F: Vector) -> None:
+        """Go on from a point as if nothing had been before."""
         self.z, self.F = z, F
         self._accepted, self._waiting, self._phase = math.inf, 0, FIRST_PHASE
         self._slow: Extragradient | None = None
+        self._level, self._idle = math.inf, 0
 
     def step(self) -> bool:
+        phi = self.field.defect(self.z, self.F)
+        size = norm(phi)
+        if size < self._best[2]:
+            self._best = self.z, self.F, size
+        self._idle += 1
+        if size < 0.9 * self._level:
+            self._level, self._idle = size, 0
+        if self._idle > PATIENCE and self._elsewhere():
+            return True
         if self._waiting == 0:
-            phi = self.field.defect(self.z, self.F)
-            found = self._newton(phi, min(self._accepted, norm(phi)))
+            found = self._newton(phi, min(self._accepted, size))
             if found is not None:
                 self.z, self.F, self._accepted = found
                 self._slow = None
@@ -201,9 +230,33 @@ class NaturalNewton(Method):
         if self._slow is None:
             self._slow = Extragradient(self.field, ExtragradientOptions())
             self._slow.begin(self.z, self.F)
-        going = self._slow.step()
+        if not self._slow.step():
+            return self._elsewhere()
         self.z, self.F = self._slow.z, self._slow.F
-        return going
+        return True
+
+    def _elsewhere(self) -> bool:
+        """Stand at another start, at the best point when there were enough of them; False when that was done too."""
+        done = self.field.counters["restarts"]
+        if done > self.options.restarts:
+            return False
+        self.field.counters["restarts"] = done + 1
+        found = self._drawn() if done < self.options.restarts else None
+        self._stand(*(found or self._best[:2]))
+        return True
+
+    def _drawn(self) -> tuple[Vector, Vector] | None:
+        """A point where F is finite, multipliers 0, and F there; around the first start and around 0 in turn."""
+        first = np.where(np.arange(self._first.size) < self.field.n, self._first, 0.0)
+        size = np.where(np.arange(first.size) < self.field.n, np.maximum(1.0, np.abs(first)), 0.0)
+        for draw in range(DRAWS):
+            shift = 10.0 ** self._rng.uniform(*SPREAD) * size * self._rng.standard_normal(first.size)
+            centre = first if draw % 2 else np.zeros(first.size)
+            z = self.field.project(centre + shift, first)
+            F = self.field.F(z)
+            if np.isfinite(F).all():
+                return z, F
+        return None
 
     def _newton(self, phi: Vector, goal: float) -> tuple[Vector, Vector, float] | None:
         """The next x, E there and ‖Φ‖, which is below `goal`; None when no step does it."""

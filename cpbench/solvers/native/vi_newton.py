@@ -10,7 +10,7 @@ from cpbench.formulations.qvi import QVI
 from cpbench.formulations.vi import VI
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.natural_newton import Conditions, NaturalNewton, NaturalNewtonOptions
-from cpbench.solvers.native.projection_run import ProjectionOptions, ProjectionSolver, run
+from cpbench.solvers.native.projection_run import ProjectionSolver, run
 
 
 class NaturalMapSolver(ProjectionSolver):
@@ -21,7 +21,7 @@ class NaturalMapSolver(ProjectionSolver):
     def obstacle(self, problem: VI | QVI) -> str | None:
         return None
 
-    def setup(self, problem: VI | QVI, budget: Budget, options: ProjectionOptions) -> VI | QVI:
+    def setup(self, problem: VI | QVI, budget: Budget, options: Any) -> VI | QVI:
         field = Conditions(problem)
         x = np.concatenate([problem.start, np.zeros(field.size - field.n)])
         field.F(x)  # compiles it, and its derivative
@@ -32,7 +32,7 @@ class NaturalMapSolver(ProjectionSolver):
         self,
         prepared: VI | QVI,
         budget: Budget,
-        options: ProjectionOptions,
+        options: Any,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
@@ -41,7 +41,7 @@ class NaturalMapSolver(ProjectionSolver):
         if start is not None:
             first = field.vector(start)
         limit = budget.iterations or options.max_iterations
-        return run(field, NaturalNewton(field, options), budget, limit, first, record)
+        return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)
 
 
 def _spec(name: str, node: str, summary: str, citation: str) -> SolverSpec:
