@@ -207,6 +207,20 @@ def test_affine_problems_come_back_bit_for_bit(make_one, path):
         assert chain(problem, *path).fingerprint == problem.fingerprint
 
 
+def test_games_become_the_conditions_of_all_players():
+    """qvi → micp: moving bounds and rows of the duopoly have multipliers, which the lift may leave or needs."""
+    games = {i.name: i for i in generators.get("qvi-games").instances()}
+    for name, unknowns in (("duopoly", 4), ("duopoly-rows", 2 + games["duopoly-rows"].problem.g.rows)):
+        game = games[name]
+        target = chain(game.problem, "qvi-micp")
+        assert target.start.size == unknowns
+        assert target.residuals(graph.push(target, game.solution)).error <= 1e-12
+        again = graph.lift(target, graph.push(target, game.solution))
+        assert game.problem.residuals(again).error <= 1e-12
+    friction = next(i.problem for i in generators.get("qvi-friction").instances() if not i.problem.only_box)
+    assert "which is no box" in make("qvi-micp").obstacle(friction)
+
+
 def test_rows_of_g_that_are_affine_become_rows_of_a_polyhedron():
     rng = np.random.default_rng(5)
     problem, point = planted_nonlinear.vi(rng, 5, None, 2, 1, law="affine")

@@ -1,0 +1,96 @@
+"""QVI → MiCP: rows and moving bounds by multipliers (equations (22) with X(z) and (20)).
+
+Source  −F(z) ∈ N_X(z)(z),  X(z) = {y ∈ K : lb ≤ y ≤ ub, lower(z) ≤ y ≤ upper(z), g(y, z) ≥ 0}, K of {0}, ℝ and ℝ₊.
+Target  x = (z, λ, κ, ν),  (F − λ + κ − ∇_y g(z, z)ᵀν, z − lower(z), upper(z) − z, g(z, z)),  z in its box,
+        λ, κ, ν ≥ 0.
+Lift    z, ν, the parts of x.        Push  λ and κ are the force on z where a moving bound is the tighter one.
+Kind    equivalent where g is affine; for any other g that is concave in y one-way: a solution may have no multipliers.
+        So a generalized Nash game is solved by the conditions of all players at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench.conversions import maps, simple_sets
+from cpbench.conversions.base import Conversion, conversions
+from cpbench.expressions import Map
+from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.formulations.micp import MiCP, MiCPPoint
+from cpbench.formulations.qvi import QVI, QVIPoint
+
+
+@conversions.register("qvi-micp")
+@dataclass(frozen=True)
+class QVItoMiCP(Conversion):
+    """A QVI whose set is of bounds and rows. Trace: `n`, `low`, `up`, the sizes of z, λ and κ; lb, ub; the target's
+    `map`."""
+
+    name = "qvi-micp"
+    source = "qvi"
+    target = "micp"
+    equation = "(22) with X(z) → (20)"
+    kind = Kind.ONE_WAY
+    best_kind = Kind.EQUIVALENT
+    cost = 2.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, QVI)
+        return self.best_kind if problem.g.compiled.affine else self.kind
+
+    def reservation(self, problem: QVI) -> str:
+        curved = int((np.diff(problem.g.compiled.C.indptr) > 0).sum())
+        return f"{curved} rows of g are not affine, for which no constraint qualification is known"
+
+    def obstacle(self, problem: QVI) -> str | None:
+        return simple_sets.no_box(problem, "qvi-newton on the problem itself")
+
+    def apply(self, problem: QVI) -> tuple[MiCP, Trace]:
+        self.require(problem)
+        n, (lb, ub) = problem.start.size, problem.box
+        F = _conditions(problem)
+        more = F.inputs - n
+        target = MiCP(
+            F=F,
+            lb=np.concatenate([lb, np.zeros(more)]),
+            ub=np.concatenate([ub, np.full(more, np.inf)]),
+            start=np.concatenate([problem.start, np.zeros(more)]),
+        )
+        sizes = {"n": n, "low": problem.lower.rows, "up": problem.upper.rows}
+        return target, {**sizes, "lb": lb, "ub": ub, "map": maps.kept(F)}
+
+    def lift(self, point: MiCPPoint, trace: Trace) -> QVIPoint:
+        n, low, up = trace["n"], trace["low"], trace["up"]
+        return QVIPoint(z=point.z[:n], nu=point.z[n + low + up :])
+
+    def push(self, point: QVIPoint, trace: Trace) -> MiCPPoint:
+        n, low, up = trace["n"], trace["low"], trace["up"]
+        z, nothing = point.z, np.zeros(low + up)
+        values = maps.restored(trace["map"])(np.concatenate([z, nothing, point.nu]))
+        force, above, below = values[:n], values[n : n + low], values[n + low : n + low + up]
+        lam = np.where(z - above >= trace["lb"], np.maximum(force, 0.0), 0.0) if low else above
+        kappa = np.where(z + below <= trace["ub"], np.maximum(-force, 0.0), 0.0) if up else below
+        return MiCPPoint(z=np.concatenate([z, lam, kappa, point.nu]))
+
+
+def _conditions(problem: QVI) -> Map:
+    """F(z, λ, κ, ν) of the target."""
+    import casadi as ca
+
+    n, p = problem.start.size, problem.g.rows
+    y, z, nu = (ca.SX.sym(name, size) for name, size in (("y", n), ("z", n), ("v", p)))
+    lam, kappa = (ca.SX.sym(name, bound.rows) for name, bound in (("l", problem.lower), ("k", problem.upper)))
+    force, rows = problem.F.sx(z), []
+    if problem.lower.rows:
+        force -= lam
+        rows.append(z - problem.lower.sx(z))
+    if problem.upper.rows:
+        force += kappa
+        rows.append(problem.upper.sx(z) - z)
+    if p:
+        g = problem.g.sx(ca.vertcat(y, z))
+        force -= ca.substitute(ca.jtimes(g, y, nu, True), y, z)
+        rows.append(ca.substitute(g, y, z))
+    return Map.from_casadi(ca.vertcat(z, lam, kappa, nu), ca.vertcat(force, *rows))
