@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import fields
 
 from cpbench import matrices
 from cpbench.expressions import Builder, Map, Operator
@@ -54,7 +53,7 @@ def curved(F: Map, name: str) -> str | None:
 
 def kept(F: Map) -> Trace:
     """F as numbers and arrays, for a trace."""
-    return {f.name: getattr(F, f.name) for f in fields(F)}
+    return {"inputs": F.inputs, **F.arrays()}
 
 
 def restored(trace: Trace) -> Map:

@@ -17,8 +17,9 @@ from click.testing import CliRunner
 sys.path.insert(0, str(Path(__file__).parent))
 from mof_schema import violations
 
-from cpbench import storage
+from cpbench import graph, storage
 from cpbench.cli import cli
+from cpbench.conversions.base import conversions
 from cpbench.errors import CpbenchError, FormatError, ProblemError
 from cpbench.expressions import Map
 from cpbench.formulations import NCP, NLP, QP, MiCP, Problem
@@ -197,3 +198,12 @@ def test_show_info_and_convert_set(tmp_path: Path) -> None:
     micp = tmp_path / "micp.h5"
     said("convert", mine, micp, "--to", "micp", "--set", "nu=5")
     np.testing.assert_allclose(storage.load(micp).F(AT), _expected(5.0), rtol=1e-15)
+
+
+def test_answers_come_back_through_conversions_of_maps_with_them(tmp_path: Path) -> None:
+    problem = _nlp()
+    there = conversions.get("nlp-micp")(qualified=1).step(problem)
+    storage.save(there, tmp_path / "micp.h5")
+    stored = storage.load(tmp_path / "micp.h5")
+    answer = graph.lift(stored, graph.push(there, problem.zero_point()))
+    assert answer.z.tolist() == [0.0, 0.0]
