@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.cones import project_box
+from cpbench.cones import box_defect, project_box
 from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import (
     Point,
@@ -104,7 +104,7 @@ class AVI(AffineProblem):
             Mz = self.M @ z
             F = Mz + self.q - self.A.T @ lam - self.C.T @ point.mu
             rows, equality = self.A @ z - self.b, self.C @ z - self.d
-            box = z - project_box(z - F, self.lb, self.ub)
+            box = box_defect(z, F, self.lb, self.ub)
             natural = norm(np.concatenate([box, np.minimum(lam, rows), equality]))
             if not point.finite:  # which the bounds would clip
                 natural = np.inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.cones import project_box
+from cpbench.cones import box_defect
 from cpbench.errors import ProblemError
 from cpbench.matrices import Vector, max_abs, norm
 
@@ -26,8 +26,7 @@ def box_residuals(z: Vector, w: Vector, lb: Vector, ub: Vector, z_scale: float |
     It is ‖min(z′, w′)‖ for lb = 0 and ub = ∞, and does not change with the units of z and w.
     """
     z_scale = np.where(np.asarray(z_scale) > 0, z_scale, 1.0)
-    z = z / z_scale
-    return norm(z - project_box(z - w / (w_scale or 1.0), lb / z_scale, ub / z_scale))
+    return norm(box_defect(z / z_scale, w / (w_scale or 1.0), lb / z_scale, ub / z_scale))
 
 
 def top(x: Vector, moving: NDArray[np.bool_]) -> float:

@@ -12,6 +12,7 @@ from cpbench import matrices
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_fields, cone_residuals
+from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.sizes import group_max, least, ratio, row_sizes
 from cpbench.matrices import Matrix, Vector, freeze, max_abs, norm
 from cpbench.product_cones import Cone, ProductCone
@@ -116,7 +117,7 @@ class ConeQP(ConicProblem):
             Qx, Aty = self.Q @ x, self.A.T @ y
             s = self.A @ x + self.b
             stationarity = Qx + self.p - Aty
-            cone_part = norm(s - self.K.project(s - y))
+            cone_part = norm(cone_defect(self.K, s, y))
             natural = norm(np.array([norm(stationarity), cone_part]))
             if not point.finite:  # which a projection would clip
                 natural = np.inf

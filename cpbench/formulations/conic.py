@@ -11,6 +11,7 @@ import numpy as np
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
+from cpbench.formulations.defects import cone_defect
 from cpbench.matrices import Vector, norm
 from cpbench.product_cones import Cone, ProductCone
 
@@ -69,4 +70,4 @@ def cone_residuals(K: ProductCone, s: Vector, y: Vector, s_scale: float | Vector
 
     The scales are numbers, or vectors that are constant on every factor, positive.
     """
-    return norm((s - K.project(s - (s_scale / y_scale) * y)) / s_scale)
+    return norm(cone_defect(K, s, (s_scale / y_scale) * y) / s_scale)

@@ -11,6 +11,7 @@ from cpbench.errors import ProblemError
 from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, matrix_field, vector_field
 from cpbench.formulations.conic import ConicProblem
+from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.nonlinear import NonlinearProblem
 from cpbench.matrices import Matrix, Vector, norm
 
@@ -67,7 +68,7 @@ class CP(NonlinearProblem, ConicProblem):
         self.check_point(point)
         with np.errstate(all="ignore"):
             x, y = point.x, self.F(point.x)
-            defect = [x - self.K.project(x - y + self.A.T @ point.lam), np.minimum(point.lam, self.A @ x)]
+            defect = [cone_defect(self.K, x, y - self.A.T @ point.lam), np.minimum(point.lam, self.A @ x)]
             return self.natural(
                 np.concatenate(defect),
                 point.finite,

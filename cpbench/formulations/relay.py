@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.cones import project_box
+from cpbench.cones import box_defect, project_box
 from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, vector_field
 from cpbench.formulations.box import box_residuals, check_bounds, largest_in_box, own_scale, top
@@ -67,7 +67,7 @@ class Relay(AffineProblem):
         with np.errstate(all="ignore"):
             z, Mz = point.z, self.M @ point.z
             w = Mz + self.q
-            natural = norm(z - project_box(z - w, self.lb, self.ub))
+            natural = norm(box_defect(z, w, self.lb, self.ub))
             z_scale = own_scale(max(top(z, self.moving), self.z_unit), self.lb, self.moving)
             w_scale = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit)
             return Residuals(

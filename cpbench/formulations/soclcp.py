@@ -11,6 +11,7 @@ from cpbench.errors import ProblemError
 from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_residuals
+from cpbench.formulations.defects import cone_defect
 from cpbench.matrices import Matrix, Vector, max_abs, norm
 
 
@@ -61,7 +62,7 @@ class SOCLCP(AffineProblem, ConicProblem):
         with np.errstate(all="ignore"):
             x, Mx = point.x, self.M @ point.x
             w = Mx + self.q
-            natural = norm(x - self.K.project(x - w))
+            natural = norm(cone_defect(self.K, x, w))
             judged = {"natural": scaled(natural, norm(self.q))}
             felt = self.K.extended
             q_size = max_abs(self.q[felt])

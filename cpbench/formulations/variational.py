@@ -13,6 +13,7 @@ from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals
 from cpbench.formulations.box import check_bounds
 from cpbench.formulations.conic import ConicProblem
+from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.nonlinear import NonlinearProblem
 from cpbench.matrices import Matrix, Vector, norm
 from cpbench.product_cones import Cone, ProductCone
@@ -77,11 +78,11 @@ class SimpleSetProblem(_HasBounds, NonlinearProblem, ConicProblem):
         return project_box(self.K.project(z), self.lb, self.ub)
 
     def defect(self, z: Vector, w: Vector) -> Vector:
-        """z − P_S(z − w), shape (n,), without forming z − w where S is an interval: no w is lost beside a large z."""
+        """z − P_S(z − w), shape (n,), without forming z − w: nothing is lost beside a large z or w."""
         return self._defect(z, w, self.K, self.lb, self.ub)
 
     def _defect(self, z: Vector, w: Vector, K: ProductCone, lb: Vector, ub: Vector) -> Vector:
-        return np.where(self.in_free_factor, box_defect(z, w, lb, ub), z - K.project(z - w))
+        return np.where(self.in_free_factor, box_defect(z, w, lb, ub), cone_defect(K, z, w))
 
 
 class _HasRows:

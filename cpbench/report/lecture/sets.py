@@ -37,7 +37,7 @@ def curved() -> tuple[Block, ...]:
             "«length». There $-F(z)=\\nu z$ with $\\nu$ = «nu», and what is left of $F$ along the rim is «along». "
             "Without the disk the inequality is the equation $F(z)=0$, whose zero «free» is outside.",
             z=z,
-            error=cells.error(norm(z - problem.project(z - F))),
+            error=cells.error(norm(problem.defect(z, F))),
             length=norm(z),
             nu=float(-F @ z),
             along=cells.error(abs(float(F[0] * z[1] - F[1] * z[0]))),
