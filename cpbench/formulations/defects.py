@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cpbench.matrices import Dense, Vector
 from cpbench.product_cones import Cone, ProductCone
@@ -119,7 +120,7 @@ def _clipped(x: Dense, w: Dense, groups: list[tuple[slice, Vector]]) -> Dense:
     return np.where((rn <= 0.0)[:, None], x, result)
 
 
-def _active(mus: list[Vector], e: list[Vector]) -> list[Vector]:
+def _active(mus: list[Vector], e: list[Vector]) -> list[NDArray[np.bool_]]:
     """Which groups the projection shortens."""
     if len(mus) == 1:
         return [e[0] > 0]
