@@ -47,5 +47,6 @@ register_family(
         citation="Ralph, Global convergence of damped Newton's method via the path search, MOR 19 (1994)",
         warm=True,
         bound=Bound.OUTER,
+        failures={"check_warm_starts_are_taken": "affine: from its own answer its projected gradient fails, info 2"},
     ),
 )

@@ -1,6 +1,9 @@
 """What Siconos' solvers of nonlinear problems share. The guest evaluates F and its Jacobian from their operations, by
 NumPy: an evaluation takes about 2 µs for every depth and operator, which on small problems is most of the time.
 
+Where F is no number they mostly end with info 2; but Siconos' error of a component is |z − max(0, z − w)|, and its max
+of 0 and NaN is 0, so that z = 0 passes there (siconos-mcp-newton-min-fb on a Walras problem): a claim like every other.
+
 Siconos' errors are absolute there (the norm of F(0) of its variational inequalities is set to 1), so that its tolerance
 is the table's ε/10 times the problem's `scale`. All start at the start that is told, else at the problem's own,
 projected on its simple set.

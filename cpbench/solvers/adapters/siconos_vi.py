@@ -53,6 +53,6 @@ register_family(
         method="hyperplane projection",
         citation="Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), section 12.3",
         warm=True,
-        bound=Bound.SPLITTING,
+        bound=Bound.OUTER,  # each iteration may search its line by a hundred evaluations, and it goes by 1/k
     ),
 )
