@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from cpbench.errors import NotApplicable, PointError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import Vector, max_abs
 
@@ -51,14 +53,16 @@ class Pairs:
 
 
 def active_set(problem: Problem, point: object, tolerance: float = 1e-6) -> list[Pairs]:
-    """Pairs z, w of an LCP; v, w of an MLCP; multipliers and slacks of the rows and bounds of a QP.
+    """Pairs z, w of an LCP or NCP; v, w of an MLCP; distances to the bounds and forces of a MiCP; multipliers and
+    slacks of the rows and bounds of a QP.
 
     Zero is what is at most `tolerance` in size. Raises NotApplicable for other formulations, PointError on an answer
     that is not finite or not of this problem.
     """
-    if not isinstance(problem, (LCP, MLCP, QP)):
+    if not isinstance(problem, (LCP, MLCP, QP, NCP, MiCP)):
         raise NotApplicable(
-            "active set", f"is told of lcp, mlcp and qp, not of {problem.node}: cpbench convert FILE --to lcp may help"
+            "active set",
+            f"is told of lcp, mlcp, qp, ncp and micp, not of {problem.node}: cpbench convert FILE --to lcp may help",
         )
     problem.check_point(point)
     found = [
@@ -71,7 +75,9 @@ def active_set(problem: Problem, point: object, tolerance: float = 1e-6) -> list
     return found
 
 
-def _pairs(problem: LCP | MLCP | QP, point: object) -> Iterator[tuple[str, str, Vector, Vector, float, float]]:
+def _pairs(
+    problem: LCP | MLCP | QP | NCP | MiCP, point: object
+) -> Iterator[tuple[str, str, Vector, Vector, float, float]]:
     """Names, values and sizes."""
     with np.errstate(all="ignore"):
         if isinstance(problem, LCP) and isinstance(point, LCPPoint):
@@ -80,6 +86,21 @@ def _pairs(problem: LCP | MLCP | QP, point: object) -> Iterator[tuple[str, str, 
         elif isinstance(problem, MLCP) and isinstance(point, MLCPPoint):
             w = problem.slacks(point)["w"]
             yield "v", "w", point.v, w, _size(point.v, problem.v_unit), _size(w, max_abs(problem.b))
+        elif isinstance(problem, NCP) and isinstance(point, NCPPoint):
+            w = problem.F(point.z)
+            yield "z", "w", point.z, w, _size(point.z, 0.0), _size(w, problem.scale)
+        elif isinstance(problem, MiCP) and isinstance(point, MiCPPoint):
+            w = problem.F(point.z)
+            force, moves = _size(w, problem.scale), problem.lb < problem.ub
+            for sign, bound, other, first in (
+                (1.0, problem.lb, problem.ub, "z − lb"),
+                (-1.0, problem.ub, problem.lb, "ub − z"),
+            ):
+                own = np.isfinite(bound) & moves
+                gap, pressed = sign * (point.z - bound)[own], sign * w[own]
+                # of two bounds, each has one sign of w
+                pressed = np.where(np.isfinite(other[own]), np.maximum(pressed, 0.0), pressed)
+                yield first, "w" if sign > 0 else "−w", gap, pressed, _size(gap, max_abs(bound[own])), force
         elif isinstance(problem, QP) and isinstance(point, QPPoint):
             slack = problem.A @ point.z - problem.b
             dual = max(max_abs(point.lam), max_abs(point.nu), max_abs(problem.p))

@@ -12,7 +12,7 @@ from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
 from cpbench.formulations.models import complementarity_of
 from cpbench.formulations.nonlinear import NonlinearProblem
-from cpbench.matrices import Vector
+from cpbench.matrices import Vector, max_abs
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,8 @@ class NCPPoint(Point):
 @formulations.register("ncp")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NCP(NonlinearProblem):
-    """0 ≤ z ⟂ F(z) ≥ 0. Judged: `natural` = ‖min(z, F(z))‖₂ over `scale`."""
+    """0 ≤ z ⟂ F(z) ≥ 0. Judged: `natural` = ‖min(z, F(z))‖₂ over `scale`; told: pairs of which both are near 0, where
+    strict complementarity fails."""
 
     node: ClassVar[str] = "ncp"
     title: ClassVar[str] = "nonlinear complementarity problem"
@@ -64,10 +65,13 @@ class NCP(NonlinearProblem):
         self.check_point(point)
         with np.errstate(all="ignore"):
             z, w = point.z, self.F(point.z)
+            # where both of a pair are 0 an answer is that only to about the square root of its error
+            both = np.maximum(np.abs(z) / (max_abs(z) or 1.0), np.abs(w) / (self.scale or 1.0)) <= np.sqrt(tolerance)
             return self.natural(
                 np.minimum(z, w),
                 point.finite,
                 min_z=float(z.min(initial=0.0)),
                 min_w=float(w.min(initial=0.0)),
                 complementarity=float(abs(z @ w)),
+                degenerate_pairs=float(both.sum()),
             )

@@ -12,11 +12,12 @@ import pytest
 import scipy.sparse as sp
 from scipy.linalg import solve
 
+from cpbench.analysis.active_sets import Side, active_set
 from cpbench.cones import box_defect, project_box
 from cpbench.conversions.base import conversions
 from cpbench.errors import UnknownName
 from cpbench.expressions import Map
-from cpbench.formulations import AVI, AVIPoint, MiCP, MiCPPoint
+from cpbench.formulations import AVI, AVIPoint, MiCP, MiCPPoint, NCPPoint
 from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
@@ -73,6 +74,20 @@ def test_both_solutions_are_found() -> None:
     found = [run("josephy-newton", micp, start).point.z for start in MCPLIB_STARTS]
     for solution in (REGULAR, DEGENERATE):
         assert min(np.abs(z - solution).max() for z in found) <= 1e-9
+
+
+def test_the_degenerate_solution_is_told_apart() -> None:
+    """In the numbers of an answer, and in its active set: z₃ = F₃ = 0; the other solution has no such pair."""
+    ncp = next(i.problem for i in generators.get("ncp-classics").instances() if i.name == "kojima-shindo")
+    micp, told = problem("ncp-classics", "kojima-shindo"), {}
+    for start in MCPLIB_STARTS:
+        z = run("josephy-newton", micp, start).point.z
+        pairs = ncp.residuals(NCPPoint(z=z)).parts["degenerate_pairs"]
+        (first,) = active_set(ncp, NCPPoint(z=z), 1e-5)
+        (second,) = active_set(micp, MiCPPoint(z=z), 1e-5)
+        assert first.count(Side.NEITHER) == second.count(Side.NEITHER) == pairs
+        told[bool(np.abs(z - DEGENERATE).max() < 1e-3)] = pairs
+    assert told == {True: 1.0, False: 0.0}
 
 
 @pytest.mark.parametrize("name", SOLVERS)
