@@ -318,3 +318,12 @@ def test_inner_solvers_are_of_linear_problems() -> None:
     for inner in ("nsgs", "nobody"):
         with pytest.raises(UnknownName, match=inner):
             run("josephy-newton", micp, inner=inner)
+
+
+def test_prices_have_a_kernel() -> None:
+    """Demand does not notice the level of prices: each Jacobian is singular, and no regularized step may be spent on
+    the ray of solutions."""
+    micp = problem("walras", "cobb-douglas-40-12")
+    output = run("normal-map-newton", micp, restarts=0)
+    assert micp.residuals(output.point).error <= 1e-10
+    assert output.counters["iterations"] <= 50, "290 iterations and 3 restarts before"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Matrix, Vector, dense, norm
+from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
 from cpbench.solvers.native.box_newton import Box
 from cpbench.solvers.native.ncp_functions import NCPFunction
 
@@ -71,21 +71,7 @@ class Descent:
 
     def levenberg(self, at: At, J: Matrix, share: float) -> Vector | None:
         """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
-        V = _generalized(at, J)
-        top = float(np.abs(V.data if sp.issparse(V) else V).max(initial=0.0))
-        root = math.sqrt(share * min(1.0, norm(at.phi))) * max(top, 1e-8)
-        zero = np.zeros(at.z.size)
-        if not sp.issparse(V):
-            with np.errstate(all="ignore"):
-                stacked = np.vstack([V, root * np.eye(zero.size)])
-                self._box.counters["factorizations"] += 1
-                d: Any = np.linalg.lstsq(stacked, np.concatenate([-at.phi, zero]))[0]
-            return d if np.isfinite(d).all() else None
-        # the augmented system keeps V's sparsity and, unlike the normal equations, its condition number
-        eye = sp.eye_array(zero.size)
-        augmented = sp.csr_array(sp.block_array([[root * eye, V], [V.T, -root * eye]]))
-        both = self._box.solve(augmented, np.concatenate([-at.phi, zero]))
-        return None if both is None else both[zero.size :]
+        return damped(self._box, _generalized(at, J), at.phi, share)
 
     def search(self, at: At, d: Vector | None, slope: float) -> At | None:
         """The first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
@@ -107,6 +93,24 @@ class Descent:
                 return None
             t *= 0.5
         return None
+
+
+def damped(box: Box, V: Matrix, phi: Vector, share: float) -> Vector | None:
+    """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖)."""
+    top = max_abs(V)
+    root = math.sqrt(share * min(1.0, norm(phi))) * max(top, 1e-8)
+    zero = np.zeros(phi.size)
+    if not sp.issparse(V):
+        with np.errstate(all="ignore"):
+            stacked = np.vstack([V, root * np.eye(zero.size)])
+            box.counters["factorizations"] += 1
+            d: Any = np.linalg.lstsq(stacked, np.concatenate([-phi, zero]))[0]
+        return d if np.isfinite(d).all() else None
+    # the augmented system keeps V's sparsity and, unlike the normal equations, its condition number
+    eye = sp.eye_array(zero.size)
+    augmented = sp.csr_array(sp.block_array([[root * eye, V], [V.T, -root * eye]]))
+    both = box.solve(augmented, np.concatenate([-phi, zero]))
+    return None if both is None else both[zero.size :]
 
 
 SHARES = (1e-8, 1e-4, 1e-1)

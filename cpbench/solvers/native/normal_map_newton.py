@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, identity, max_abs, norm
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
-from cpbench.solvers.native.merit_search import ARMIJO, Descent, fall_back
+from cpbench.solvers.native.merit_search import ARMIJO, SHARES, Descent, damped, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.native.normal_path import PERTURBATIONS, cell_matrix, normal_point
 from cpbench.solvers.options import fixed, searched
 
 BACKTRACKS = 12
+CONSISTENT = 0.5
+"""A direction from a singular matrix is used when it leaves no more of F₊ than this share."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +97,7 @@ class _NormalMap(Method):
         value = self.F + self.x - self.z
         between = (self.x > box.lb) & (self.x < box.ub)
         reference, merit = max(self._merits), _merit(value)
-        for share in PERTURBATIONS:
-            d = box.solve(cell_matrix(_shifted(J, share), between), -value)
-            if d is None:
-                continue
+        for d in self._directions(J, value, between):
             t = 1.0
             for _ in range(BACKTRACKS):
                 x = self.x + t * d
@@ -107,6 +108,20 @@ class _NormalMap(Method):
                     return True
                 t *= 0.5
         return False
+
+    def _directions(self, J: Matrix, value: Vector, between: NDArray[np.bool_]) -> Iterator[Vector]:
+        """Newton's; where the cell's matrix is singular, the shortest that solves nearly, if any does (a kernel,
+        as prices have, adds nothing to it); those of regularized matrices."""
+        box = self.box
+        for share in PERTURBATIONS:
+            C = cell_matrix(_shifted(J, share), between)
+            d = box.solve(C, -value)
+            if d is None:
+                d = damped(box, C, value, SHARES[0])
+                if d is not None and norm(C @ d + value) > CONSISTENT * norm(value):
+                    continue
+            if d is not None:
+                yield d
 
     def _merit_step(self, J: Matrix) -> bool:
         descent = self._descent
