@@ -54,11 +54,14 @@ def seeds(folder: Path) -> tuple[list[str], list[str]]:
             ca.fmin(z[0], z[3]) + z[2] * z[3], 2 * z[0] + 3 * z[1] - 1,
         ),
     )  # fmt: skip
+    nu = ca.SX.sym("nu")
+    G = Map.from_casadi(z, nu * ca.exp(z) - nu**2 + 2 * z, {"nu": 2.0})
     f = Map.from_casadi(z, ca.sumsqr(z) + ca.exp(z[0]))
     h = Map.from_casadi(z, ca.vertcat(z[0] + 2 * z[1] - 1, z[2] * z[3]))
     lb, ub = [0.0, -np.inf, -1.0, 0.0], [np.inf, np.inf, 1.0, np.inf]
     problems = [
         NCP(F=F, start=[1.0, 2.0, 3.0, 4.0]),
+        NCP(F=G),
         MiCP(F=F, lb=lb, ub=ub),
         NLP(f=f, g=F, h=h, lb=lb, ub=ub, convex=False),
         LCP(M=np.eye(3), q=-np.ones(3)),
@@ -70,7 +73,8 @@ def seeds(folder: Path) -> tuple[list[str], list[str]]:
         storage.save(problem, folder / f"{k}.mof.json")
         texts.append((folder / f"{k}.mof.json").read_text())
     texts.append(json.dumps(_as_jump()))
-    return texts, [json.dumps(to_mof.model({"F": F, "g": h}, [f"z[{k}]" for k in range(1, 5)]))]
+    names = [f"z[{k}]" for k in range(1, 5)]
+    return texts, [json.dumps(to_mof.model(maps, names)) for maps in ({"F": F, "g": h}, {"F": G})]
 
 
 def _as_jump() -> dict[str, Any]:
