@@ -40,8 +40,8 @@ def write_folder(
     """
     chosen = {"publishable": publishable, "with_imported": with_imported}
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
-    with markdown.rows_beside(run):
-        documents = (markdown.write_text(run, title, comparison), page.write(run, title))
+    with markdown.rows_beside(run), markdown.easel_of(run) as easel:
+        documents = (markdown.write_text(run, easel, title, comparison), page.write(run, title))
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:
         row_files.write(run.timed, path)

@@ -10,15 +10,13 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.comparison import Comparison
 from cpbench.report import csv_text
 from cpbench.report.attendance_sections import publishing
-from cpbench.report.comparison.markdown import section as comparison_section
 from cpbench.report.easel import FEW, Easel, cores
 from cpbench.report.group_sections import group_sections
 from cpbench.report.html.columns import KEPT, WHOLE
@@ -29,6 +27,9 @@ from cpbench.report.run_sections import run_sections
 from cpbench.report.text import code, counted, listed, plain
 from cpbench.report.text import table as text_table
 from cpbench.verification import Status
+
+if TYPE_CHECKING:
+    from cpbench.analysis.comparison import Comparison
 
 MANY = (
     "numbers and curves are of all of them; lists of pairs are cut short, and `report.html` has the facts of single "
@@ -64,8 +65,8 @@ def write_report(
 
 def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
     """`write_report` of a run that is assembled."""
-    with rows_beside(run):
-        return write_text(run, title, comparison)
+    with rows_beside(run), easel_of(run) as easel:
+        return write_text(run, easel, title, comparison)
 
 
 def rows_beside(run: Run) -> AbstractContextManager[None]:
@@ -80,19 +81,24 @@ def rows_beside(run: Run) -> AbstractContextManager[None]:
     return meanwhile(write_rows, copied=len(rows) > WHOLE and cores() > 1)
 
 
-def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Path:
-    """report.md and its figures."""
-    folder = run.folder
+def easel_of(run: Run) -> Easel:
+    """What draws the figures of report.md; all are there when it is left."""
+    return Easel(run.folder, few=FEW if len(run.rows) <= WHOLE else 0)
+
+
+def write_text(run: Run, easel: Easel, title: str, comparison: Comparison | None = None) -> Path:
+    """report.md; `easel` is given its figures."""
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     if comparison is not None:
+        from cpbench.report.comparison.markdown import section as comparison_section
+
         parts += comparison_section(comparison)
     several = len(run.parts) > run.rows["node"].nunique()
-    with Easel(folder, few=FEW if len(run.rows) <= WHOLE else 0) as easel:
-        for group, rows in run.parts:
-            parts += group_sections(run, easel, group, rows, several)
-        parts += run_sections(run)
+    for group, rows in run.parts:
+        parts += group_sections(run, easel, group, rows, several)
+    parts += run_sections(run)
     parts += ["## Methods", METHODS.strip()]
-    path = folder / "report.md"
+    path = run.folder / "report.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return path
 
