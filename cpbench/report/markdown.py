@@ -9,13 +9,14 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.report import csv_text
+from cpbench.report import row_files
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.easel import FEW, Easel, cores
 from cpbench.report.group_sections import group_sections
@@ -72,13 +73,8 @@ def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
 def rows_beside(run: Run) -> AbstractContextManager[None]:
     """results.csv, written by the time this is left; meanwhile, by a copy of this process, where rows are many."""
     run.folder.mkdir(parents=True, exist_ok=True)
-    rows = run.timed
-
-    def write_rows() -> None:
-        with open(run.folder / "results.csv", "wb") as file:
-            csv_text.write(rows, file)
-
-    return meanwhile(write_rows, copied=len(rows) > WHOLE and cores() > 1)
+    write_rows = partial(row_files.write, run.timed, run.folder / "results.csv")
+    return meanwhile(write_rows, copied=len(run.rows) > WHOLE and cores() > 1)
 
 
 def easel_of(run: Run) -> Easel:
