@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import pandas as pd
+from typing import TYPE_CHECKING
 
 from cpbench.analysis import table as rows_of
 from cpbench.report import row_files
@@ -23,7 +21,7 @@ from cpbench.report.group_sections import group_sections
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.meanwhile import meanwhile
 from cpbench.report.methods import METHODS
-from cpbench.report.run import Run, assembled, each, group_name
+from cpbench.report.run import Run, each, group_name
 from cpbench.report.run_sections import run_sections
 from cpbench.report.text import code, counted, listed, plain
 from cpbench.report.text import table as text_table
@@ -37,37 +35,6 @@ MANY = (
     f"pairs for at most {KEPT} failures"
 )
 """What is said where rows are too many to show each."""
-
-
-def write_report(
-    table: pd.DataFrame,
-    meta: Mapping[str, Any],
-    folder: str | Path,
-    title: str,
-    histories: pd.DataFrame | None = None,
-    *,
-    publishable: bool = False,
-    with_imported: bool = False,
-    comparison: Comparison | None = None,
-) -> Path:
-    """Write `folder`/report.md with its figures and results.csv; gives the path of the Markdown file.
-
-    Parameters
-    ----------
-    table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
-    histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
-    publishable : whether solvers whose figures must not be published are left out of everything.
-    with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
-    comparison : with another run (`analysis.comparison`), a section of its own.
-    """
-    run = assembled(table, meta, Path(folder), histories, publishable=publishable, with_imported=with_imported)
-    return write(run, title, comparison)
-
-
-def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
-    """`write_report` of a run that is assembled."""
-    with rows_beside(run), easel_of(run) as easel:
-        return write_text(run, easel, title, comparison)
 
 
 def rows_beside(run: Run) -> AbstractContextManager[None]:

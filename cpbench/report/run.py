@@ -83,7 +83,7 @@ def assembled(
     with_imported: bool = False,
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
 ) -> Run:
-    """The run that a report is about; the parameters are those of `markdown.write_report`."""
+    """The run that a report is about; the parameters are those of `folder.write_folder`."""
     run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits)
     if histories is not None:
         run = replace(run, histories=histories)
