@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
-from scipy import optimize, special, stats
+from scipy import optimize, special
 
 FEWEST = 8
 """Least number of groups for an interval over them."""
@@ -83,7 +83,7 @@ def fit(z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | No
         covariance = sigma**2 * np.linalg.inv(design.T @ design)
         scores = (design * (y - design @ start)[:, None]) / sigma**2 if sigma else np.zeros_like(design)
     slope, error = start[1] / unit, math.sqrt(covariance[1, 1] * observed / (observed - 2)) / unit
-    reach = float(stats.t.ppf(0.5 + level / 2, observed - 2)) * error
+    reach = float(special.stdtrit(observed - 2, 0.5 + level / 2)) * error
     group_reach = math.nan
     if groups is not None and len(np.unique(groups)) >= FEWEST:
         group_reach = _sandwich(covariance, scores, groups, level) / unit
@@ -154,4 +154,4 @@ def _sandwich(covariance: Any, scores: Any, groups: np.ndarray[Any, Any], level:
     np.add.at(summed, code, scores)
     many = len(names)
     variance = (covariance @ (summed.T @ summed) @ covariance)[1, 1] * many / (many - 1)
-    return float(stats.t.ppf(0.5 + level / 2, many - 1)) * math.sqrt(variance)
+    return float(special.stdtrit(many - 1, 0.5 + level / 2)) * math.sqrt(variance)

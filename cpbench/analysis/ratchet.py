@@ -96,7 +96,7 @@ def accepted(found: pd.DataFrame, patterns: Sequence[str]) -> pd.Series[bool]:
 
     A label with its options in brackets means itself, although the brackets are a glob's.
     """
-    told = pd.DataFrame({"problem": found["problem"], "label": baseline.labels(found)})
+    told = pd.DataFrame({"problem": found["problem"], "label": baseline.labels(found)}, dtype=object)
     told["both"] = told["problem"] + ":" + told["label"]
     meant = pd.Series(False, index=found.index)
     for column in told:

@@ -39,7 +39,7 @@ from cpbench.errors import UnknownName
     "--data",
     type=Names(),
     metavar="NAMES",
-    help="The rows as csv (always), json, parquet. Default: all; no JSON beyond 20000 rows, Parquet with [arrow].",
+    help="Rows as csv (always), json, parquet. Default: all; JSON up to 20000 rows, Parquet ([arrow]) up to 200000.",
 )
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
 def command(

@@ -52,7 +52,8 @@ class Easel:
 
     Parameters
     ----------
-    folder : where the files go. processes : how many draw; None for as many as there are cores, at most MOST.
+    folder : where the files go. processes : the most that draw, one more whenever all are busy; None for as many as
+    there are cores, at most MOST.
     few : figures up to which no process is started.
     """
 
@@ -67,9 +68,9 @@ class Easel:
     def draw(self, name: str, make: Callable[..., Figure], *given: Any) -> None:
         """Have `make(*given)` saved as `name`; `make` is a function of a module."""
         self._waiting.append(Job(self._folder, name, make, given))
-        if self._count > 1 and len(self._waiting) > self._few and not self._hands:
-            self._hands = [_Hand(self._queue, self._left) for _ in range(self._count)]
-        if self._hands:
+        if self._hands or (self._count > 1 and len(self._waiting) > self._few):
+            if not self._hands or (len(self._hands) < self._count and not self._queue.empty()):
+                self._hands.append(_Hand(self._queue, self._left))
             self._hand_over()
 
     def __enter__(self) -> Easel:

@@ -30,6 +30,8 @@ LABEL_LENGTH = 30
 POINTS, GREY_POINTS = 1_000, 500
 """The most corners of a curve, in colour and in grey: none is off by more than this part of the axis, less than the
 width of its line."""
+TICKS = ((100, (1,)), (8, (1, 2, 5)), (3, (1, 2, 3, 4, 6, 8)), (0, range(1, 10)))
+"""Of a logarithmic axis within a decade, by the least ratio of its ends: so few that their labels do not touch."""
 STYLE = {
     "text.parse_math": False,  # a label is text, whatever dollar signs it has
     "svg.hashsalt": "cpbench",
@@ -135,7 +137,7 @@ def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str],
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     low, high = axis.get_view_interval()
-    subs = (1.0,) if high >= 100 * low else (1.0, 2.0, 5.0) if high >= 8 * low else tuple(map(float, range(1, 10)))
+    subs = next(subs for least, subs in TICKS if high >= least * low)
     axis.set_major_locator(LogLocator(10.0, subs=subs))
     if end < high:
         axis.set_major_locator(FixedLocator([tick for tick in axis.get_majorticklocs() if low <= tick <= end]))

@@ -34,14 +34,18 @@ def write_folder(
 
     Parameters
     ----------
-    data : formats of the rows beside CSV (`row_files.beside_csv`). portraits : pictures of the problems by
-    fingerprint, asked for when the page is made (`cli.portraits`). The others are those of
-    `markdown.write_report`.
+    table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
+    histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
+    publishable : whether solvers whose figures must not be published are left out of everything.
+    with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
+    comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
+    data : formats of the rows beside CSV (`row_files.beside_csv`).
+    portraits : pictures of the problems by fingerprint, asked for when the page is made (`cli.portraits`).
     """
     chosen = {"publishable": publishable, "with_imported": with_imported}
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
-    with markdown.rows_beside(run):
-        documents = (markdown.write_text(run, title, comparison), page.write(run, title))
+    with markdown.rows_beside(run), markdown.easel_of(run) as easel:
+        documents = (markdown.write_text(run, easel, title, comparison), page.write(run, title))
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:
         row_files.write(run.timed, path)

@@ -7,28 +7,28 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.comparison import Comparison
-from cpbench.report import csv_text
+from cpbench.report import row_files
 from cpbench.report.attendance_sections import publishing
-from cpbench.report.comparison.markdown import section as comparison_section
 from cpbench.report.easel import FEW, Easel, cores
 from cpbench.report.group_sections import group_sections
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.meanwhile import meanwhile
 from cpbench.report.methods import METHODS
-from cpbench.report.run import Run, assembled, each, group_name
+from cpbench.report.run import Run, each, group_name
 from cpbench.report.run_sections import run_sections
 from cpbench.report.text import code, counted, listed, plain
 from cpbench.report.text import table as text_table
 from cpbench.verification import Status
+
+if TYPE_CHECKING:
+    from cpbench.analysis.comparison import Comparison
 
 MANY = (
     "numbers and curves are of all of them; lists of pairs are cut short, and `report.html` has the facts of single "
@@ -37,62 +37,31 @@ MANY = (
 """What is said where rows are too many to show each."""
 
 
-def write_report(
-    table: pd.DataFrame,
-    meta: Mapping[str, Any],
-    folder: str | Path,
-    title: str,
-    histories: pd.DataFrame | None = None,
-    *,
-    publishable: bool = False,
-    with_imported: bool = False,
-    comparison: Comparison | None = None,
-) -> Path:
-    """Write `folder`/report.md with its figures and results.csv; gives the path of the Markdown file.
-
-    Parameters
-    ----------
-    table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
-    histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
-    publishable : whether solvers whose figures must not be published are left out of everything.
-    with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
-    comparison : with another run (`analysis.comparison`), a section of its own.
-    """
-    run = assembled(table, meta, Path(folder), histories, publishable=publishable, with_imported=with_imported)
-    return write(run, title, comparison)
-
-
-def write(run: Run, title: str, comparison: Comparison | None = None) -> Path:
-    """`write_report` of a run that is assembled."""
-    with rows_beside(run):
-        return write_text(run, title, comparison)
-
-
 def rows_beside(run: Run) -> AbstractContextManager[None]:
     """results.csv, written by the time this is left; meanwhile, by a copy of this process, where rows are many."""
     run.folder.mkdir(parents=True, exist_ok=True)
-    rows = run.timed
-
-    def write_rows() -> None:
-        with open(run.folder / "results.csv", "wb") as file:
-            csv_text.write(rows, file)
-
-    return meanwhile(write_rows, copied=len(rows) > WHOLE and cores() > 1)
+    write_rows = partial(row_files.write, run.timed, run.folder / "results.csv")
+    return meanwhile(write_rows, copied=len(run.rows) > WHOLE and cores() > 1)
 
 
-def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Path:
-    """report.md and its figures."""
-    folder = run.folder
+def easel_of(run: Run) -> Easel:
+    """What draws the figures of report.md; all are there when it is left."""
+    return Easel(run.folder, few=FEW if len(run.rows) <= WHOLE else 0)
+
+
+def write_text(run: Run, easel: Easel, title: str, comparison: Comparison | None = None) -> Path:
+    """report.md; `easel` is given its figures."""
     parts = [f"# {plain(title)}", _headline(run), _facts(run), *publishing(run), *_overview(run)]
     if comparison is not None:
+        from cpbench.report.comparison.markdown import section as comparison_section
+
         parts += comparison_section(comparison)
     several = len(run.parts) > run.rows["node"].nunique()
-    with Easel(folder, few=FEW if len(run.rows) <= WHOLE else 0) as easel:
-        for group, rows in run.parts:
-            parts += group_sections(run, easel, group, rows, several)
-        parts += run_sections(run)
+    for group, rows in run.parts:
+        parts += group_sections(run, easel, group, rows, several)
+    parts += run_sections(run)
     parts += ["## Methods", METHODS.strip()]
-    path = folder / "report.md"
+    path = run.folder / "report.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return path
 

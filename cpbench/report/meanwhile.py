@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 import warnings
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ def meanwhile(task: Callable[[], None], *, copied: bool) -> Generator[None]:
         yield
     except BaseException:
         if child is not None:
-            os.kill(child, signal.SIGKILL)
+            os.kill(child, signal.SIGTERM)
             os.waitpid(child, 0)
         raise
     if child is None or os.waitpid(child, 0)[1]:
@@ -44,6 +45,7 @@ def _copy(task: Callable[[], None]) -> int | None:
         return None
     if not child:
         try:
+            signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # temporary files are removed on the way out
             gc.disable()  # it would write to, and so copy, the memory of every object
             task()
             os._exit(0)

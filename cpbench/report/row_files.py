@@ -20,8 +20,8 @@ from cpbench.report import csv_text
 from cpbench.storage.base import write_atomic
 
 FORMATS = ("csv", "json", "parquet")
-MOST_JSON = 20_000
-"""Rows up to which a report has them as JSON unasked: 40 MB."""
+MOST = {"json": 20_000, "parquet": 200_000}
+"""Rows up to which a report has them in a format unasked: 40 MB of JSON; Parquet is made in a second."""
 _CHUNK = 10_000
 _NO_PARQUET = "Parquet needs pyarrow: pip install 'cpbench[arrow]'"
 
@@ -46,9 +46,9 @@ def beside_csv(count: int, asked: Collection[str] | None = None) -> tuple[list[s
     """
     chosen = [name for name in FORMATS if name != "csv" and (asked is None or name in asked)]
     told: list[str] = []
-    if asked is None and count > MOST_JSON:
-        chosen.remove("json")
-        told.append(f"no results.json: {count} rows are more than {MOST_JSON}; --data json writes it all the same")
+    for name in [name for name in chosen if asked is None and count > MOST[name]]:
+        chosen.remove(name)
+        told.append(f"no results.{name}: {count} rows are more than {MOST[name]}; --data {name} writes it all the same")
     if "parquet" in chosen and not _has_parquet():
         chosen.remove("parquet")
         told.append(f"no results.parquet: {_NO_PARQUET}")

@@ -14,6 +14,7 @@ import pandas as pd
 from cpbench.analysis import failures, reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended, restricted, without
+from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.table import Group
@@ -82,7 +83,7 @@ def assembled(
     with_imported: bool = False,
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
 ) -> Run:
-    """The run that a report is about; the parameters are those of `markdown.write_report`."""
+    """The run that a report is about; the parameters are those of `folder.write_folder`."""
     run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits)
     if histories is not None:
         run = replace(run, histories=histories)
@@ -104,9 +105,16 @@ def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
     """Addresses and messages relative to the working folder: a report names nobody's home."""
     here, home = str(Path.cwd()).rstrip(os.sep) + os.sep, str(Path.home()).rstrip(os.sep) + os.sep
     return rows.assign(
-        address=rows["address"].str.removeprefix(here),
-        message=rows["message"].str.replace(here, "", regex=False).str.replace(home, f"~{os.sep}", regex=False),
+        address=_each_once(rows["address"], lambda text: text.removeprefix(here)),
+        message=_each_once(rows["message"], lambda text: text.replace(here, "").replace(home, f"~{os.sep}")),
     )
+
+
+def _each_once(values: pd.Series, made: Callable[[str], str]) -> pd.Series:
+    """What is made of each text: of a million rows few differ in it."""
+    place, texts = by_appearance(values)
+    changed = pd.Series(list(map(made, texts.tolist())), dtype=values.dtype)
+    return pd.Series(changed.array.take(place), index=values.index)
 
 
 def group_name(run: Run, group: Group) -> str:

@@ -38,7 +38,10 @@ def code(value: Any) -> str:
 
 def one_line(value: Any) -> str:
     """Text without line breaks and control characters, blanks merged."""
-    return " ".join("".join(c if c.isprintable() else " " for c in str(value)).split())
+    line = str(value)
+    if not line.isprintable():
+        line = "".join(c if c.isprintable() else " " for c in line)
+    return " ".join(line.split())
 
 
 def cut(value: Any, length: int = 160) -> str:

@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from synthetic_results import meta, row, suite, table
+from written_reports import write_html
 
 from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, data_profiles, deadlines, histories, metrics, pairwise, profiles
@@ -28,7 +29,6 @@ from cpbench.formulations import LCP, FCPoint, FrictionContact
 from cpbench.formulations.base import Kind
 from cpbench.formulations.mlcp import MLCP
 from cpbench.report.html.columns import KEPT, WHOLE
-from cpbench.report.html.page import write_html
 
 pytestmark = pytest.mark.browser
 EVIL = "<script>alert(1)</script>"

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import row, table
+from written_reports import write_report
 
 from cpbench.analysis import histories, reliability
 from cpbench.report import convergence, figures
 from cpbench.report.easel import Easel
-from cpbench.report.markdown import write_report
 from cpbench.report.run import Run
 
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,7 @@ import pytest
 import synthetic_results as synthetic
 
 from cpbench.analysis import baseline, ratchet
+from cpbench.analysis import table as rows_of
 from cpbench.analysis.ratchet import Change
 from cpbench.cli import main
 from cpbench.errors import FormatError, StoreError
@@ -345,3 +347,17 @@ def test_licences_that_restrict_publishing_are_told(tmp_path: Path, cpbench: Cal
     told = cpbench("baseline", "r.sqlite", "-o", "b.csv")
     assert (told.code, told.err.count("\n")) == (0, 1)
     assert "restrict publishing figures of s" in told.err
+
+
+@pytest.mark.parametrize("kept", [object, "str"])
+def test_no_rows_are_a_baseline_without_lines(kept: Any) -> None:
+    """However pandas keeps texts: those of pyarrow are strict about what they are joined with."""
+    none = baseline.of(pd.DataFrame(columns=list(rows_of.TEXT), dtype=kept))
+    assert baseline.parse(baseline.text(none), "b.csv").empty
+    assert baseline.as_table(none.astype(kept)).empty
+    found = ratchet.changes(none.astype(kept), none.astype(kept))
+    assert found.empty
+    accept = ratchet.accepted(found, ["*"])
+    assert ratchet.updated(found, accept, "known").empty
+    assert ratchet.changes(one(), none.astype(kept))["change"].tolist() == [Change.VANISHED]
+    assert ratchet.changes(none.astype(kept), one())["change"].tolist() == [Change.NEW]

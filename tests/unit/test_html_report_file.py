@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import meta, row, suite, table
+from written_reports import write_html
 
 from cpbench.analysis import metrics
 from cpbench.analysis import table as rows_of
 from cpbench.report.html import page as html_page
 from cpbench.report.html.columns import columns_of
 from cpbench.report.html.container import packed, unpacked
-from cpbench.report.html.page import write_html
 from cpbench.report.run import assembled
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from written_reports import write_report
 
 from cpbench import storage
 from cpbench.bench.results import answers
@@ -21,7 +22,6 @@ from cpbench.bench.results.store import Store
 from cpbench.cli import cli, main
 from cpbench.exchange import exchanges
 from cpbench.formulations import LCP, MLCP
-from cpbench.report.markdown import write_report
 
 
 def lcp(seed: int, n: int = 4) -> tuple[LCP, np.ndarray]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import signal
 import time
+from contextlib import nullcontext
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 from synthetic_results import meta, suite
@@ -13,6 +15,7 @@ from synthetic_results import meta, suite
 from cpbench.report import markdown
 from cpbench.report.folder import write_folder
 from cpbench.report.meanwhile import meanwhile
+from cpbench.storage.base import write_atomic
 
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="does not apply: this system copies no process")
 
@@ -65,6 +68,26 @@ def test_an_error_within_ends_the_copy(tmp_path: Path) -> None:
         fail()
     assert time.monotonic() - begun < 50, "it was not waited for"
     assert not (tmp_path / "done").exists()
+
+
+@needs_fork
+def test_a_copy_that_is_ended_leaves_no_file_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not even where the system knows no files without a name."""
+    monkeypatch.setattr("cpbench.storage.base._nameless", lambda _: nullcontext(None))
+
+    def put(_: BinaryIO) -> None:
+        (tmp_path / "begun").touch()
+        time.sleep(60)
+
+    def fail() -> None:
+        with meanwhile(lambda: write_atomic(tmp_path / "results.csv", put, force=True), copied=True):
+            while not (tmp_path / "begun").exists():
+                time.sleep(0.01)
+            raise KeyError("a section")
+
+    with pytest.raises(KeyError):
+        fail()
+    assert [path.name for path in tmp_path.iterdir()] == ["begun"]
 
 
 def test_a_report_of_many_rows_is_the_same_but_for_what_it_says_of_them(

@@ -11,13 +11,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import meta, row, table
+from written_reports import write_report
 
 from cpbench import storage
 from cpbench.analysis.attendance import absences, attended, restricted
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
 from cpbench.formulations import LCP
-from cpbench.report.markdown import write_report
 
 TERMS = "benchmark figures need the vendor's permission"
 

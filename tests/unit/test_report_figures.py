@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from synthetic_results import suite
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
-from cpbench.report import figures, legend, panels
+from cpbench.report import convergence, figures, legend, panels
 
 INF = math.inf
 
@@ -144,3 +145,15 @@ def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
     assert b"Software" not in png.read_bytes()
     assert b"CreationDate" not in pdf.read_bytes()
     assert "matplotlib.pyplot" not in sys.modules, "pyplot keeps global state and may look for a display"
+
+
+@pytest.mark.parametrize("ends", [(1.7e-3, 1.02e-2), (1e-3, 2.9e-3), (1e-3, 7.9e-3), (4e-3, 3.1e-2), (1e-6, 9.9e-5)])
+def test_labels_of_a_logarithmic_axis_do_not_touch(ends: tuple[float, float]) -> None:
+    found = pd.DataFrame({"label": "s", "seconds": ends, "error": (1.0, 1e-6), "reached": 1})
+    made = convergence.figure(found, 1, "t")
+    made.draw_without_rendering()
+    axes = made.axes[0]
+    low, high = axes.get_xlim()
+    boxes = [t.label1.get_window_extent() for t in axes.xaxis.get_major_ticks() if low <= t.get_loc() <= high]
+    assert len(boxes) >= 2
+    assert all(left.x1 + 2 < right.x0 for left, right in pairwise(boxes))

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 from synthetic_results import meta, row, suite, table
+from written_reports import write_report
 
-from cpbench.report.markdown import write_report
 from cpbench.report.text import code, fenced, plain, solve_command
 from cpbench.report.text import table as text_table
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from synthetic_results import meta, row, suite, table
+from written_reports import write_report
 
 from cpbench.analysis import bootstrap, means, profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
 from cpbench.report import figures
-from cpbench.report.markdown import write_report
 from cpbench.report.text import seconds
 
 

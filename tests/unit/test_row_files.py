@@ -110,10 +110,14 @@ def test_a_report_has_the_formats_that_were_asked_for(tmp_path: Path) -> None:
 
 def test_many_rows_are_no_json_unless_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", ModuleType("pyarrow"))
-    found, told = row_files.beside_csv(row_files.MOST_JSON + 1)
+    found, told = row_files.beside_csv(row_files.MOST["json"] + 1)
     assert found == ["parquet"]
     assert told == ["no results.json: 20001 rows are more than 20000; --data json writes it all the same"]
-    assert row_files.beside_csv(row_files.MOST_JSON + 1, ["json"]) == (["json"], [])
+    assert row_files.beside_csv(row_files.MOST["json"] + 1, ["json"]) == (["json"], [])
+    found, told = row_files.beside_csv(row_files.MOST["parquet"] + 1)
+    assert found == []
+    assert told[1] == "no results.parquet: 200001 rows are more than 200000; --data parquet writes it all the same"
+    assert row_files.beside_csv(row_files.MOST["parquet"] + 1, ["parquet"]) == (["parquet"], [])
 
 
 def test_export_has_the_digits_too(tmp_path: Path) -> None:

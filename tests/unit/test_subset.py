@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from scipy.stats import kendalltau
 
 from cpbench.analysis import costs, subset
+from cpbench.analysis import table as rows_of
 from cpbench.bench.planning import plan_file, plan_text
 from cpbench.bench.results.store import Store, read_results
 from cpbench.cli import main, subset_plan
@@ -389,3 +390,10 @@ def test_the_plan_runs_within_its_budget(tmp_path: Path, cpbench: Callable[..., 
     assert 0 < len(part.cost) < len(whole.cost)
     assert set(table["label"]) == set(whole.rows["label"])
     assert whole.expected(float(part.cost.sum())) <= 2 * budget  # the machine may be busy; the plan itself is within
+
+
+@pytest.mark.parametrize("kept", [object, "str"])
+def test_no_rows_tell_no_costs(kept: Any) -> None:
+    """However pandas keeps texts: those of pyarrow are strict about what they are joined with."""
+    with pytest.raises(StoreError, match="no pair was run"):
+        costs.measured(pd.DataFrame(columns=list(rows_of.TEXT), dtype=kept))

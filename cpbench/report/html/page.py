@@ -8,22 +8,17 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Callable, Mapping
 from html import escape
 from importlib import resources
 from pathlib import Path
 from string import Template
-from typing import Any
 
-import pandas as pd
-
-from cpbench.analysis.portraits import Portrait
 from cpbench.errors import FormatError
 from cpbench.report.html import rankings, vega
 from cpbench.report.html.columns import columns_of
 from cpbench.report.html.container import packed
 from cpbench.report.html.sections import sections
-from cpbench.report.run import Run, assembled
+from cpbench.report.run import Run
 from cpbench.report.text import one_line
 
 NAME = "report.html"
@@ -35,24 +30,8 @@ SCRIPTS = (
 """Our own scripts, in the order in which they use each other."""
 
 
-def write_html(
-    table: pd.DataFrame,
-    meta: Mapping[str, Any],
-    folder: str | Path,
-    title: str,
-    histories: pd.DataFrame | None = None,
-    *,
-    publishable: bool = False,
-    with_imported: bool = False,
-    portraits: Callable[[], Mapping[str, Portrait]] = dict,
-) -> Path:
-    """Write `folder`/report.html and give its path; the parameters are those of `folder.write_folder`."""
-    chosen = {"publishable": publishable, "with_imported": with_imported}
-    return write(assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen), title)
-
-
 def write(run: Run, title: str) -> Path:
-    """`write_html` of a run that is assembled."""
+    """Write report.html into the folder of a run and give its path."""
     path = run.folder / NAME
     try:
         run.folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,39 @@
+"""One file of a report of a table, for tests that look at that file alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from cpbench.report import markdown
+from cpbench.report.html import page
+from cpbench.report.run import assembled
+
+
+def write_report(
+    table: pd.DataFrame,
+    meta: Mapping[str, Any],
+    folder: Path,
+    title: str,
+    histories: pd.DataFrame | None = None,
+    **chosen: Any,
+) -> Path:
+    """report.md with its figures and results.csv; `chosen` is what `run.assembled` takes."""
+    run = assembled(table, meta, folder, histories, **chosen)
+    with markdown.rows_beside(run), markdown.easel_of(run) as easel:
+        return markdown.write_text(run, easel, title)
+
+
+def write_html(
+    table: pd.DataFrame,
+    meta: Mapping[str, Any],
+    folder: Path,
+    title: str,
+    histories: pd.DataFrame | None = None,
+    **chosen: Any,
+) -> Path:
+    """report.html; `chosen` is what `run.assembled` takes."""
+    return page.write(assembled(table, meta, folder, histories, **chosen), title)
