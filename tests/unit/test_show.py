@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,11 @@ from matplotlib.mathtext import MathTextParser
 from cpbench import storage
 from cpbench.cli import cli
 from cpbench.conversions.base import make
+from cpbench.expressions import Builder, Map, Operator
 from cpbench.formulations import LCP, FrictionContact, Problem, formulations
+from cpbench.formulations.base import counted
 from cpbench.formulations.contact import ContactProblem
+from cpbench.product_cones import Cone
 from cpbench.report import show, show_tex, tex
 
 
@@ -32,6 +36,13 @@ def contact(nc: int) -> FrictionContact:
     return FrictionContact(
         W=sp.csr_array(J @ J.T), q=rng.standard_normal(3 * nc), mu=np.full(nc, 0.5), dimension=3, name=f"contacts_{nc}"
     )
+
+
+def sines(rows: int, inputs: int) -> Map:
+    """The sine of one unknown after the other, or of 1 where there is none."""
+    build = Builder(inputs)
+    one = build.constant(1.0)
+    return build.finish([build.apply(Operator.SIN, k % inputs if inputs else one) for k in range(rows)])
 
 
 def filled(node: str, size: int) -> Problem:
@@ -49,8 +60,13 @@ def filled(node: str, size: int) -> Problem:
         data[f.name] = np.eye(*shape) if len(shape) == 2 else np.ones(shape)
         if f.name == "lb":
             data[f.name] = -np.ones(shape)
+    for f in fields(cls):
+        if "map" in f.metadata:
+            data[f.name] = sines(
+                *(counted(symbol, {symbol.lstrip("0123456789"): size}) for symbol in f.metadata["map"])
+            )
     if "cone_kind" in data:
-        data["cone_kind"] = np.full(size, 2.0)
+        data["cone_kind"] = np.full(size, float(Cone.FREE if "lb" in data else Cone.NONNEGATIVE))
     if node == "afc":
         data["mu"] = np.ones((size, 2))
     return cls(**data, **({"dimension": d} if contact_node else {}), name=f"a_b%{size}")
