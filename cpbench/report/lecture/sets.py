@@ -91,6 +91,8 @@ def moving() -> tuple[Block, ...]:
             error=cells.error(other.error),
         ),
         by_solvers("duopoly", "qvi-newton", "qvi-projection"),
+        text("What bounds and rows demand of all players at once is a mixed complementarity problem:"),
+        *shown(trips("duopoly", "qvi-micp")),
         text("Coulomb's friction is one of these, as a later section shows: the disk moves with the normal impulse."),
         Try(("cpbench solve problems.h5::duopoly --solver qvi-projection",)),
     )
