@@ -10,8 +10,8 @@ from typing import Any, cast
 
 from cpbench.errors import FormatError
 
-LARGEST = 3 << 30
-"""Bytes that the parsed text may take."""
+LARGEST = 1 << 30
+"""Bytes that the parsed text may take; the maps that are made of it take up to three times as much for a while."""
 _OBJECT, _LIST, _ENTRY = 200, 64, 40
 """Bytes of an object with two keys, of a list, and of an entry of either with a short string or a number in it."""
 _SHOWN = 40
