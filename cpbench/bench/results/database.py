@@ -75,6 +75,12 @@ class Database:
             raise StoreError(f"{self._path}: was closed")
         return self._db
 
+    @property
+    def file(self) -> Path | None:
+        """Where another process reads the same rows; None while this one writes, or holds them in memory."""
+        name = str(self.connection.execute("PRAGMA database_list").fetchone()[2])
+        return Path(name) if name and self._lock is None else None
+
     @contextmanager
     def transaction(self) -> Generator[sqlite3.Connection]:
         """All of what is written within, or nothing of it."""

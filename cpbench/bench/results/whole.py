@@ -11,10 +11,11 @@ import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from itertools import count
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from cpbench.bench.results.other_reader import OtherReader
 from cpbench.bench.results.schema import MEASURED, PLANNED
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ SHARED = (OF_PROBLEM, OF_SOLVER, OF_ENDING)
 """Text and whole numbers that repeat together; other numbers would lose digits in JSON."""
 SINGLE = tuple(name for name in KINDS if not any(name in names for names in SHARED))
 NUMBERS = tuple(name for name in SINGLE if KINDS[name] == "REAL")
+MANY = 200_000
+"""Rows from which another process is worth its start."""
 CHUNK = 500
 """Rows that are held as Python objects at a time."""
 REMEMBERED = 10_000
@@ -50,18 +53,19 @@ def _quoted(names: Iterable[str]) -> str:
 _READ = ", ".join([*(f"json_array({_quoted(names)})" for names in SHARED), _quoted(SINGLE)])
 
 
+class Rows(NamedTuple):
+    """Rows as they were read: the distinct texts of SHARED, and the columns: places among these, then SINGLE."""
+
+    texts: list[list[str]]
+    columns: list[Values]
+
+
 def whole_table(database: Database) -> pd.DataFrame:
     """All rows in the order problem, label, key, with `error` ∞ where none was measured."""
     import pandas as pd
 
-    shared = [defaultdict[str, int](count().__next__) for _ in SHARED]
-    readers = [*map(_places, shared), *map(_reader, SINGLE)]
-    found: list[list[Values]] = [[read(())] for read in readers]
-    for rows in database.chunks(f"SELECT {_READ} FROM rows ORDER BY rowid", CHUNK):
-        for parts, read, column in zip(found, readers, zip(*rows, strict=True), strict=True):
-            parts.append(read(column))
     with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a text of its own
-        frame, ranks = _joined(shared, [np.concatenate(parts) for parts in found])
+        frame, ranks = _joined(_all_rows(database))
     frame["error"] = frame["error"].fillna(float("inf"))
     order = _order(ranks["problem"], ranks["label"], frame["key"])
     if order is not None:
@@ -70,18 +74,49 @@ def whole_table(database: Database) -> pd.DataFrame:
     return frame
 
 
-def _joined(shared: Sequence[Iterable[str]], read: list[Values]) -> tuple[pd.DataFrame, dict[str, Values]]:
-    """The table of what was `read`, and the ranks of problem and label; `read` is emptied on the way."""
+def read_rows(database: Database, first: int, last: int) -> Rows:
+    """The rows with these numbers, both included, in their order."""
+    seen = [defaultdict[str, int](count().__next__) for _ in SHARED]
+    readers = [*map(_places, seen), *map(_reader, SINGLE)]
+    found: list[list[Values]] = [[read(())] for read in readers]
+    query = f"SELECT {_READ} FROM rows WHERE rowid BETWEEN {first} AND {last} ORDER BY rowid"
+    for rows in database.chunks(query, CHUNK):
+        for parts, read, column in zip(found, readers, zip(*rows, strict=True), strict=True):
+            parts.append(read(column))
+    return Rows([list(texts) for texts in seen], [np.concatenate(parts) for parts in found])
+
+
+def _all_rows(database: Database) -> Rows:
+    last = database.read("SELECT max(rowid) FROM rows")[0][0] or 0
+    if last < MANY or database.file is None:
+        return read_rows(database, 0, last)
+    with OtherReader(database.file, last // 2 + 1, last) as other:
+        mine = read_rows(database, 0, last // 2)
+        return _together(mine, other.rows() or read_rows(database, last // 2 + 1, last))
+
+
+def _together(one: Rows, other: Rows) -> Rows:
+    """The rows of both, one after the other."""
+    for k, (texts, more) in enumerate(zip(one.texts, other.texts, strict=True)):
+        places = dict(zip(texts, range(len(texts)), strict=True))
+        moved = np.array([places.setdefault(text, len(places)) for text in more], dtype=np.int32)
+        texts[:] = places
+        other.columns[k] = moved[other.columns[k]]
+    return Rows(one.texts, [np.concatenate(pair) for pair in zip(one.columns, other.columns, strict=True)])
+
+
+def _joined(rows: Rows) -> tuple[pd.DataFrame, dict[str, Values]]:
+    """The table of what was read, and the ranks of problem and label; `rows` are emptied on the way."""
     import pandas as pd
 
     columns: dict[str, Any] = {}
     ranks: dict[str, Values] = {}
-    for names, texts in zip(SHARED, shared, strict=True):
-        distinct, place = _distinct(names, texts), read.pop(0)
+    for names, texts in zip(SHARED, rows.texts, strict=True):
+        distinct, place = _distinct(names, texts), rows.columns.pop(0)
         columns |= {name: distinct[name].array.take(place) for name in names}
         ranks |= {n: pd.factorize(distinct[n], sort=True)[0][place] for n in ("problem", "label") if n in names}
     for name in SINGLE:
-        values = read.pop(0)
+        values = rows.columns.pop(0)
         columns[name] = values if name in NUMBERS else pd.Series(values).infer_objects().array
     return pd.DataFrame({name: columns.pop(name) for name in KINDS}, copy=False), ranks
 
