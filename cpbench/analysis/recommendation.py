@@ -30,7 +30,7 @@ from cpbench.analysis.table import Floats
 
 WORST = 6.0
 """Doublings that a failure costs: 64 times the time of the virtual best."""
-FEW, LEAST_WIDTH, WIDTH = 5, 0.2, 0.5
+FEW, LEAST_WIDTH, WIDTH = 8, 0.2, 0.7
 PRIOR, FAINT = 1.0, 0.05
 """κ, in problems just like this one; the weight of the mean over everything where no like problem is elsewhere."""
 NEAR = 2 * WIDTH
