@@ -39,7 +39,7 @@ from cpbench.errors import UnknownName
     "--data",
     type=Names(),
     metavar="NAMES",
-    help="Rows as csv (always), json, parquet. Default: all; JSON up to 20000 rows, Parquet ([arrow]) up to 200000.",
+    help="Rows as csv, json, parquet. Default: all; CSV and Parquet ([arrow]) up to 200000 rows, JSON up to 20000.",
 )
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
 def command(
@@ -85,7 +85,7 @@ def command(
             comparison = compare(base(baseline, new), new)
         portraits = Portraits(store, table)
     chosen = {"publishable": publishable, "with_imported": with_imported}
-    forms, told = row_files.beside_csv(len(table), data)
+    forms, told = row_files.chosen(len(table), data)
     made = write_folder(
         table, meta, folder, name, iterates, comparison=comparison, data=forms, portraits=portraits, **chosen
     )

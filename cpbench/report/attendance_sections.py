@@ -13,9 +13,10 @@ from cpbench.report.text import code, counted, cut, listed, plain, seconds, tabl
 def publishing(run: Run) -> Iterator[str]:
     """What must not be published, or what was left out for it."""
     if run.left_out:
+        what = "Tables, figures and `results.csv`" if run.has_csv else "Tables and figures"
         yield (
             f"**Left out**, since publishing figures of {counted(len(run.left_out), 'solver')} is restricted: "
-            f"{listed(sorted(run.left_out), 12)}. Tables, figures and `results.csv` are of the others alone."
+            f"{listed(sorted(run.left_out), 12)}. {what} are of the others alone."
         )
     found = attendance.restricted(run.rows, run.meta.get("solvers") or {})
     if not found:

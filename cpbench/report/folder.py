@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,10 +27,10 @@ def write_folder(
     publishable: bool = False,
     with_imported: bool = False,
     comparison: Comparison | None = None,
-    data: Iterable[str] = (),
+    data: Collection[str] = ("csv",),
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
 ) -> tuple[Path, ...]:
-    """Write report.md, report.html and the rows; gives their paths, without that of results.csv.
+    """Write report.md, report.html and the rows; gives the paths of all but results.csv.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def write_folder(
     publishable : whether solvers whose figures must not be published are left out of everything.
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
-    data : formats of the rows beside CSV (`row_files.beside_csv`).
+    data : formats of the rows (`row_files.chosen`).
     portraits : pictures of the problems by fingerprint, asked for when the page is made (`cli.portraits`).
     """
-    chosen = {"publishable": publishable, "with_imported": with_imported}
+    chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
     with markdown.rows_beside(run), markdown.easel_of(run) as easel:
         documents = (markdown.write_text(run, easel, title, comparison), page.write(run, title))
-    files = [run.folder / f"results.{name}" for name in data]
+    files = [run.folder / f"results.{name}" for name in data if name != "csv"]
     for path in files:
         row_files.write(run.timed, path)
     return (*documents, *files)

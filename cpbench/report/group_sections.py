@@ -44,7 +44,7 @@ def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, sev
         yield from gap_section(times, ranked, leading)
         yield from _figures(run, easel, group, rows, times, several)
     yield from _verdicts(rows, labels)
-    yield from _matrix(rows, labels, problems)
+    yield from _matrix(run, rows, labels, problems)
     yield from _families(rows)
     yield from _unsolved(rows)
 
@@ -153,10 +153,10 @@ def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
     )
 
 
-def _matrix(rows: pd.DataFrame, labels: Sequence[str], problems: int) -> Iterator[str]:
+def _matrix(run: Run, rows: pd.DataFrame, labels: Sequence[str], problems: int) -> Iterator[str]:
     yield "### Problem by solver"
     if problems > MATRIX_PROBLEMS:
-        yield f"{problems} problems are too many for this page (at most {MATRIX_PROBLEMS}): see `results.csv`."
+        yield f"{problems} problems are too many for this page (at most {MATRIX_PROBLEMS}): see {run.all_rows}."
         return
     yield matrix(rows, labels)
     yield legend(rows)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,8 +38,11 @@ MANY = (
 
 
 def rows_beside(run: Run) -> AbstractContextManager[None]:
-    """results.csv, written by the time this is left; meanwhile, by a copy of this process, where rows are many."""
+    """results.csv, if it is to be there, by the time this is left; meanwhile, by a copy of this process, where rows are
+    many."""
     run.folder.mkdir(parents=True, exist_ok=True)
+    if not run.has_csv:
+        return nullcontext()
     write_rows = partial(row_files.write, run.timed, run.folder / "results.csv")
     return meanwhile(write_rows, copied=len(run.rows) > WHOLE and cores() > 1)
 
@@ -100,7 +103,7 @@ def _facts(run: Run) -> str:
         "start": ", ".join(sorted(set(run.rows["start"].unique()) - {""})),
         "run on": meta.get("date", ""),
         "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
-        "rows": "`results.csv`, one a pair" if len(run.rows) else "",
+        "rows": f"{run.all_rows}, one a pair" if len(run.rows) else "",
         "many rows": MANY if len(run.rows) > WHOLE else "",
     }
     lines = [f"- {name}: {value}" for name, value in facts.items() if str(value)]

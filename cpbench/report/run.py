@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 class Run:
     """The rows of a run, in fixed order, with the facts of the run, where the report goes, judged iterates
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
-    that are left out, and what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made.
+    that are left out, what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made, and
+    whether results.csv is beside the report.
     """
 
     rows: pd.DataFrame
@@ -38,6 +39,12 @@ class Run:
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
     left_out: Mapping[str, str] = field(default_factory=dict)
     portraits: Callable[[], Mapping[str, Portrait]] = dict
+    has_csv: bool = True
+
+    @property
+    def all_rows(self) -> str:
+        """Where a reader finds every row."""
+        return "`results.csv`" if self.has_csv else "the results file"
 
     # what several sections ask for is found once: in a million rows each takes seconds
 
@@ -82,9 +89,10 @@ def assembled(
     publishable: bool = False,
     with_imported: bool = False,
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
+    has_csv: bool = True,
 ) -> Run:
     """The run that a report is about; the parameters are those of `folder.write_folder`."""
-    run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits)
+    run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits, has_csv=has_csv)
     if histories is not None:
         run = replace(run, histories=histories)
     if with_imported:

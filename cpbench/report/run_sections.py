@@ -42,9 +42,9 @@ def run_sections(run: Run) -> Iterator[str]:
         yield from section(run)
 
 
-def _rest(count: int) -> Iterator[str]:
+def _rest(run: Run, count: int) -> Iterator[str]:
     if count > LISTED:
-        yield f"{count - LISTED} more are in `results.csv`."
+        yield f"{count - LISTED} more are in {run.all_rows}."
 
 
 def _false_claims(run: Run) -> Iterator[str]:
@@ -68,7 +68,7 @@ def _false_claims(run: Run) -> Iterator[str]:
         ),
         right=[3, 4],
     )
-    yield from _rest(len(found))
+    yield from _rest(run, len(found))
 
 
 def _directions(run: Run) -> Iterator[str]:
@@ -92,7 +92,7 @@ def _directions(run: Run) -> Iterator[str]:
         ),
         right=[3, 4],
     )
-    yield from _rest(len(found))
+    yield from _rest(run, len(found))
 
 
 def _part(parts: str, name: str) -> float:

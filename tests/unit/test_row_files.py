@@ -108,16 +108,33 @@ def test_a_report_has_the_formats_that_were_asked_for(tmp_path: Path) -> None:
     assert not (tmp_path / "no").exists()
 
 
-def test_many_rows_are_no_json_unless_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_rows_are_written_where_they_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", ModuleType("pyarrow"))
-    found, told = row_files.beside_csv(row_files.MOST["json"] + 1)
-    assert found == ["parquet"]
+    found, told = row_files.chosen(row_files.MOST["json"] + 1)
+    assert found == ["csv", "parquet"]
     assert told == ["no results.json: 20001 rows are more than 20000; --data json writes it all the same"]
-    assert row_files.beside_csv(row_files.MOST["json"] + 1, ["json"]) == (["json"], [])
-    found, told = row_files.beside_csv(row_files.MOST["parquet"] + 1)
+    assert row_files.chosen(row_files.MOST["json"] + 1, ["json"]) == (["csv", "json"], [])
+    many = row_files.MOST["csv"] + 1
+    found, told = row_files.chosen(many)
     assert found == []
-    assert told[1] == "no results.parquet: 200001 rows are more than 200000; --data parquet writes it all the same"
-    assert row_files.beside_csv(row_files.MOST["parquet"] + 1, ["parquet"]) == (["parquet"], [])
+    assert told[0] == "no results.csv: 200001 rows are more than 200000; --data csv writes it all the same"
+    assert told[2] == "no results.parquet: 200001 rows are more than 200000; --data parquet writes it all the same"
+    assert row_files.chosen(many, ["parquet"]) == (["parquet"], [])
+    assert row_files.chosen(many, ["csv"]) == (["csv"], [])
+
+
+def test_a_report_without_csv_does_not_speak_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(row_files.MOST, "csv", 1)
+    sheets = {"lemke": {"name": "lemke"}, "gams": {"name": "gams", "publishing": "ask before publishing"}}
+    rows = table(row("a-1", "lemke", "solved", 1.0), row("a-2", "lemke", "solved", 1.0), row("a-1", "gams", "solved"))
+    path = results_file(tmp_path / "r.sqlite", rows, meta(solvers=sheets))
+    found, told = report(path, "--publishable")
+    assert "results.csv" not in found
+    assert "no results.csv: 3 rows are more than 1; --data csv writes it all the same" in told
+    text = (tmp_path / "out" / "report.md").read_text()
+    assert "results.csv" not in text
+    assert "the results file, one a pair" in text
+    assert "results.csv" in report(path, "--data", "csv")[0]
 
 
 def test_export_has_the_digits_too(tmp_path: Path) -> None:

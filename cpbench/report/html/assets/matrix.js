@@ -206,7 +206,7 @@ const Matrix = (() => {
     return {
       content: grid("Families by solvers", "family", order.map(context.name), lines),
       numbers: context.numbers,
-      guide: `There are too many rows (${facts.rows}) to show every pair: a cell is the percentage of the problems of a family that the solver solved. A click lists its failures, of which ${facts.kept} in all have their facts on this page; the others are in results.csv.`,
+      guide: `There are too many rows (${facts.rows}) to show every pair: a cell is the percentage of the problems of a family that the solver solved. A click lists its failures, of which ${facts.kept} in all have their facts on this page; the others are in the results file.`,
     };
   }
 

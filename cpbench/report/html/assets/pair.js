@@ -174,7 +174,7 @@ const Pair = (() => {
             h(
               "p",
               { class: "scope" },
-              "Of so many rows this page has the facts of some failures only: see results.csv.",
+              "Of so many rows this page has the facts of some failures only: the others are in the results file.",
             ),
           ]),
     );
