@@ -11,6 +11,8 @@ Fast-math is limited to reassociation and contraction: NaN and infinity keep the
 import numpy as np
 from numba import boolean, float64, int64, njit, types, uint32, uint64
 
+from cpbench.solvers.kernels.block_row import row_product
+
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 DATA = types.Array(float64, 1, "C", readonly=True)
 DATA_2D = types.Array(float64, 2, "C", readonly=True)
@@ -29,7 +31,10 @@ PROJECT, INVERSE_NN, S11, S12, S21, S22, TN1, TN2, NT1, NT2, FLOOR, INDEFINITE =
 least λ for which S + λI is safely invertible; 1 where S has a negative eigenvalue."""
 
 NEWTON = 80
+"""Steps on the secular equation; bisection, where it must, has found the root by then."""
 SMALL = 1e-14
+LINEAR = 1e-14
+"""Square of the share of r_T by which a last step may change it and be as exact when it is linear."""
 
 
 @njit(fastmath=FAST, error_model="numpy")
@@ -100,6 +105,12 @@ def _one_contact_3d(local, i, v0, v1, v2, mu, lam):
         dm = -mu * (h1 * dx1 + h2 * dx2)
         if rn > 0.0:
             new = lam - excess * t * m / (dt * m * m - dm * t * t)
+            if new > low and (new - lam) ** 2 * (dx1 * dx1 + dx2 * dx2) <= LINEAR * t * t:
+                x1 += (new - lam) * dx1
+                x2 += (new - lam) * dx2
+                rn = free - h1 * x1 - h2 * x2
+                m = mu * rn / np.sqrt(x1 * x1 + x2 * x2)
+                return True, rn, m * x1, m * x2, new
         else:
             new = lam - excess / (dt - dm)
         if not (new > low and new < high):
@@ -144,19 +155,10 @@ def _one_contact_2d(a, h, g, c, v0, v1, mu):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _velocity_3d(start, column, blocks, q, r, i):
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
-    i3 = three * np.uint64(i)
-    u0, u1, u2 = q[i3], q[i3 + one], q[i3 + two]
-    for k in range(start[i], start[i + 1]):
-        j = three * np.uint64(column[k])
-        p = np.uint64(9) * np.uint64(k)
-        x0, x1, x2 = r[j], r[j + one], r[j + two]
-        u0 += blocks[p] * x0 + blocks[p + one] * x1 + blocks[p + two] * x2
-        p += three
-        u1 += blocks[p] * x0 + blocks[p + one] * x1 + blocks[p + two] * x2
-        p += three
-        u2 += blocks[p] * x0 + blocks[p + one] * x1 + blocks[p + two] * x2
-    return u0, u1, u2
+    one, two = np.uint64(1), np.uint64(2)
+    i3 = np.uint64(3) * np.uint64(i)
+    u0, u1, u2 = row_product(start[i], start[i + 1], column, blocks, r)
+    return q[i3] + u0, q[i3 + one] + u1, q[i3 + two] + u2
 
 
 @njit(fastmath=FAST, error_model="numpy")
@@ -233,18 +235,26 @@ def _shuffled(order, state):
 
 
 @njit(error_model="numpy")
-def _checked(state, error, tolerance, log_iteration, log_error):
-    """Log the error and set the next check: where the last two foretell the tolerance, an eighth ahead at most."""
+def _due(state, until, change, tolerance, pace):
+    """Whether the error is to be evaluated: it is time, or the change in this sweep says that it is small enough."""
+    it = state[ITERATION]
+    return it >= state[NEXT_CHECK] or it == until or pace[0] * change <= tolerance * tolerance
+
+
+@njit(error_model="numpy")
+def _checked(state, error, change, tolerance, pace, log_iteration, log_error):
+    """Log the error, and set the next check: where the last two foretell the tolerance, a quarter ahead at most."""
     it = state[ITERATION]
     logged = state[LOGGED]
-    step = max(1.0, it // 8)
+    step = max(it // 4, min(it, 4), 1)
     if logged > 0 and error < log_error[logged - 1] and it > log_iteration[logged - 1]:
         rate = np.log(error / log_error[logged - 1]) / (it - log_iteration[logged - 1])
-        step = min(2.0 * step, max(1.0, 0.9 * np.log(tolerance / error) / rate))
+        step = min(step, max(1.0, 0.9 * np.log(tolerance / error) / rate))
     log_iteration[logged] = it
     log_error[logged] = error
     state[LOGGED] = logged + 1
     state[NEXT_CHECK] = it + int(step)
+    pace[0] = error * error / change if change > 0.0 else 0.0
 
 
 _ARGUMENTS = (
@@ -264,6 +274,7 @@ _ARGUMENTS = (
     float64,
     int64,
     int64[::1],
+    VECTOR,
     int64[::1],
     VECTOR,
 )
@@ -287,6 +298,7 @@ def sweeps_3d(
     tolerance,
     until,
     state,
+    pace,
     log_iteration,
     log_error,
 ):
@@ -294,13 +306,15 @@ def sweeps_3d(
 
     Parameters
     ----------
-    start, column, blocks : block-CSR of W without its diagonal blocks, 9 numbers a block. diagonal : (nc, 9).
+    start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, 9).
     local : (nc, 12), see the names of its columns. lam : (nc,) last λ. order : (nc,) contacts in sweep order.
-    log_iteration, log_error : the errors that were evaluated; `state` tells how many.
+    pace : (1,) the square of the error over that of the change, from the last evaluation. log_iteration, log_error :
+    the errors that were evaluated; `state` tells how many.
     """
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             _shuffled(order, state)
+        change = 0.0
         for place in range(order.size):
             i = order[place]
             v0, v1, v2 = _velocity_3d(start, column, blocks, q, r, i)
@@ -314,13 +328,14 @@ def sweeps_3d(
                 v1 += diagonal[i, 3] * old0 + diagonal[i, 4] * old1 + diagonal[i, 5] * old2
                 v2 += diagonal[i, 6] * old0 + diagonal[i, 7] * old1 + diagonal[i, 8] * old2
                 x0, x1, x2 = _natural_step(old0, old1, old2, v0, v1, v2, mu[i], rho[i])
+            change += ((x0 - old0) ** 2 + (x1 - old1) ** 2 + (x2 - old2) ** 2) / rho[i]
             r[3 * i] = old0 + omega * (x0 - old0)
             r[3 * i + 1] = old1 + omega * (x1 - old1)
             r[3 * i + 2] = old2 + omega * (x2 - old2)
         state[ITERATION] += 1
-        if state[ITERATION] >= state[NEXT_CHECK] or state[ITERATION] == until:
+        if _due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 3)
-            _checked(state, error, tolerance, log_iteration, log_error)
+            _checked(state, error, change, tolerance, pace, log_iteration, log_error)
             if error <= tolerance:
                 return CONVERGED
             if not np.isfinite(error):
@@ -346,6 +361,7 @@ def sweeps_2d(
     tolerance,
     until,
     state,
+    pace,
     log_iteration,
     log_error,
 ):
@@ -353,6 +369,7 @@ def sweeps_2d(
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             _shuffled(order, state)
+        change = 0.0
         for place in range(order.size):
             i = order[place]
             v0, v1 = _velocity_2d(start, column, blocks, q, r, i)
@@ -363,12 +380,13 @@ def sweeps_2d(
                 u0 = v0 + a * old0 + h * old1
                 u1 = v1 + g * old0 + c * old1
                 x0, x1, _ = _natural_step(old0, old1, 0.0, u0, u1, 0.0, mu[i], rho[i])
+            change += ((x0 - old0) ** 2 + (x1 - old1) ** 2) / rho[i]
             r[2 * i] = old0 + omega * (x0 - old0)
             r[2 * i + 1] = old1 + omega * (x1 - old1)
         state[ITERATION] += 1
-        if state[ITERATION] >= state[NEXT_CHECK] or state[ITERATION] == until:
+        if _due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 2)
-            _checked(state, error, tolerance, log_iteration, log_error)
+            _checked(state, error, change, tolerance, pace, log_iteration, log_error)
             if error <= tolerance:
                 return CONVERGED
             if not np.isfinite(error):

@@ -1,0 +1,57 @@
+"""One row of 3×3 blocks times a vector, in vector registers.
+
+Compilers keep the three sums of a row in scalars, one multiplication at a time. Here a block lies by columns, so that
+u += x₀·(column 0) + x₁·(column 1) + x₂·(column 2) is three multiply-adds of four lanes, each with a sum of its own;
+the fourth lane reads on into the next column and is never looked at. That is why `blocks` has a number more
+than it needs. On processors with narrower registers LLVM splits the lanes.
+"""
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+LANES = 4
+_DOUBLE = ir.DoubleType()
+_VECTOR = ir.VectorType(_DOUBLE, LANES)
+_INDEX = ir.IntType(64)
+
+
+@intrinsic
+def row_product(typingctx, first, last, column, blocks, r):
+    """(u0, u1, u2) = Σ_k B_k r[column_k] over first ≤ k < last.
+
+    first, last : uint64. column : uint32 array. r : float64 array, all contiguous. blocks : 9 numbers each, column
+    after column, and one more in the end.
+    """
+    signature = types.UniTuple(types.float64, 3)(first, last, column, blocks, r)
+
+    def codegen(context, builder, signature, arguments):
+        first, last, *arrays = arguments
+        columns, blocks, r = (
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(signature.args[2:], arrays, strict=True)
+        )
+
+        def constant(value):
+            return ir.Constant(_INDEX, value)
+
+        def lanes(x):
+            one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), x, ir.Constant(ir.IntType(32), 0))
+            return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
+
+        sums = [cgutils.alloca_once_value(builder, ir.Constant(_VECTOR, [0.0] * LANES)) for _ in range(3)]
+        with cgutils.for_range_slice(builder, first, last, constant(1), _INDEX) as (k, _):
+            j = builder.zext(builder.load(builder.gep(columns, [k])), _INDEX)
+            x = builder.gep(r, [builder.mul(j, constant(3))])
+            block = builder.gep(blocks, [builder.mul(k, constant(9))])
+            for c in range(3):
+                at = builder.bitcast(builder.gep(block, [constant(3 * c)]), _VECTOR.as_pointer())
+                factor = lanes(builder.load(builder.gep(x, [constant(c)])))
+                product = builder.fmul(builder.load(at, align=8), factor, flags=("contract",))
+                builder.store(builder.fadd(builder.load(sums[c]), product, flags=("contract",)), sums[c])
+        total = builder.fadd(builder.fadd(builder.load(sums[0]), builder.load(sums[1])), builder.load(sums[2]))
+        parts = [builder.extract_element(total, ir.Constant(ir.IntType(32), c)) for c in range(3)]
+        return context.make_tuple(builder, signature.return_type, parts)
+
+    return signature, codegen

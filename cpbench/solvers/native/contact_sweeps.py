@@ -1,0 +1,172 @@
+"""What solvers of frictional contact share: W by rows of blocks, sweeps of NSGS over it, and what they conclude."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import load
+from cpbench.matrices import Dense, Matrix, Vector, scaled_both
+from cpbench.solvers.base import Budget, Claim, SolverOutput
+
+SINGULAR = 1e-12
+"""Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
+FINE, MARGIN = 1e-11, 0.999
+"""Two evaluations of the error in different order agree to this share of a tolerance that is not finer than this."""
+LOG = 256
+"""Error evaluations a call of the sweeps can log."""
+
+
+def kernel(name: str) -> ModuleType:
+    """The compiled module of that name in `solvers/kernels`."""
+    return load(f"cpbench.solvers.kernels.{name}")
+
+
+@dataclass(frozen=True)
+class BlockRows:
+    """W by rows of blocks, the diagonal ones apart, and what the one-contact problem needs of these.
+
+    Attributes
+    ----------
+    start, column, blocks : block-CSR without the diagonal. diagonal : (nc, d·d). local : (nc, 12).
+    """
+
+    problem: FrictionContact
+    start: np.ndarray[Any, np.dtype[np.uint64]]
+    column: np.ndarray[Any, np.dtype[np.uint32]]
+    blocks: Vector
+    diagonal: Dense
+    local: Dense
+
+    def judged(self, r: Vector) -> float:
+        """The error that `residuals` judges r by."""
+        problem = self.problem
+        matrix = (self.start, self.column, self.blocks, self.diagonal)
+        if problem.nc == 0:
+            return 0.0
+        return kernel("gauss_seidel").judged(*matrix, problem.q, problem.mu, problem.rho, r, problem.dimension)
+
+
+class Sweeps:
+    """NSGS over the contacts in their order, in pieces; it remembers the multipliers of sliding between them."""
+
+    def __init__(self, rows: BlockRows) -> None:
+        self._rows = rows
+        problem, gauss_seidel = rows.problem, kernel("gauss_seidel")
+        self._sweeps = gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d
+        self._lam, self._order = np.zeros(problem.nc), np.arange(problem.nc)
+        self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
+        self._pace = np.full(1, np.inf)
+        self.done = self.evaluations = 0
+
+    def sweep(self, r: Vector, count: int, tolerance: float) -> float:
+        """The judged error of r, changed in place, after `count` sweeps or as soon as it is at most `tolerance`."""
+        rows, problem = self._rows, self._rows.problem
+        state = np.array([0, count, 0, 0])
+        matrix = (rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
+        law = (problem.q, problem.mu, problem.rho)
+        self._sweeps(
+            *matrix, *law, r, self._lam, self._order, 1.0, False, tolerance, count, state, self._pace, *self._log
+        )
+        self.done += int(state[0])
+        self.evaluations += int(state[2])
+        return float(self._log[1][state[2] - 1])
+
+
+def block_rows(problem: FrictionContact) -> BlockRows:
+    """W by rows of blocks."""
+    d, nc = problem.dimension, problem.nc
+    if nc == 0:
+        none = np.zeros(0)
+        return BlockRows(problem, np.zeros(1, np.uint64), np.zeros(0, np.uint32), none, none.reshape(0, d * d), none)
+    W = sp.bsr_array(problem.W, blocksize=(d, d))
+    W.sort_indices()
+    row = np.repeat(np.arange(nc), np.diff(W.indptr))
+    off = W.indices != row
+    start = np.concatenate([[0], np.cumsum(np.bincount(row[off], minlength=nc))])
+    return BlockRows(
+        problem,
+        start.astype(np.uint64),
+        W.indices[off].astype(np.uint32),
+        _by_columns(W.data[off]) if d == 3 else np.ascontiguousarray(W.data[off]).ravel(),
+        problem.diagonal_blocks.reshape(nc, d * d),
+        _local_3d(problem.diagonal_blocks) if d == 3 else np.zeros((nc, 0)),
+    )
+
+
+@dataclass(frozen=True)
+class ScaledContacts:
+    """W′ = SWS and q′ = Sq for x = S⁻¹r, S² the ρ_c of the problem: one penalty then suits every contact."""
+
+    rows: BlockRows
+    W: Matrix
+    q: Vector
+    s: Vector
+
+
+def scaled_contacts(problem: FrictionContact) -> ScaledContacts:
+    s = np.repeat(np.sqrt(problem.rho), problem.dimension)
+    return ScaledContacts(block_rows(problem), scaled_both(problem.W, s), s * problem.q, s)
+
+
+def conclude(
+    problem: FrictionContact,
+    r: Vector,
+    error: float,
+    budget: Budget,
+    claim: Claim,
+    message: str,
+    counters: dict[str, int],
+) -> SolverOutput:
+    """Solved exactly when the judged error of r is at most the tolerance.
+
+    The kernel's error is the same formula; only where rounding could part the two is it measured afresh.
+    """
+    if not np.isfinite(r).all():
+        return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
+    point = FCPoint(r)
+    if not (budget.tolerance >= FINE and error <= MARGIN * budget.tolerance):
+        error = problem.residuals(point, budget.tolerance).error
+    if error <= budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
+    return SolverOutput(claim=claim, point=point, counters=counters, message=f"{message}, error {error:.1e}")
+
+
+def _by_columns(blocks: Dense) -> Vector:
+    """The layout that the kernel of 3×3 blocks reads with four lanes: column after column, and one number more."""
+    flat = np.zeros(blocks.size + 1)
+    flat[:-1] = blocks.swapaxes(1, 2).ravel()
+    return flat
+
+
+def _local_3d(D: Dense) -> Dense:
+    """The twelve constants of every contact (`local` of the kernel) from the diagonal blocks, shape (nc, 3, 3)."""
+    nc = D.shape[0]
+    local = np.zeros((nc, 12))
+    top = np.abs(D).max(axis=(1, 2))
+    normal = D[:, 0, 0]
+    bad = ~(normal > SINGULAR * top)
+    inverse = 1.0 / np.where(bad, 1.0, normal)
+    to_tangent, to_normal = D[:, 1:, 0] * inverse[:, None], D[:, 0, 1:] * inverse[:, None]
+    S = D[:, 1:, 1:] - D[:, 1:, :1] * to_normal[:, None, :]
+    mean, half = 0.5 * (S[:, 0, 0] + S[:, 1, 1]), 0.5 * (S[:, 0, 0] - S[:, 1, 1])
+    radicand = half * half + S[:, 0, 1] * S[:, 1, 0]
+    # complex eigenvalues never make S + λI singular for a real λ; then the bound is only about the real part
+    least = mean - np.sqrt(np.maximum(radicand, 0.0))
+    size = np.where(top > 0, top, 1.0)
+    indefinite = (least < -SINGULAR * size) & (radicand >= 0)
+    singular = np.abs(S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] * S[:, 1, 0]) <= SINGULAR * size * size
+    local[:, 0] = bad
+    local[:, 1] = inverse
+    local[:, 2:6] = S.reshape(nc, 4)
+    local[:, 6:8] = to_tangent
+    local[:, 8:10] = to_normal
+    local[:, 10] = np.where(indefinite, -least * (1 + SINGULAR), np.where(singular, SINGULAR * size, 0.0))
+    local[:, 11] = indefinite
+    return local
