@@ -1,162 +1,323 @@
-"""Lemke's complementary pivoting on a condensed tableau, with the lexicographic ratio test.
+"""Lemke's complementary pivoting with the lexicographic ratio test, on columns that are updated when they are needed.
 
-Variables are numbered w_i: i, z_i: n + i, z_0: 2n. The tableau reads x_B + T x_N = rhs, one column for every
-nonbasic variable. Pivots are collected as T - U V and applied `U.shape[1]` at a time.
+Variables are numbered w_i: i, z_i: n + i, z_0: 2n. The tableau reads x_B + T x_N = rhs, one column (slot) for every
+nonbasic variable. Every column is kept as it was after the first `age` pivots, and the pivots themselves as the
+columns that entered. A column is read from M and brought up to date when it enters, one pivot after the other; where
+that would take many of them, the caller does it for several columns at once, by matrix products (`prepare`, GEMM,
+`restore`). Columns that never enter, half of them in most problems, cost nothing.
 """
 
 import numpy as np
 from numba import njit
 
-FLUSH, COMPLEMENTARY, RAY, LIMIT, NOT_FINITE = 0, 1, 2, 3, 4
-"""What `advance` returns: the caller has to apply U V; z_0 has left; no row blocks; too many pivots; NaN."""
+from cpbench.solvers.kernels.tableau import (
+    CODES,
+    COMPLEMENTARY,
+    LIMIT,
+    NOT_FINITE,
+    RAY,
+    blocking,
+    finite,
+    first_row,
+    kept,
+    largest,
+    whole_tableau,
+)
 
-
-@njit("float64(float64[:,::1], float64[:,::1], float64[:,::1], int64, int64, int64)", inline="always")
-def _entry(T, U, V, k, i, j):
-    a = T[i, j]
-    for p in range(k):
-        a -= U[i, p] * V[p, j]
-    return a
+BEHIND, FULL = 4, 5
+"""Two more outcomes of `advance`: the entering column is far behind; there is no room for more pivots."""
+SPARE = 8
+"""Room for pivots beyond n: most runs never fill it."""
+WHOLE = 24
+"""Up to this size the whole tableau is updated at once: a column at a time would be more calls than arithmetic."""
 
 
 @njit(
-    "int64(float64[:,::1], float64[:,::1], float64[:,::1], int64, float64[::1], int64[::1], int64[::1], int64,"
-    " int64, float64)",
+    "void(float64[:,::1], float64, float64[:,::1], int64[::1], int64, float64[:,::1], int64[::1], int64)",
     cache=True,
+    error_model="numpy",
+    nogil=True,
 )
-def _lexicographic_row(T, U, V, k, col, where, ties, count, last, tie_tolerance):
-    """Among the tied rows the one whose (B⁻¹)_i./col_i is lexicographically least.
+def _update(M, factor, C, age, slot, E, rows, end):
+    """Bring a column to `end` pivots, from M where it was never used (age -1).
 
-    The columns of B⁻¹ are those of the w_j: in the tableau when w_j is nonbasic, unit vectors otherwise. Ties that
-    survive every column can only come from rounding; the largest pivot element is then the safest.
+    A pivot in row r makes c_r t = c_r/e_r and every other c_i less by e_i t; E holds 1/e_r in the place of e_r. Row r
+    is written afresh, not corrected: no cancellation however large the pivot.
     """
-    n = col.size
-    value = np.empty(count)
-    for place in range(n):
-        if count == 1:
-            break
-        j = last if place == n - 1 else (place if place < last else place + 1)
-        least = np.inf
-        for t in range(count):
-            i = ties[t]
-            b = 1.0 if -where[j] - 1 == i else 0.0
-            if where[j] >= 0:
-                b = _entry(T, U, V, k, i, where[j])
-            value[t] = b / col[i]
-            least = min(least, value[t])
-        kept = 0
-        for t in range(count):
-            i = ties[t]
-            if (value[t] - least) * col[i] <= tie_tolerance * max(1.0, abs(least) * col[i]):
-                ties[kept] = i
-                kept += 1
-        count = kept
-    r = ties[0]
-    for t in range(1, count):
-        if col[ties[t]] > col[r]:
-            r = ties[t]
-    return r
+    column = C[slot]
+    if age[slot] < 0:
+        for i in range(column.size):
+            column[i] = factor * M[i, slot]
+        age[slot] = 0
+    for p in range(age[slot], end):
+        r = rows[p]
+        if column[r] == 0.0:
+            continue
+        t = column[r] * E[p, r]
+        for i in range(column.size):
+            column[i] -= E[p, i] * t
+        column[r] = t
+    age[slot] = end
 
 
 @njit(
-    "int64(float64[:,::1], float64[::1], int64[::1], int64[::1], int64[::1], float64[:,::1], float64[:,::1],"
-    " int64[::1], int64, float64, float64, boolean)",
+    "int64(float64[:,::1], float64, float64[:,::1], int64[::1], float64[:,::1], int64[::1], float64[::1], int64[::1],"
+    " int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], int64, int64, float64, float64)",
     cache=True,
+    error_model="numpy",
+    nogil=True,
 )
-def advance(T, rhs, basic, nonbasic, where, U, V, state, max_pivots, pivot_tolerance, tie_tolerance, inside):
-    """Pivot until z_0 leaves, or until U V is full (the caller subtracts it from T, unless `inside`).
+def advance(
+    M,
+    factor,
+    C,
+    age,
+    E,
+    rows,
+    rhs,
+    basic,
+    nonbasic,
+    where,
+    state,
+    ties,
+    value,
+    far,
+    max_pivots,
+    pivot_tolerance,
+    tie_tolerance,
+):
+    """Pivot until z_0 leaves, or until the caller has work: the entering column lacks more than `far` pivots.
 
     Parameters
     ----------
-    T : (n, n+1). rhs : (n,) values of the basic variables. basic, nonbasic : variable of each row, column.
-    where : (2n+1,) column of a nonbasic variable, -(row + 1) of a basic one.
-    U, V : (n, K), (K, n+1). state : pending pivots, entering column, pivots done, row of the first pivot (where rhs
-    is least; last in the lexicographic order, which makes every other row lexicographically positive).
+    M : (n, n), multiplied by `factor` when read. C : (n+1, n) column of each slot. age : (n+1,) how many of the kept
+    pivots are in it. E : (K, n) columns that entered, rows : (K,) where. rhs : (n,) values of the basic variables.
+    basic, nonbasic : variable of each row, slot. where : (2n+1,) slot of a nonbasic variable, else -(row + 1).
+    state : kept pivots, entering slot, pivots done, row of the first pivot (where rhs is least; last in the
+    lexicographic order, which makes every other row lexicographically positive). ties, value : (n,) workspace.
     """
     n = rhs.size
-    K = U.shape[1]
-    k = state[0]
-    s = state[1]
-    col = np.empty(n)
-    row = np.empty(n + 1)
-    ties = np.empty(n, np.int64)
     while True:
-        if k == K:
-            if not inside:
-                state[0], state[1] = k, s
-                return FLUSH
-            for i in range(n):
-                for p in range(K):
-                    u = U[i, p]
-                    if u != 0.0:
-                        for j in range(n + 1):
-                            T[i, j] -= u * V[p, j]
-            k = 0
+        k, s = state[0], state[1]
         if state[2] >= max_pivots:
             return LIMIT
-        for i in range(n):
-            col[i] = _entry(T, U, V, k, i, s)
+        if k == E.shape[0]:
+            return FULL
+        if k - age[s] > far:
+            return BEHIND
+        col = C[s]
+        _update(M, factor, C, age, s, E, rows, k)
         if state[2] == 0:
             r = state[3]
         else:
-            best = np.inf
-            first = -1
-            for i in range(n):
-                if not np.isfinite(col[i]):
-                    return NOT_FINITE
-                if col[i] > pivot_tolerance and rhs[i] < best * col[i]:
-                    best = rhs[i] / col[i]
-                    first = i
-            if first < 0:
-                return RAY
-            count = 0
-            r = -1
-            for i in range(n):
-                # best * col may round below rhs by more than the tolerance: the row of the minimum always counts
-                if i == first or (col[i] > pivot_tolerance and rhs[i] <= best * col[i] + tie_tolerance):
-                    ties[count] = i
-                    count += 1
-                    if basic[i] == 2 * n:
-                        r = i
-            if r < 0:
-                r = ties[0]
-                if count > 1:
-                    r = _lexicographic_row(T, U, V, k, col, where, ties, count, state[3], tie_tolerance)
-        for j in range(n + 1):
-            row[j] = T[r, j]
-        for p in range(k):
-            u = U[r, p]
-            if u != 0.0:
-                for j in range(n + 1):
-                    row[j] -= u * V[p, j]
-        pivot = col[r]
-        step = rhs[r] / pivot
+            count = blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance)
+            if count == 0:
+                return RAY if finite(col) and finite(rhs) else NOT_FINITE
+            if count < 0:
+                r = -1 - count
+            else:
+                # the columns of B⁻¹, in the order of the test, are those of the w_j
+                for place in range(n):
+                    if count == 1:
+                        break
+                    j = state[3] if place == n - 1 else (place if place < state[3] else place + 1)
+                    slot = where[j]
+                    if slot >= 0:
+                        _update(M, factor, C, age, slot, E, rows, k)
+                    count = kept(C[max(slot, 0)], col, ties, count, value, -slot - 1, tie_tolerance)
+                r = largest(col, ties, count)
+        inverse = 1.0 / col[r]
+        step = rhs[r] * inverse
+        entered = E[k]
         for i in range(n):
-            rhs[i] -= col[i] * step
-            if rhs[i] < 0.0 and state[2] > 0:
-                rhs[i] = 0.0
+            a = col[i]
+            entered[i] = a
+            col[i] = -a * inverse
+            rhs[i] -= a * step
+        if state[2] > 0:
+            for i in range(n):
+                rhs[i] = max(rhs[i], 0.0)
         rhs[r] = step
-        # row r and column s are written afresh, not corrected: no cancellation however large the pivot
-        for j in range(n + 1):
-            T[r, j] = 0.0
-            V[k, j] = row[j] / pivot
-        for p in range(k):
-            U[r, p] = 0.0
-            V[p, s] = 0.0
-        for i in range(n):
-            T[i, s] = 0.0
-            U[i, k] = col[i]
-        U[r, k] = -1.0
-        V[k, s] = 1.0 / pivot
-        k += 1
+        entered[r] = inverse
+        # the slot now has the leaving variable: its unit column after this pivot
+        col[r] = inverse
+        age[s] = k + 1
+        rows[k] = r
         leaving, entering = basic[r], nonbasic[s]
         basic[r], nonbasic[s] = entering, leaving
         where[entering], where[leaving] = -(r + 1), s
+        state[0] = k + 1
         state[2] += 1
         if leaving == 2 * n:
-            state[0] = k
             return COMPLEMENTARY
-        s = where[leaving + n if leaving < n else leaving - n]
+        state[1] = where[leaving + n if leaving < n else leaving - n]
+
+
+@njit(
+    "int64(float64[:,::1], float64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[:,::1],"
+    " int64, float64, float64)",
+    cache=True,
+    error_model="numpy",
+    nogil=True,
+)
+def _solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
+    """`lemke` in workspace: C (n+1, n), E (K, n), reals (2, n), numbers (7, max(2n+1, K))."""
+    n = q.size
+    p = 0.0
+    covered = True
+    for i in range(n):
+        z[i] = 0.0
+        p = max(p, abs(q[i]))
+        covered &= q[i] >= 0.0
+    if covered:
+        return COMPLEMENTARY
+    rhs, value = reals[0], reals[1]
+    # the largest of every column first: a loop that the compiler can turn into vector instructions
+    value[:] = 0.0
+    for i in range(n):
+        for j in range(n):
+            value[j] = max(value[j], abs(M[i, j]))
+    m = 0.0
+    for j in range(n):
+        m = max(m, value[j])
+    if m == 0.0:
+        m = 1.0
+    basic, nonbasic, where, age = numbers[0, :n], numbers[1, : n + 1], numbers[2], numbers[3, : n + 1]
+    rows, ties, state = numbers[4], numbers[5], numbers[6]
+    for i in range(n):
+        rhs[i] = q[i] / p
+        basic[i], where[i] = i, -(i + 1)
+        nonbasic[i], where[n + i] = n + i, i
+        age[i] = -1
+        C[n, i] = -1.0
+    nonbasic[n], where[2 * n], age[n] = 2 * n, n, 0
+    state[0], state[1], state[2], state[3] = 0, n, 0, first_row(M, q, ties)
+    while True:
+        outcome = advance(
+            M,
+            -1.0 / m,
+            C,
+            age,
+            E,
+            rows,
+            rhs,
+            basic,
+            nonbasic,
+            where,
+            state,
+            ties,
+            value,
+            E.shape[0],
+            max_pivots,
+            pivot_tolerance,
+            tie_tolerance,
+        )
+        if outcome != FULL:
+            break
+        for slot in range(n + 1):
+            _update(M, -1.0 / m, C, age, slot, E, rows, state[0])
+            age[slot] = 0
+        state[0] = 0
+    for i in range(n):
+        if n <= basic[i] < 2 * n:
+            z[basic[i] - n] = max(0.0, rhs[i]) * (p / m)
+    return state[2] * CODES + outcome
+
+
+@njit(
+    "int64(float64[:,::1], float64[::1], float64[::1], int64, float64, float64)",
+    cache=True,
+    error_model="numpy",
+    nogil=True,
+)
+def lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
+    """One LCP from its data to z of the basis it ends in, all by vector updates; scales by max|M| and max|q|.
+
+    Returns pivots * CODES + outcome. M : (n, n). q, z : (n,), z is written.
+    """
+    n = q.size
+    if n <= WHOLE:
+        T, reals = np.empty((n, n + 1)), np.empty((4, n + 1))
+        numbers = np.empty((4, 2 * n + 1), np.int64)
+        return whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
+    C, E, reals = np.empty((n + 1, n)), np.empty((n + SPARE, n)), np.empty((2, n))
+    numbers = np.empty((7, 2 * n + SPARE), np.int64)
+    return _solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
+
+
+@njit(
+    "void(float64[:,:,::1], float64[:,::1], float64[:,::1], int64[::1], int64, float64, float64)",
+    cache=True,
+    error_model="numpy",
+    nogil=True,
+)
+def lemke_batch(M, q, z, codes, max_pivots, pivot_tolerance, tie_tolerance):
+    """`lemke` on each of M (k, n, n), q (k, n): writes z (k, n) and codes (k,)."""
+    n = q.shape[1]
+    if n <= WHOLE:
+        T, reals = np.empty((n, n + 1)), np.empty((4, n + 1))
+        numbers = np.empty((4, 2 * n + 1), np.int64)
+        for i in range(q.shape[0]):
+            codes[i] = whole_tableau(M[i], q[i], z[i], T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
+        return
+    C, E, reals = np.empty((n + 1, n)), np.empty((n + SPARE, n)), np.empty((2, n))
+    numbers = np.empty((7, 2 * n + SPARE), np.int64)
+    for i in range(q.shape[0]):
+        codes[i] = _solve(M[i], q[i], z[i], C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
+
+
+@njit(
+    "void(float64[:,::1], float64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64)",
+    cache=True,
+    nogil=True,
+)
+def align(M, factor, C, age, slots, E, rows, block):
+    """Bring the columns of `slots` to the next multiple of `block` pivots, one after the other."""
+    for slot in slots:
+        _update(M, factor, C, age, slot, E, rows, (max(age[slot], 0) + block - 1) // block * block)
+
+
+@njit(
+    "void(float64[:,::1], int64, float64[:,::1], int64[::1], int64, float64[:,::1], float64[:,::1])",
+    cache=True,
+    error_model="numpy",
+    nogil=True,
+)
+def prepare(W, count, E, rows, begin, t, x):
+    """The factors t (count, K) of K pivots from `begin` on the first columns W, and their entries x in those rows.
+
+    The caller takes t E from W, and `restore` puts x where the pivots are: written afresh, without cancellation.
+    """
+    K = t.shape[1]
+    S = np.empty((K, K))
+    first = np.empty(K, np.int64)
+    for p in range(K):
+        # a row that is pivoted on twice has two places in x: the first is the one that counts
+        first[p] = p
+        for a in range(p):
+            if rows[begin + a] == rows[begin + p]:
+                first[p] = first[a]
+        for a in range(K):
+            S[p, a] = E[begin + p, rows[begin + a]]
+    for c in range(count):
+        for a in range(K):
+            x[c, a] = W[c, rows[begin + a]]
+        for p in range(K):
+            factor = x[c, first[p]] * S[p, p]
+            t[c, p] = factor
+            for a in range(K):
+                x[c, a] -= S[p, a] * factor
+            x[c, first[p]] = factor
+        for a in range(K):
+            x[c, a] = x[c, first[a]]
+
+
+@njit("void(float64[:,::1], int64, int64[::1], int64, float64[:,::1])", cache=True, nogil=True)
+def restore(W, count, rows, begin, x):
+    """W of the first columns in the rows of the pivots, as `prepare` has found them."""
+    for c in range(count):
+        for a in range(x.shape[1]):
+            W[c, rows[begin + a]] = x[c, a]
 
 
 READY = True

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from scipy.linalg import blas
 
+from cpbench.errors import ProblemError
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Dense, Vector, dense, max_abs
+from cpbench.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp_claims import ScaledLCP, conclude, dense_obstacle, error_of, refined, scale
 from cpbench.solvers.options import fixed, searched
 
-SMALL = 64
-"""Up to this size every pivot updates the tableau at once; beyond it BLOCK pivots are applied as one GEMM."""
+SMALL = 250
+"""Up to this size columns are updated by vectors alone; beyond it those that lack many pivots by matrix products."""
 BLOCK = 32
+"""Pivots that are applied to several columns as one matrix product."""
+FAR = 3
+"""Blocks of pivots that an entering column may lack and still be brought up to date alone."""
+LIKELY = 96
+"""Columns that are brought up to date together with one that lacks more."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +35,18 @@ class LemkeOptions:
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
     tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Answers to many LCPs: z (k, n), which runs ended in a complementary basis, and pivots (k,) of each.
+
+    Where `complementary` is false (a ray, too many pivots) z is that of the last basis and answers nothing.
+    """
+
+    z: np.ndarray[Any, Any]
+    complementary: np.ndarray[Any, Any]
+    pivots: np.ndarray[Any, Any]
 
 
 @register
@@ -86,63 +105,169 @@ class Lemke(Solver):
         return conclude(problem, z, budget, counters, error=error)
 
 
+def batch(
+    M: np.ndarray[Any, Any], q: np.ndarray[Any, Any], options: LemkeOptions | None = None, *, threads: int = 1
+) -> Batch:
+    """Solve many small LCPs of one size at once, without the overhead of a call for each.
+
+    Parameters
+    ----------
+    M : (k, n, n). q : (k, n). threads : over how many the k problems are spread.
+
+    Raises ProblemError where the shapes do not fit together. Data are not checked otherwise.
+    """
+    from cpbench.kernel_cache import load
+
+    kernel = load("cpbench.solvers.kernels.pivoting")
+    options = options or LemkeOptions()
+    M, q = (np.ascontiguousarray(a, dtype=float) for a in (M, q))
+    if q.ndim != 2 or M.shape != (*q.shape, q.shape[-1]):
+        raise ProblemError("batch", f"M must be (k, n, n) and q (k, n), got {M.shape} and {q.shape}")
+    k, n = q.shape
+    z, codes = np.zeros((k, n)), np.zeros(k, np.int64)
+    limit = options.max_pivots or _pivot_limit(n)
+
+    def part(begin: int, end: int) -> None:
+        cut = slice(begin, end)
+        kernel.lemke_batch(M[cut], q[cut], z[cut], codes[cut], limit, options.pivot_tolerance, options.tie_tolerance)
+
+    if threads > 1 and k > 1:
+        bounds = np.linspace(0, k, threads + 1).astype(int).tolist()
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(part, bounds[:-1], bounds[1:]))
+    else:
+        part(0, k)
+    return Batch(z=z, complementary=codes % kernel.CODES == kernel.COMPLEMENTARY, pivots=codes // kernel.CODES)
+
+
+def _pivot_limit(n: int) -> int:
+    return 50 * n + 1000
+
+
 def _pivot(prepared: ScaledLCP, budget: Budget, options: LemkeOptions) -> tuple[str, Vector, int]:
     """Outcome in words, z of the basis it ended in (unscaled), number of pivots."""
     from cpbench.kernel_cache import load
 
     kernel = load("cpbench.solvers.kernels.pivoting")
     n = prepared.q.size
-    block = 1 if n <= SMALL else BLOCK
-    T = np.empty((n, n + 1))
-    T[:, :n] = -prepared.M
-    T[:, n] = -1.0
-    rhs = prepared.q.copy()
-    basic = np.arange(n)
-    nonbasic = np.arange(n, 2 * n + 1)
-    where = np.concatenate([-1 - np.arange(n), np.arange(n + 1)])
-    U, V = np.zeros((n, block)), np.zeros((block, n + 1))
-    state = np.array([0, n, 0, _first_row(prepared.M, prepared.q)])
-    limit = budget.iterations or options.max_pivots or 50 * n + 1000
+    limit = budget.iterations or options.max_pivots or _pivot_limit(n)
+    words = {kernel.COMPLEMENTARY: "complementary", kernel.RAY: "ray", kernel.LIMIT: "pivot limit"}
+    if n <= SMALL:
+        z = np.empty(n)
+        code = kernel.lemke(prepared.M, prepared.q, z, limit, options.pivot_tolerance, options.tie_tolerance)
+        return words.get(code % kernel.CODES, "not finite"), z * prepared.z_unit, code // kernel.CODES
+    run = _Columns(kernel, prepared.M, prepared.q)
     deadline = time.monotonic() + budget.seconds
     while True:
-        status = kernel.advance(
-            T,
-            rhs,
-            basic,
-            nonbasic,
-            where,
-            U,
-            V,
-            state,
+        status = run.advance(limit, options)
+        if status == kernel.BEHIND:
+            run.bring_likely()
+        elif status == kernel.FULL:
+            run.forget_pivots()
+        else:
+            return words.get(status, "not finite"), run.z * prepared.z_unit, run.pivots
+        if time.monotonic() > deadline:
+            return "out of time", np.zeros(n), run.pivots
+
+
+class _Columns:
+    """The state of `pivoting.advance`, and what brings many columns up to date at once."""
+
+    def __init__(self, kernel: Any, M: Matrix, q: Vector, block: int = BLOCK, room: int = 0) -> None:
+        n = q.size
+        self._kernel, self._n, self._block = kernel, n, block
+        self._M = np.ascontiguousarray(M)
+        # kept pivots take as much memory as the columns, rounded up to whole blocks
+        room = -(-(room or n) // block) * block
+        self._C = np.empty((n + 1, n))
+        self._C[n] = -1.0
+        self._age = np.append(np.full(n, -1), 0)
+        self._E, self._rows = np.empty((room, n)), np.empty(room, np.int64)
+        self._rhs = q.copy()
+        self._basic, self._nonbasic = np.arange(n), np.arange(n, 2 * n + 1)
+        self._where = np.concatenate([-1 - np.arange(n), np.arange(n + 1)])
+        self._state = np.array([0, n, 0, kernel.first_row(self._M, q, np.empty(n, np.int64))])
+        self._workspace = np.empty(n, np.int64), np.empty(n)
+        self._seen = (q.copy(), 0.0)
+
+    @property
+    def pivots(self) -> int:
+        return int(self._state[2])
+
+    @property
+    def z(self) -> Vector:
+        z = np.zeros(self._n)
+        inside = (self._basic >= self._n) & (self._basic < 2 * self._n)
+        z[self._basic[inside] - self._n] = np.maximum(self._rhs[inside], 0.0)
+        return z
+
+    def advance(self, limit: int, options: LemkeOptions) -> int:
+        return self._kernel.advance(
+            self._M,
+            -1.0,
+            self._C,
+            self._age,
+            self._E,
+            self._rows,
+            self._rhs,
+            self._basic,
+            self._nonbasic,
+            self._where,
+            self._state,
+            *self._workspace,
+            FAR * self._block,
             limit,
             options.pivot_tolerance,
             options.tie_tolerance,
-            block == 1,
         )
-        if status != kernel.FLUSH:
-            break
-        # T -= U V in place; BLAS wants columns, so on the transposes
-        blas.dgemm(-1.0, V.T, U.T, 1.0, T.T, overwrite_c=True)
-        state[0] = 0
-        if time.monotonic() > deadline:
-            return "out of time", np.zeros(n), int(state[2])
-    z = np.zeros(n)
-    in_basis = (basic >= n) & (basic < 2 * n)
-    z[basic[in_basis] - n] = rhs[in_basis] * prepared.z_unit
-    words = {kernel.COMPLEMENTARY: "complementary", kernel.RAY: "ray", kernel.LIMIT: "pivot limit"}
-    return words.get(status, "not finite"), z, int(state[2])
 
+    def bring_likely(self) -> None:
+        """The entering column and those that will probably enter next, to the last whole block of pivots.
 
-def _first_row(M: Dense, q: Vector) -> int:
-    """Where q is least; among ties the r whose z_r, raised until w_r = 0, lifts the other w most (Σ_j M_jr/M_rr).
+        A variable that leaves makes its complement enter, and it leaves where it reaches zero. As z_0 falls, the
+        others move nearly on straight lines: seen from here and from the last time, they point at the next ones.
+        """
+        n, rhs = self._n, self._rhs
+        before, z0_before = self._seen
+        z0 = rhs[-1 - self._where[2 * n]]
+        self._seen = (rhs.copy(), z0)
+        slots = np.array([self._state[1]])
+        if z0 != z0_before:
+            slope = (before - rhs) / (z0_before - z0)
+            falls = slope > 0.0
+            with np.errstate(over="ignore"):
+                reaches_zero_at = np.where(falls, z0 - rhs / np.where(falls, slope, 1.0), -np.inf)
+            reaches_zero_at[-1 - self._where[2 * n]] = -np.inf
+            rows = np.argpartition(-reaches_zero_at, LIKELY)[:LIKELY] if n > LIKELY else np.arange(n)
+            basic = self._basic[rows]
+            basic = basic[basic < 2 * n]
+            others = self._where[np.where(basic < n, basic + n, basic - n)]
+            slots = np.union1d(slots, others[others >= 0])
+        self._bring(slots)
 
-    On the worst cases of Murty and Fathi every row ties, and the first or the last of them costs 2ⁿ pivots.
-    """
-    ties = np.flatnonzero(q == q.min())
-    if ties.size == 1:
-        return int(ties[0])
-    diagonal, lift = M[ties, ties], M[:, ties].sum(axis=0)
-    return int(ties[np.argmax(np.where(diagonal > 0, lift / np.where(diagonal > 0, diagonal, 1.0), lift))])
+    def forget_pivots(self) -> None:
+        """Bring every column up to date and begin a new list of pivots."""
+        self._bring(np.arange(self._n + 1))
+        self._state[0] = 0
+        self._age[:] = 0
+
+    def _bring(self, slots: np.ndarray[Any, Any]) -> None:
+        block, kernel, E, rows = self._block, self._kernel, self._E, self._rows
+        end = int(self._state[0]) // block * block
+        slots = slots[self._age[slots] < end]
+        kernel.align(self._M, -1.0, self._C, self._age, slots, E, rows, block)
+        slots = slots[np.argsort(self._age[slots], kind="stable")]
+        ages = self._age[slots]
+        W = self._C[slots]
+        t, x = np.empty((2, slots.size, block))
+        for begin in range(int(ages[0]), end, block):
+            count = int(np.searchsorted(ages, begin, side="right"))
+            kernel.prepare(W, count, E, rows, begin, t, x)
+            # W -= t E in place; BLAS wants columns, so on the transposes
+            blas.dgemm(-1.0, E[begin : begin + block].T, t[:count].T, 1.0, W[:count].T, overwrite_c=True)
+            kernel.restore(W, count, rows, begin, x)
+        self._C[slots] = W
+        self._age[slots] = end
 
 
 def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]) -> SolverOutput:
