@@ -169,16 +169,17 @@ class _Run:
         self.told.append(f"{done} {unit} to {self.error:.1e}")
         failed = int(not self.error <= GAINED * before)
         now = replace(self._standing, error=self.error)
+        # one that gains goes on; after a failure sweeps are tried anew, for they start from elsewhere
+        rate = math.nan if failed else self._standing.rate
         match method:
             case Method.SWEEPS:
                 self._standing = replace(now, rate=(self.error / before) ** (1.0 / max(done, 1)), sweep=cost)
             case Method.NEWTON:
-                # where sweeps are slow from is not where they were: they are tried again
                 failures = self._standing.newton_failures + failed
-                self._standing = replace(now, rate=math.nan, step=cost, newton_failures=failures)
+                self._standing = replace(now, rate=rate, step=cost, newton_failures=failures)
             case Method.ADMM:
                 failures = self._standing.admm_failures + failed
-                self._standing = replace(now, rate=math.nan, iteration=cost, admm_failures=failures)
+                self._standing = replace(now, rate=rate, iteration=cost, admm_failures=failures)
 
     def _sweep(self) -> int:
         r, before = self.best.copy(), self._sweeps.done
