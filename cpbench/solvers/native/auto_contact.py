@@ -163,7 +163,7 @@ class _Run:
                 done, unit = self._sweep(), "sweeps"
             case Method.NEWTON:
                 done, unit = self._newton_steps(), "Newton steps"
-            case Method.ADMM:
+            case _:
                 done, unit = self._admm(), "ADMM iterations"
         cost = (time.perf_counter() - began) / max(done, 1)
         self.told.append(f"{done} {unit} to {self.error:.1e}")
