@@ -28,7 +28,7 @@ BEHIND, FULL = 4, 5
 """Two more outcomes of `advance`: the entering column is far behind; there is no room for more pivots."""
 SPARE = 8
 """Room for pivots beyond n: most runs never fill it."""
-WHOLE = 24
+WHOLE = 16
 """Up to this size the whole tableau is updated at once: a column at a time would be more calls than arithmetic."""
 
 

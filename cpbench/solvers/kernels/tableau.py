@@ -128,13 +128,18 @@ def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_t
         z[i] = 0.0
         p = max(p, abs(q[i]))
         covered &= q[i] >= 0.0
-        for j in range(n):
-            m = max(m, abs(M[i, j]))
     if covered:
         return COMPLEMENTARY
+    rhs, col, row, column = reals[0, :n], reals[1, :n], reals[2], reals[3, :n]
+    # the largest of every column first: a loop that the compiler can turn into vector instructions
+    column[:] = 0.0
+    for i in range(n):
+        for j in range(n):
+            column[j] = max(column[j], abs(M[i, j]))
+    for j in range(n):
+        m = max(m, column[j])
     if m == 0.0:
         m = 1.0
-    rhs, col, row, column = reals[0, :n], reals[1, :n], reals[2], reals[3, :n]
     basic, nonbasic, where, ties = numbers[0, :n], numbers[1, : n + 1], numbers[2], numbers[3]
     factor = -1.0 / m
     for i in range(n):
