@@ -220,12 +220,13 @@ def test_a_folder_that_cannot_be_written(sealed: Path, tmp_path: Path) -> None:
 
 def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(sealed: Path) -> None:
     path = sealed / "r.sqlite"
-    if os.fork() == 0:
+    child = os.fork()
+    if child == 0:
         store = Store(path, create=True)
         store.plan(PLANNED)
         store.finish(PLANNED[0].key, ROW, b"answer")
         os.kill(os.getpid(), signal.SIGKILL)
-    os.wait()
+    os.waitpid(child, 0)
     assert (sealed / "r.sqlite-wal").stat().st_size > 0
     (sealed / "r.sqlite-shm").unlink()
     seal(sealed)

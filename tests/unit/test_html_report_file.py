@@ -79,6 +79,14 @@ def test_restricted_solvers_leave_no_trace(tmp_path: Path) -> None:
     assert "Left out" in path.read_text(encoding="utf-8")
 
 
+def test_the_page_opens_with_the_formulation_of_which_most_was_solved(tmp_path: Path) -> None:
+    """And not with that of most pairs, which may all be refused."""
+    refused = [row("a-1", f"s{k}", "unsupported", node="avi") for k in range(9)]
+    rows = table(*refused, row("b-1", "s0", "solved", 1.0, node="lcp"), row("c-1", "s0", "failed", node="mlcp"))
+    _, facts = data_of(write_html(rows, meta(), tmp_path, "t"))
+    assert facts["groups"][facts["first"]]["node"] == "lcp"
+
+
 def test_no_row_is_a_page_too(tmp_path: Path) -> None:
     text = write_html(table().iloc[:0], meta(), tmp_path, "t").read_text(encoding="utf-8")
     assert "No pair was planned" in text

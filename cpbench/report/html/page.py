@@ -13,6 +13,7 @@ from importlib import resources
 from pathlib import Path
 from string import Template
 
+from cpbench.analysis import table as rows_of
 from cpbench.errors import FormatError
 from cpbench.report.html import rankings, vega
 from cpbench.report.html.columns import columns_of
@@ -49,8 +50,8 @@ def page(run: Run, title: str) -> str:
         told["ranking"] = rankings.ranking(rows)
         told["bands"] = rankings.bands(rows) if facts["whole"] else None
         told["growth"] = rankings.growth(rows, symbols)
-    sizes = [told["count"] for told in facts["groups"]]
-    facts["first"] = sizes.index(max(sizes)) if sizes else 0
+    solved = [(int(rows_of.solved(rows).sum()), len(rows)) for _, rows in run.parts]
+    facts["first"] = solved.index(max(solved)) if solved else 0
     facts["warm"] = rankings.warm(run.rows)
     scripts = [vega.script(), *(_asset(name) for name in SCRIPTS)]
     inside, links = sections(run, title)
