@@ -13,6 +13,7 @@ For φ = min the third is the median of zᵢ − lbᵢ, zᵢ − ubᵢ and Fᵢ,
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
@@ -73,9 +74,9 @@ class MiCPtoEquation(Conversion):
     target: ClassVar[str] = "equation"
     kind: ClassVar[Kind] = Kind.EQUIVALENT
 
+    @abstractmethod
     def function(self, a: Any, b: Any) -> Any:
         """φ(a, b)."""
-        raise NotImplementedError
 
     def apply(self, problem: MiCP) -> tuple[Equation, Trace]:
         self.require(problem)

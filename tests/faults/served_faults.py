@@ -63,8 +63,8 @@ def solve(M: np.ndarray, q: np.ndarray) -> None:
         case "close":
             os.close(1)
             time.sleep(60.0)
-        case "twice":
-            reply(ok=True, claim="solved")
+        case "twice":  # not flushed: both lines are sent at once, none is late by chance
+            sys.stdout.write('{"ok": true, "claim": "solved"}\n')
         case "claim":
             return reply(ok=True, claim="splendid")
         case "error":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -45,9 +46,9 @@ class CasadiNLP(Solver):
     plugin: ClassVar[str]
     claims: ClassVar[Mapping[str, Claim]]
 
+    @abstractmethod
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
         """Of the guest."""
-        raise NotImplementedError
 
     def obstacle(self, problem: NLP) -> str | None:
         n = problem.start.size

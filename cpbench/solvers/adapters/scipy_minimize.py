@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -99,11 +100,11 @@ class ScipyMinimize(Solver):
         ended = Claim.MAX_ITER if done >= limit else (Claim.SOLVED if found.success else Claim.FAILED)
         return concluded(prepared, point, budget, ended, str(found.message), counters)
 
+    @abstractmethod
     def minimize(
         self, problem: NLP, first: Any, limit: int, tolerance: float, look: Callable[..., None]
     ) -> tuple[Any, NLPPoint]:
         """SciPy's result and the answer that it is; `look` is called at every iterate."""
-        raise NotImplementedError
 
 
 def _spec(name: str, summary: str, method: str, citation: str, traits: set[Trait]) -> SolverSpec:

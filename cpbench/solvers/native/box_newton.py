@@ -23,7 +23,7 @@ from cpbench.factorization import Factorization
 from cpbench.formulations.base import scaled
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.native.lcp_claims import CLOSE
 from cpbench.solvers.native.ncp_functions import Reformulation
 
@@ -107,13 +107,35 @@ class Method(ABC):
         """Go to the next iterate; False when there is none."""
 
 
+class BoxNewton(Solver):
+    """A solver of mixed complementarity problems by a `Method`; its options have `max_iterations` and `restarts`."""
+
+    @abstractmethod
+    def method(self, box: Box, options: Any, budget: Budget) -> Method:
+        """The method for one solve."""
+
+    def setup(self, problem: MiCP, budget: Budget, options: Any) -> MiCP:
+        _compile_map(problem)
+        return problem
+
+    def warmup(self) -> None:
+        self.run(_small_problem())
+
+    def solve(
+        self, prepared: MiCP, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+    ) -> SolverOutput:
+        method = self.method(Box(prepared), options, budget)
+        limit = budget.iterations or options.max_iterations
+        return _run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+
+
 @dataclass
 class _Best:
     z: Vector
     error: float = math.inf
 
 
-def run(
+def _run(
     method: Method, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
 ) -> SolverOutput:
     """Steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
@@ -186,14 +208,14 @@ def _drawn(box: Box, first: Vector, number: int, rng: np.random.Generator) -> tu
     return None
 
 
-def small_problem() -> MiCP:
+def _small_problem() -> MiCP:
     """exp(z) = 2, for a warm-up: it brings in what differentiates."""
     build = Builder(1)
     value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
     return MiCP(F=build.finish([value]), lb=np.zeros(1), ub=np.full(1, np.inf))
 
 
-def compile_map(problem: MiCP) -> None:
+def _compile_map(problem: MiCP) -> None:
     """Have F and F′ ready, so that it is timed as setup."""
     with np.errstate(all="ignore"):
         z: Any = problem.project(problem.start)

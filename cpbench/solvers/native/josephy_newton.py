@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from cpbench.cones import box_defect, project_box
 from cpbench.errors import UnknownName
-from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, norm
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
+from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.box_linear import NODES, BoxLinear
-from cpbench.solvers.native.box_newton import DENSE_LIMIT, Box, Method, compile_map, run, small_problem
+from cpbench.solvers.native.box_newton import DENSE_LIMIT, Box, BoxNewton, Method
 from cpbench.solvers.native.merit_search import At, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
@@ -42,7 +41,7 @@ class JosephyNewtonOptions:
 
 
 @register
-class JosephyNewton(Solver):
+class JosephyNewton(BoxNewton):
     """z⁺ solves −(F(z) + F′(z)(z⁺ − z)) ∈ N_[lb,ub](z⁺): quadratic convergence to strongly regular solutions.
 
     A step must lower the Fischer–Burmeister merit, nonmonotonely; where the linear problem has no solution or its
@@ -59,26 +58,13 @@ class JosephyNewton(Solver):
         options=JosephyNewtonOptions,
     )
 
-    def setup(self, problem: MiCP, budget: Budget, options: JosephyNewtonOptions) -> MiCP:
-        compile_map(problem)
-        return problem
+    def method(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> Method:
+        return _JosephyNewton(box, options, budget)
 
     def warmup(self) -> None:
-        self.run(small_problem())
+        super().warmup()
         for name in JosephyNewtonOptions().inner.split(SEPARATOR):
             solvers.get(name).warmup()
-
-    def solve(
-        self,
-        prepared: MiCP,
-        budget: Budget,
-        options: JosephyNewtonOptions,
-        start: Any | None = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        method = _JosephyNewton(Box(prepared), options, budget)
-        limit = budget.iterations or options.max_iterations
-        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
 
 
 def _inner(names: str) -> list[Solver]:

@@ -6,16 +6,15 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, identity, max_abs, norm
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
+from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.native.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.merit_search import ARMIJO, SHARES, Descent, damped, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.native.normal_path import PERTURBATIONS, cell_matrix, normal_point
@@ -37,7 +36,7 @@ class NormalMapOptions:
 
 
 @register
-class NormalMapNewton(Solver):
+class NormalMapNewton(BoxNewton):
     """F₊(x) = F(P(x)) + x − P(x) = 0, z = P(x): F is asked for within the bounds only.
 
     The direction is that of the piece which x is in; its steps must lower ½‖F₊‖², nonmonotonely. F₊ has kinks, so
@@ -54,24 +53,8 @@ class NormalMapNewton(Solver):
         options=NormalMapOptions,
     )
 
-    def setup(self, problem: MiCP, budget: Budget, options: NormalMapOptions) -> MiCP:
-        compile_map(problem)
-        return problem
-
-    def warmup(self) -> None:
-        self.run(small_problem())
-
-    def solve(
-        self,
-        prepared: MiCP,
-        budget: Budget,
-        options: NormalMapOptions,
-        start: Any | None = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        method = _NormalMap(Box(prepared), options)
-        limit = budget.iterations or options.max_iterations
-        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+    def method(self, box: Box, options: NormalMapOptions, budget: Budget) -> Method:
+        return _NormalMap(box, options)
 
 
 class _NormalMap(Method):

@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.cones import project_box
-from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Matrix, Vector, norm
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
+from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.native.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.lcp_claims import principal
 from cpbench.solvers.native.merit_search import ACCEPT, At, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
@@ -45,7 +44,7 @@ class PathSearchOptions:
 
 
 @register
-class PathSearch(Solver):
+class PathSearch(BoxNewton):
     """Stabilized Newton on the normal map. All points are within the bounds; the merit is Fischer and Burmeister's.
 
     The end of a path is taken unseen a few times (the watchdog); if the merit has not fallen by then, the path from
@@ -64,24 +63,8 @@ class PathSearch(Solver):
         options=PathSearchOptions,
     )
 
-    def setup(self, problem: MiCP, budget: Budget, options: PathSearchOptions) -> MiCP:
-        compile_map(problem)
-        return problem
-
-    def warmup(self) -> None:
-        self.run(small_problem())
-
-    def solve(
-        self,
-        prepared: MiCP,
-        budget: Budget,
-        options: PathSearchOptions,
-        start: Any | None = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        method = _PathSearch(Box(prepared), options, time.monotonic() + budget.seconds)
-        limit = budget.iterations or options.max_iterations
-        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+    def method(self, box: Box, options: PathSearchOptions, budget: Budget) -> Method:
+        return _PathSearch(box, options, time.monotonic() + budget.seconds)
 
 
 class _PathSearch(Method):

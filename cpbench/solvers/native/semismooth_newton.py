@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Vector, norm
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
+from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.native.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.merit_search import At, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import (
     NCPFunction,
@@ -36,7 +35,7 @@ class SemismoothOptions:
     restarts: int = fixed(20)
 
 
-class SemismoothNewton(Solver):
+class SemismoothNewton(BoxNewton):
     """Newton with V = diag(α) + diag(β) F′(z), α and β by hand; Levenberg–Marquardt where V is nearly singular, the
     gradient of the merit where that fails too."""
 
@@ -44,24 +43,8 @@ class SemismoothNewton(Solver):
     merit: ClassVar[NCPFunction]
     """Another function where ½‖Φ‖² of the first has kinks."""
 
-    def setup(self, problem: MiCP, budget: Budget, options: SemismoothOptions) -> MiCP:
-        compile_map(problem)
-        return problem
-
-    def warmup(self) -> None:
-        self.run(small_problem())
-
-    def solve(
-        self,
-        prepared: MiCP,
-        budget: Budget,
-        options: SemismoothOptions,
-        start: Any | None = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        method = _Semismooth(Box(prepared), type(self).psi, type(self).merit, options)
-        limit = budget.iterations or options.max_iterations
-        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+    def method(self, box: Box, options: SemismoothOptions, budget: Budget) -> Method:
+        return _Semismooth(box, type(self).psi, type(self).merit, options)
 
 
 class _Semismooth(Method):

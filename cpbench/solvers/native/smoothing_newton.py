@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.micp import MiCP
 from cpbench.matrices import Vector, norm
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.box_newton import Box, Method, compile_map, run, small_problem
+from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.native.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.merit_search import ARMIJO, At, Descent, fall_back
 from cpbench.solvers.native.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
@@ -34,7 +33,7 @@ class SmoothingOptions:
 
 
 @register
-class SmoothingNewton(Solver):
+class SmoothingNewton(BoxNewton):
     """H(μ, z) = (μ, Φ_μ(z)), Φ_μ of ψ_μ(a, b) = a + b − √(a² + b² + 2μ²): smooth for μ > 0.
 
     Each step solves H′(μ, z) Δ = −H + β (μ⁰, 0) with β = γ min(1, ‖H‖²), so that μ stays positive and goes to zero
@@ -52,24 +51,8 @@ class SmoothingNewton(Solver):
         options=SmoothingOptions,
     )
 
-    def setup(self, problem: MiCP, budget: Budget, options: SmoothingOptions) -> MiCP:
-        compile_map(problem)
-        return problem
-
-    def warmup(self) -> None:
-        self.run(small_problem())
-
-    def solve(
-        self,
-        prepared: MiCP,
-        budget: Budget,
-        options: SmoothingOptions,
-        start: Any | None = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        method = _Smoothing(Box(prepared), options)
-        limit = budget.iterations or options.max_iterations
-        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+    def method(self, box: Box, options: SmoothingOptions, budget: Budget) -> Method:
+        return _Smoothing(box, options)
 
 
 class _Smoothing(Method):
