@@ -1,0 +1,191 @@
+"""Automatic choice: solvers of one node asked in an order that facts of the problem decide, until one solves it."""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+from cpbench.formulations.base import Problem
+from cpbench.solvers.base import (
+    Budget,
+    Claim,
+    NoOptions,
+    Record,
+    Solver,
+    SolverOutput,
+    SolverSpec,
+    Trait,
+    solvers,
+)
+
+TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
+WORTH = 1.0
+"""A scaled error is about 1 at zero: an answer beyond that is no start for the next solver."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """`solver` : a registered one of the node. `iterations` : the most that it may make, None for its own limit.
+    `options` : those that differ from its own."""
+
+    solver: str
+    iterations: int | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What `setup` hands to `solve`."""
+
+    problem: Problem
+    phases: tuple[Phase, ...]
+
+
+class AutomaticChoice(Solver):
+    """Ends with the first solver that solves the problem, or proves that nothing does; the message tells of all.
+
+    A start that is a solution already is the answer. The next solver starts from the best answer so far, where it
+    takes a start and the answer is better than nothing.
+    """
+
+    members: ClassVar[tuple[str, ...]]
+    """Every solver that `phases` may name."""
+
+    @abstractmethod
+    def phases(self, problem: Any) -> Sequence[Phase]:
+        """Who is asked, in this order; from facts that cost less than solving. Pure: the same for the same problem."""
+
+    def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
+        return Plan(problem, tuple(self.phases(problem)))
+
+    def warmup(self) -> None:
+        for name in self.members:
+            solvers.get(name).warmup()
+
+    def solve(
+        self,
+        prepared: Plan,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        run = _Run(prepared.problem, budget, start, record)
+        for phase in prepared.phases:
+            if run.over:
+                break
+            run.ask(phase)
+        return run.concluded()
+
+
+def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
+    """The spec of a node's automatic choice."""
+    return SolverSpec(
+        name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
+    )
+
+
+class _Run:
+    """What the phases have come to."""
+
+    def __init__(self, problem: Problem, budget: Budget, start: Any | None, record: Record | None) -> None:
+        self._problem, self._budget, self._record = problem, budget, record
+        self._deadline = time.monotonic() + budget.seconds
+        self._best, self._error = start, math.inf if start is None else self._measured(start)
+        self._iterations = self._recorded = 0
+        self._told: list[str] = []
+        self._counters: dict[str, int] = {"iterations": 0, "solvers": 0}
+        self._ended: SolverOutput | None = None
+        self._last = Claim.FAILED
+        if record is not None:
+            record(0, self._error if start is not None else math.nan, self._first)
+        if self._error <= budget.tolerance:
+            self._ended = SolverOutput(claim=Claim.SOLVED, point=start, message="the start is a solution")
+
+    @property
+    def over(self) -> bool:
+        """Whether there is nothing left to find, or to find it with."""
+        budget = self._budget
+        spent = budget.iterations is not None and self._iterations >= budget.iterations
+        return self._ended is not None or spent or time.monotonic() > self._deadline
+
+    def ask(self, phase: Phase) -> None:
+        """One solver, as far as its phase and the budget allow."""
+        solver = solvers.get(phase.solver)
+        if (why := solver.obstacle(self._problem)) is not None:
+            self._told.append(f"{phase.solver}: {why}")
+            return
+        takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
+        output = solver.run(
+            self._problem,
+            self._share(phase),
+            solver.spec.options(**phase.options),
+            self._best if takes else None,
+            self._recorder(),
+        )
+        self._count(output)
+        if output.claim is Claim.SOLVED and output.point is not None:
+            self._told.append(f"{phase.solver}: solved")
+            self._end(output, recorded=Trait.HISTORY in solver.spec.traits)
+        elif output.certificate is not None:
+            self._told.append(f"{phase.solver}: {output.claim}, proved")
+            self._ended = output
+        else:
+            self._keep(phase.solver, output)
+
+    def concluded(self) -> SolverOutput:
+        """The answer that solves it, the proof that none does, or the best that was found."""
+        if self._ended is not None:
+            told = [self._ended.message] if not self._told else self._told
+            return replace(self._ended, counters=self._counters, message="; ".join(told))
+        told = "; ".join([*self._told, f"best error {self._error:.1e}"])
+        return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=told)
+
+    def _share(self, phase: Phase) -> Budget:
+        budget, most = self._budget, phase.iterations
+        if budget.iterations is not None:
+            left = budget.iterations - self._iterations
+            most = left if most is None else min(most, left)
+        return replace(budget, iterations=most, seconds=max(self._deadline - time.monotonic(), 0.0))
+
+    def _count(self, output: SolverOutput) -> None:
+        self._iterations += max(output.counters.get("iterations", 1), 1)
+        for name, value in {**output.counters, "solvers": 1}.items():
+            self._counters[name] = self._counters.get(name, 0) + value
+
+    def _keep(self, name: str, output: SolverOutput) -> None:
+        self._last = output.claim if output.claim is not Claim.SOLVED else Claim.FAILED
+        error = math.inf if output.point is None else self._measured(output.point)
+        self._told.append(f"{name}: {output.message or output.claim}")
+        if error <= self._budget.tolerance:
+            self._end(replace(output, claim=Claim.SOLVED), recorded=False)
+        elif error < self._error:
+            self._best, self._error = output.point, error
+
+    def _end(self, output: SolverOutput, *, recorded: bool) -> None:
+        self._ended = output
+        if self._record is not None and not recorded:
+            self._record(self._recorded + 1, self._measured(output.point), lambda: output.point)
+
+    def _recorder(self) -> Record | None:
+        """Passes iterates on with numbers that go on rising from solver to solver; a start is told of once."""
+        record, base = self._record, self._recorded
+        if record is None:
+            return None
+
+        def passing(iteration: int, error: float, point: Callable[[], Any]) -> None:
+            if base + iteration > self._recorded:
+                self._recorded = base + iteration
+                record(self._recorded, error, point)
+
+        return passing
+
+    def _first(self) -> Any:
+        return self._problem.zero_point() if self._best is None else self._best
+
+    def _measured(self, point: Any) -> float:
+        return self._problem.residuals(point, self._budget.tolerance).error
