@@ -96,14 +96,14 @@ class _Run:
         self._problem, self._budget, self._record = problem, budget, record
         self._deadline = time.monotonic() + budget.seconds
         self._best, self._error = start, math.inf if start is None else self._measured(start)
-        self._iterations = self._recorded = 0
+        self._iterations, self._recorded = 0, -1
         self._told: list[str] = []
         self._counters: dict[str, int] = {"iterations": 0, "solvers": 0}
         self._ended: SolverOutput | None = None
         self._last = Claim.FAILED
-        if record is not None:
-            record(0, self._error if start is not None else math.nan, self._first)
         if self._error <= budget.tolerance:
+            if record is not None:
+                record(0, self._error, lambda: start)
             self._ended = SolverOutput(claim=Claim.SOLVED, point=start, message="the start is a solution")
 
     @property
@@ -169,11 +169,13 @@ class _Run:
     def _end(self, output: SolverOutput, *, recorded: bool) -> None:
         self._ended = output
         if self._record is not None and not recorded:
-            self._record(self._recorded + 1, self._measured(output.point), lambda: output.point)
+            if self._recorded < 0:
+                self._record(0, math.nan, self._problem.zero_point)
+            self._record(max(self._recorded, 0) + 1, self._measured(output.point), lambda: output.point)
 
     def _recorder(self) -> Record | None:
         """Passes iterates on with numbers that go on rising from solver to solver; a start is told of once."""
-        record, base = self._record, self._recorded
+        record, base = self._record, max(self._recorded, 0)
         if record is None:
             return None
 
@@ -183,9 +185,6 @@ class _Run:
                 record(self._recorded, error, point)
 
         return passing
-
-    def _first(self) -> Any:
-        return self._problem.zero_point() if self._best is None else self._best
 
     def _measured(self, point: Any) -> float:
         return self._problem.residuals(point, self._budget.tolerance).error

@@ -1,0 +1,45 @@
+"""Automatic choices of the nonlinear nodes: Newton's methods first, those that only need F after them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from cpbench.solvers.base import SolverSpec, register
+from cpbench.solvers.native.automatic import AutomaticChoice, Phase, automatic_spec
+
+
+class InOrder(AutomaticChoice):
+    """The same order for every problem: what a map is like is not known before it is followed."""
+
+    def phases(self, problem: Any) -> Sequence[Phase]:
+        return [Phase(name) for name in self.members]
+
+
+@register
+class AutoMiCP(InOrder):
+    """Josephy–Newton with a path search, the normal map, the Fischer–Burmeister equation, its smoothing.
+
+    Where the first stops at a point that is none, the next one's merit function has its stationary points elsewhere.
+    """
+
+    spec: ClassVar[SolverSpec] = automatic_spec(
+        "micp", "auto-micp", "Newton's methods on boxes, the next where one has stopped"
+    )
+    members = ("path-search", "normal-map-newton", "semismooth-newton-fb", "smoothing-newton", "josephy-newton")
+
+
+@register
+class AutoVI(InOrder):
+    """Newton's method; then methods that need monotonicity, or less than that, and no derivative."""
+
+    spec: ClassVar[SolverSpec] = automatic_spec("vi", "auto-vi", "Newton's method, then projections")
+    members = ("vi-newton", "vi-extragradient", "vi-solodov-svaiter")
+
+
+@register
+class AutoQVI(InOrder):
+    """Newton's method, then projections on the moving set."""
+
+    spec: ClassVar[SolverSpec] = automatic_spec("qvi", "auto-qvi", "Newton's method, then projections")
+    members = ("qvi-newton", "qvi-projection")
