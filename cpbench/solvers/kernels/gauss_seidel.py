@@ -242,8 +242,12 @@ def _due(state, until, change, tolerance, pace):
 
 
 @njit(error_model="numpy")
-def _checked(state, error, change, tolerance, pace, log_iteration, log_error):
-    """Log the error, and set the next check: where the last two foretell the tolerance, a quarter ahead at most."""
+def _checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best):
+    """Log the error, keep the best r, and set the next check: where the last two foretell the tolerance, a quarter
+    ahead at most."""
+    if error < least[0]:
+        least[0] = error
+        best[:] = r
     it = state[ITERATION]
     logged = state[LOGGED]
     step = max(it // 4, min(it, 4), 1)
@@ -277,6 +281,8 @@ _ARGUMENTS = (
     VECTOR,
     int64[::1],
     VECTOR,
+    VECTOR,
+    VECTOR,
 )
 
 
@@ -301,6 +307,8 @@ def sweeps_3d(
     pace,
     log_iteration,
     log_error,
+    least,
+    best,
 ):
     """Sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
 
@@ -309,7 +317,7 @@ def sweeps_3d(
     start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, 9).
     local : (nc, 12), see the names of its columns. lam : (nc,) last λ. order : (nc,) contacts in sweep order.
     pace : (1,) the square of the error over that of the change, from the last evaluation. log_iteration, log_error :
-    the errors that were evaluated; `state` tells how many.
+    the errors that were evaluated; `state` tells how many. least, best : (1,) the least of them so far, and its r.
     """
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
@@ -335,7 +343,7 @@ def sweeps_3d(
         state[ITERATION] += 1
         if _due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 3)
-            _checked(state, error, change, tolerance, pace, log_iteration, log_error)
+            _checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
             if error <= tolerance:
                 return CONVERGED
             if not np.isfinite(error):
@@ -364,6 +372,8 @@ def sweeps_2d(
     pace,
     log_iteration,
     log_error,
+    least,
+    best,
 ):
     """As `sweeps_3d`, 4 numbers a block; the local problem needs nothing but `diagonal`."""
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
@@ -386,7 +396,7 @@ def sweeps_2d(
         state[ITERATION] += 1
         if _due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 2)
-            _checked(state, error, change, tolerance, pace, log_iteration, log_error)
+            _checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
             if error <= tolerance:
                 return CONVERGED
             if not np.isfinite(error):

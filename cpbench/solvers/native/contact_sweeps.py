@@ -63,6 +63,7 @@ class Sweeps:
         self._lam, self._order = np.zeros(problem.nc), np.arange(problem.nc)
         self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
         self._pace = np.full(1, np.inf)
+        self._least, self._best = np.zeros(1), np.zeros(problem.q.size)  # no error is below 0: nothing is kept
         self.done = self.evaluations = 0
 
     def sweep(self, r: Vector, count: int, tolerance: float) -> float:
@@ -71,8 +72,9 @@ class Sweeps:
         state = np.array([0, count, 0, 0])
         matrix = (rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
         law = (problem.q, problem.mu, problem.rho)
+        kept = (self._least, self._best)
         self._sweeps(
-            *matrix, *law, r, self._lam, self._order, 1.0, False, tolerance, count, state, self._pace, *self._log
+            *matrix, *law, r, self._lam, self._order, 1.0, False, tolerance, count, state, self._pace, *self._log, *kept
         )
         self.done += int(state[0])
         self.evaluations += int(state[2])

@@ -77,6 +77,7 @@ class NSGS(Solver):
         call = max(50, BLOCKS_A_CALL // (prepared.column.size + 10 * problem.nc))
         lam, order = np.zeros(problem.nc), np.arange(problem.nc)
         state, pace = np.array([0, 1, 0, budget.seed]), np.full(1, np.inf)
+        best = r.copy()
         log_iteration, log_error = np.zeros(LOG, np.int64), np.zeros(LOG)
         matrix = (prepared.start, prepared.column, prepared.blocks, prepared.diagonal)
         law = (problem.q, problem.mu, problem.rho)
@@ -85,6 +86,7 @@ class NSGS(Solver):
         evaluations = 1
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         error = prepared.judged(r)
+        least = np.full(1, error if np.isfinite(error) else np.inf)
         if record is not None:
             record(0, error, lambda: FCPoint(r))
         while not error <= budget.tolerance and state[0] < limit:
@@ -106,6 +108,8 @@ class NSGS(Solver):
                     state,
                     pace,
                     *log,
+                    least,
+                    best,
                 )
                 if record is not None:
                     record(int(state[0]), float(log_error[room - 1]), lambda: FCPoint(r))
@@ -130,4 +134,4 @@ class NSGS(Solver):
             "projections": done * problem.nc,
             "matrix_vector_products": evaluations,
         }
-        return conclude(problem, r, error, budget, claim, message, counters)
+        return conclude(problem, best, float(least[0]), budget, claim, message, counters)
