@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Generator
@@ -20,6 +21,8 @@ from types import ModuleType
 
 VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parent
+_TAKEN = re.compile(r"^from (cpbench\.\w+\.kernels\.\w+) import", re.MULTILINE)
+"""How a kernel module takes functions from another one."""
 
 
 @cache
@@ -56,7 +59,37 @@ def load(module: str) -> ModuleType:
     directory = ensure_cache_dir()
     importlib.import_module("numba")  # slow, and needs no lock
     with _one_at_a_time(directory / "cpbench-kernels.lock"):
+        _drop_stale(module, directory)
         return importlib.import_module(module)
+
+
+def _drop_stale(module: str, directory: Path) -> None:
+    """Remove what was compiled of `module` when a kernel module from which it takes functions is not what it was.
+
+    numba looks at the module's own file only: without this, code compiled from an older one would go on running.
+    """
+    own, *taken = _sources(module)
+    if not taken:
+        return
+    now = "\n".join(f"{path.name} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in taken)
+    stamp = directory / f"{module}.taken"
+    with contextlib.suppress(OSError):  # a cache that cannot be written is not ours to mend
+        if not stamp.is_file() or stamp.read_text() != now:
+            for place in {own.parent / "__pycache__", directory}:
+                for index in place.rglob(f"{own.stem}.*.nbi"):
+                    index.unlink()
+            stamp.write_text(now)
+
+
+def _sources(module: str) -> list[Path]:
+    """The file of a kernel module, and of those that it takes functions from."""
+    found: list[Path] = []
+    names = [module]
+    for name in names:
+        path = _PACKAGE.joinpath(*name.split(".")[1:]).with_suffix(".py")
+        found.append(path)
+        names += [other for other in _TAKEN.findall(path.read_text("utf-8")) if other not in names]
+    return found
 
 
 def _writable(directory: Path) -> bool:

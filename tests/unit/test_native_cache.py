@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -82,6 +83,27 @@ def test_processes_that_start_at_once_share_one_compilation(tmp_path: Path) -> N
     compiled = [p.name for p in tmp_path.rglob("*.nbc")]
     assert len(compiled) == len({name.rsplit(".", 2)[0] for name in compiled})
     assert len(compiled) == 3  # the judge, dense and sparse sweeps
+
+
+def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_changed(tmp_path: Path) -> None:
+    """numba looks at the file of the kernel alone, and would go on with what it compiled of the other as it was."""
+    package = tmp_path / "cpbench"
+    shutil.copytree(cache._PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    inner, outer = (package / "solvers" / "kernels" / f"{name}.py" for name in ("inner", "outer"))
+    decorated = (
+        "import numba\n{}\n@numba.njit('float64(float64)', cache=True)\ndef {}(x):\n    return {}\nREADY = True\n"
+    )
+    outer.write_text(decorated.format("from cpbench.solvers.kernels.inner import half", "twice", "half(4.0 * x)"))
+    found = []
+    for share in ("0.5", "0.25"):
+        inner.write_text(decorated.format("", "half", f"{share} * x"))
+        code = "from cpbench.kernel_cache import load; print(load('cpbench.solvers.kernels.outer').twice(1.0))"
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path), cache.VARIABLE: ""}
+        command = [sys.executable, "-c", code]
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found.append(float(done.stdout))
+    assert found == [2.0, 1.0]
 
 
 @pytest.mark.parametrize("name", NATIVE)
