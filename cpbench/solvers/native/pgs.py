@@ -1,4 +1,4 @@
-"""Projected Gauss–Seidel and projected SOR on an LCP: z_i ← max(0, z_i - ω w_i/M_ii), one component after the other."""
+"""Projected Gauss–Seidel, SOR and symmetric SOR on an LCP: z_i ← max(0, z_i - ω w_i/M_ii), one after the other."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp_claims import conclude, dense_obstacle, error_of
+from cpbench.solvers.native.lcp_claims import conclude, dense_obstacle
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
 
 CHUNK = 256
-"""The most sweeps between two looks at the clock and the history; w is recomputed as often."""
+"""The most sweeps with one w, and without a look at the progress."""
+FEW = 16
+"""Sweeps before the first look at the clock; later there is one whenever their number has doubled."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,10 @@ class Columns:
 
 
 class _Splitting(Solver):
-    """What the two registered methods share; they differ by their ω."""
+    """What the registered methods share; they differ by their ω and by the order of their sweeps."""
+
+    symmetric: ClassVar[bool] = False
+    """Whether sweeps go forth and back."""
 
     def obstacle(self, problem: LCP) -> str | None:
         if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
@@ -87,40 +92,41 @@ class _Splitting(Solver):
         kernel = load("cpbench.solvers.kernels.splitting")
         problem, q = prepared.problem, prepared.problem.q
         omega = options.omega if isinstance(options, PSOROptions) else 1.0
-        z = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0)
+        if prepared.start is None:
+            sweep, afresh, matrix = kernel.sweeps_dense, kernel.afresh_dense, (prepared.values,)
+        else:
+            sweep, afresh = kernel.sweeps_sparse, kernel.afresh_sparse
+            matrix = (prepared.start, prepared.rows, prepared.values)
+        z, w = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0), np.empty(q.size)
         limit = budget.iterations or options.max_iterations
         deadline = time.monotonic() + budget.seconds
         progress = Progress(options.stall_window)
-        sweeps, products, chunk = 0, 1, 4
-        error = error_of(problem, z)
+        sweeps, products = 0, 1
+        error = afresh(*matrix, q, z, problem.z_unit, w)
         if record is not None:
             record(0, error, lambda: LCPPoint(z))
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
-        while error > budget.tolerance and sweeps < limit:
-            w = problem.M @ z + q
-            until = min(limit, sweeps + chunk)
-            while sweeps < until and error > budget.tolerance:
-                errors = np.empty(next_stop(sweeps, until, record) - sweeps)
-                rest = (prepared.diagonal, q, z, w, problem.z_unit, omega, budget.tolerance, errors)
-                if prepared.start is None:
-                    done = kernel.sweeps_dense(prepared.values, *rest)
-                else:
-                    done = kernel.sweeps_sparse(prepared.start, prepared.rows, prepared.values, *rest)
+        while not error <= budget.tolerance and sweeps < limit:
+            until = min(limit, sweeps + CHUNK)
+            while sweeps < until and error > budget.tolerance and time.monotonic() <= deadline:
+                errors = np.empty(next_stop(sweeps, min(until, 2 * sweeps + FEW), record) - sweeps)
+                state = (prepared.diagonal, q, z, w, problem.z_unit)
+                done = sweep(*matrix, *state, omega, self.symmetric, budget.tolerance, errors)
                 sweeps, error = sweeps + done, float(errors[done - 1])
                 if record is not None:
                     record(sweeps, error, lambda: LCPPoint(z))
-            products, chunk = products + 1, min(2 * chunk, CHUNK)
             why = progress.trouble(sweeps, error)
-            if why is None and time.monotonic() > deadline:
+            if why is None and sweeps < until and error > budget.tolerance:
                 why = f"out of time after {sweeps} sweeps"
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
-            if error <= budget.tolerance:
-                error, products = error_of(problem, z), products + 1
-        counters = {"iterations": sweeps, "matrix_vector_products": products, "projections": sweeps * q.size}
-        return conclude(problem, z, budget, counters, otherwise=claim, message=message)
+            error, products = afresh(*matrix, q, z, problem.z_unit, w), products + 1
+        passes = 2 * sweeps if self.symmetric else sweeps
+        counters = {"iterations": sweeps, "matrix_vector_products": products, "projections": passes * q.size}
+        known = error if claim is Claim.MAX_ITER else None
+        return conclude(problem, z, budget, counters, error=known, otherwise=claim, message=message)
 
 
 _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
@@ -151,6 +157,22 @@ class PSOR(_Splitting):
         summary="projected successive over-relaxation",
         method="splitting",
         citation="Cryer 1971; Mangasarian 1977",
+        traits=_TRAITS,
+        options=PSOROptions,
+    )
+
+
+@register
+class SSOR(_Splitting):
+    """Every sweep goes forth and back, so that the order of the unknowns matters less."""
+
+    symmetric = True
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="ssor",
+        node="lcp",
+        summary="projected symmetric successive over-relaxation",
+        method="splitting",
+        citation="Mangasarian 1977, J. Optim. Theory Appl. 22:465; Cottle, Pang and Stone 1992, section 5.2",
         traits=_TRAITS,
         options=PSOROptions,
     )
