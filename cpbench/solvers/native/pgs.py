@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -47,27 +49,25 @@ class Columns:
     start: np.ndarray[Any, np.dtype[np.int64]] | None = None
     rows: np.ndarray[Any, np.dtype[np.int64]] | None = None
 
+    @property
+    def matrix(self) -> tuple[Any, ...]:
+        """As the kernels take it."""
+        return (self.values,) if self.start is None else (self.start, self.rows, self.values)
 
-class _Splitting(Solver):
-    """What the registered methods share; they differ by their ω and by the order of their sweeps."""
 
-    symmetric: ClassVar[bool] = False
-    """Whether sweeps go forth and back."""
+Sweeps: TypeAlias = Callable[[Vector, Vector, float, Vector], int]
+"""(z, w, tolerance, errors) -> sweeps done: one for every number in `errors` unless the tolerance is met before; z, w
+and the errors are written."""
 
-    def obstacle(self, problem: LCP) -> str | None:
-        if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
-            return why
-        diagonal = problem.M.diagonal()
-        bad = np.flatnonzero(~(diagonal > 0))
-        if bad.size == 0:
-            return None
-        i = int(bad[0])
-        return (
-            f"needs a positive diagonal, M[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size}): "
-            "use lemke or newton-min"
-        )
 
-    def setup(self, problem: LCP, budget: Budget, options: PGSOptions) -> Columns:
+class Splitting(Solver):
+    """What the registered methods share: they differ by their sweeps."""
+
+    @abstractmethod
+    def sweeps(self, prepared: Columns, options: Any) -> Sweeps:
+        """The compiled sweeps on one problem."""
+
+    def setup(self, problem: LCP, budget: Budget, options: Any) -> Columns:
         diagonal = np.array(problem.M.diagonal())
         if sp.issparse(problem.M):
             csc = sp.csc_array(problem.M)
@@ -91,18 +91,14 @@ class _Splitting(Solver):
 
         kernel = load("cpbench.solvers.kernels.splitting")
         problem, q = prepared.problem, prepared.problem.q
-        omega = options.omega if isinstance(options, PSOROptions) else 1.0
-        if prepared.start is None:
-            sweep, afresh, matrix = kernel.sweeps_dense, kernel.afresh_dense, (prepared.values,)
-        else:
-            sweep, afresh = kernel.sweeps_sparse, kernel.afresh_sparse
-            matrix = (prepared.start, prepared.rows, prepared.values)
+        afresh = kernel.afresh_dense if prepared.start is None else kernel.afresh_sparse
+        sweep = self.sweeps(prepared, options)
         z, w = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0), np.empty(q.size)
         limit = budget.iterations or options.max_iterations
         deadline = time.monotonic() + budget.seconds
         progress = Progress(options.stall_window)
         sweeps, products = 0, 1
-        error = afresh(*matrix, q, z, problem.z_unit, w)
+        error = afresh(*prepared.matrix, q, z, problem.z_unit, w)
         if record is not None:
             record(0, error, lambda: LCPPoint(z))
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
@@ -111,8 +107,7 @@ class _Splitting(Solver):
             until = min(limit, sweeps + CHUNK)
             while sweeps < until and error > budget.tolerance and time.monotonic() <= deadline:
                 errors = np.empty(next_stop(sweeps, min(until, 2 * sweeps + FEW), record) - sweeps)
-                state = (prepared.diagonal, q, z, w, problem.z_unit)
-                done = sweep(*matrix, *state, omega, self.symmetric, budget.tolerance, errors)
+                done = sweep(z, w, budget.tolerance, errors)
                 sweeps, error = sweeps + done, float(errors[done - 1])
                 if record is not None:
                     record(sweeps, error, lambda: LCPPoint(z))
@@ -122,9 +117,8 @@ class _Splitting(Solver):
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
-            error, products = afresh(*matrix, q, z, problem.z_unit, w), products + 1
-        passes = 2 * sweeps if self.symmetric else sweeps
-        counters = {"iterations": sweeps, "matrix_vector_products": products, "projections": passes * q.size}
+            error, products = afresh(*prepared.matrix, q, z, problem.z_unit, w), products + 1
+        counters = {"iterations": sweeps, "matrix_vector_products": products}
         known = error if claim is Claim.MAX_ITER else None
         return conclude(problem, z, budget, counters, error=known, otherwise=claim, message=message)
 
@@ -132,8 +126,38 @@ class _Splitting(Solver):
 _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 
+class _Pointwise(Splitting):
+    """One component after the other."""
+
+    symmetric: ClassVar[bool] = False
+    """Whether sweeps go forth and back."""
+
+    def obstacle(self, problem: LCP) -> str | None:
+        if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
+            return why
+        diagonal = problem.M.diagonal()
+        bad = np.flatnonzero(~(diagonal > 0))
+        if bad.size == 0:
+            return None
+        i = int(bad[0])
+        return (
+            f"needs a positive diagonal, M[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size}): "
+            "use lemke or newton-min"
+        )
+
+    def sweeps(self, prepared: Columns, options: PGSOptions) -> Sweeps:
+        from cpbench.kernel_cache import load
+
+        kernel = load("cpbench.solvers.kernels.splitting")
+        sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse
+        law = prepared.diagonal, prepared.problem.q
+        omega = options.omega if isinstance(options, PSOROptions) else 1.0
+        rest = prepared.problem.z_unit, omega, self.symmetric
+        return lambda z, w, tolerance, errors: sweep(*prepared.matrix, *law, z, w, *rest, tolerance, errors)
+
+
 @register
-class PGS(_Splitting):
+class PGS(_Pointwise):
     """Converges for symmetric positive definite and for H-matrices with positive diagonal."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -148,7 +172,7 @@ class PGS(_Splitting):
 
 
 @register
-class PSOR(_Splitting):
+class PSOR(_Pointwise):
     """Over-relaxed by ω: faster on some problems, divergent on others."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -163,7 +187,7 @@ class PSOR(_Splitting):
 
 
 @register
-class SSOR(_Splitting):
+class SSOR(_Pointwise):
     """Every sweep goes forth and back, so that the order of the unknowns matters less."""
 
     symmetric = True
