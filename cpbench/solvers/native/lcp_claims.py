@@ -87,6 +87,33 @@ def refined(M: Matrix, q: Vector, z: Vector, active: np.ndarray[Any, Any]) -> Ve
     return np.maximum(better, 0.0)
 
 
+def guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
+    """Components that are positive in the solution near to z: where z > w; a rounding error above 0 is no sign."""
+    return z > lcp.M @ z + lcp.q
+
+
+def farkas(problem: LCP, budget: Budget) -> Vector | None:
+    """A checked y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
+    from scipy.optimize import linprog  # slow to import, and rarely needed
+
+    n = problem.q.size
+    options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    if np.isfinite(budget.seconds):
+        options["time_limit"] = budget.seconds
+    program = linprog(
+        problem.q / (max_abs(problem.q) or 1.0),
+        A_ub=problem.M.T / (max_abs(problem.M) or 1.0),
+        b_ub=np.zeros(n),
+        bounds=(0.0, 1.0),
+        method="highs",
+        options=options,
+    )
+    if program.x is None:
+        return None
+    y = np.maximum(program.x, 0.0)
+    return y if problem.certifies_infeasibility(y) else None
+
+
 def error_of(problem: LCP, z: Vector) -> float:
     """The judged error (`LCP.residuals`, without its readable parts), infinite for an answer that is not finite."""
     with np.errstate(all="ignore"):
@@ -122,3 +149,16 @@ def conclude(
         otherwise = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
         message = message or f"ended at error {error:.1e}, asked for {budget.tolerance:.0e}"
     return SolverOutput(claim=otherwise, point=LCPPoint(z), counters=counters, message=message)
+
+
+def ended_in_basis(
+    problem: LCP, z: Vector, F: np.ndarray[Any, Any], budget: Budget, counters: dict[str, int]
+) -> SolverOutput:
+    """The claim of a method that ended in the basis of F: z, or what one step of refinement makes of it."""
+    error = error_of(problem, z)
+    if not error <= budget.tolerance:
+        candidate = refined(dense(problem.M), problem.q, z, F)
+        counters["factorizations"] = counters.get("factorizations", 0) + 1
+        if (better := error_of(problem, candidate)) < error:
+            z, error = candidate, better
+    return conclude(problem, z, budget, counters, error=error)

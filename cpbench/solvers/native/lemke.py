@@ -12,9 +12,9 @@ from scipy.linalg import blas
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Matrix, Vector, dense, max_abs
+from cpbench.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp_claims import ScaledLCP, conclude, dense_obstacle, error_of, refined, scale
+from cpbench.solvers.native.lcp_claims import ScaledLCP, conclude, dense_obstacle, ended_in_basis, farkas, scale
 from cpbench.solvers.options import fixed, searched
 
 SMALL = 250
@@ -96,13 +96,7 @@ class Lemke(Solver):
         if outcome != "complementary":
             claim = Claim.FAILED if outcome == "not finite" else Claim.MAX_ITER
             return conclude(problem, z, budget, counters, otherwise=claim, message=f"{outcome} after {pivots} pivots")
-        error = error_of(problem, z)
-        if not error <= budget.tolerance:
-            candidate = refined(dense(problem.M), problem.q, z, np.flatnonzero(z))
-            if (better := error_of(problem, candidate)) < error:
-                z, error = candidate, better
-            counters["factorizations"] = 1
-        return conclude(problem, z, budget, counters, error=error)
+        return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
 
 
 def batch(
@@ -272,7 +266,7 @@ class _Columns:
 
 def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]) -> SolverOutput:
     """Infeasible when the certificate holds; otherwise failed, for a ray proves nothing by itself."""
-    certificate = _farkas(problem, budget)
+    certificate = farkas(problem, budget)
     if certificate is not None:
         return SolverOutput(
             claim=Claim.INFEASIBLE,
@@ -288,25 +282,3 @@ def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]
         otherwise=Claim.FAILED,
         message=f"ray after {counters['pivots']} pivots, and no certificate of infeasibility: undecided",
     )
-
-
-def _farkas(problem: LCP, budget: Budget) -> Vector | None:
-    """A checked y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
-    from scipy.optimize import linprog  # slow to import, and rarely needed
-
-    n = problem.q.size
-    options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-    if np.isfinite(budget.seconds):
-        options["time_limit"] = budget.seconds
-    program = linprog(
-        problem.q / (max_abs(problem.q) or 1.0),
-        A_ub=problem.M.T / (max_abs(problem.M) or 1.0),
-        b_ub=np.zeros(n),
-        bounds=(0.0, 1.0),
-        method="highs",
-        options=options,
-    )
-    if program.x is None:
-        return None
-    y = np.maximum(program.x, 0.0)
-    return y if problem.certifies_infeasibility(y) else None

@@ -1,0 +1,190 @@
+"""Principal pivoting: the tableau against block elimination, the three methods on their classes, and enumeration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench import kernel_cache
+from cpbench.formulations import LCP, LCPPoint
+from cpbench.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.principal_pivoting import transform
+from cpbench.testing import planted
+from cpbench.verification import judge
+
+METHODS = ("cottle-dantzig", "murty", "keller")
+MONOTONE = planted.SQUARE[:3]
+
+
+def reference_transform(M: np.ndarray, q: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The principal transform on F by its definition: [[A⁻¹, -A⁻¹B], [CA⁻¹, D - CA⁻¹B]] (Cottle, Pang, Stone, 2.3)."""
+    N = np.setdiff1d(np.arange(q.size), F)
+    A, B, C, D = M[np.ix_(F, F)], M[np.ix_(F, N)], M[np.ix_(N, F)], M[np.ix_(N, N)]
+    inverse = np.linalg.inv(A)
+    T, y = np.zeros_like(M), np.zeros_like(q)
+    T[np.ix_(F, F)], T[np.ix_(F, N)] = inverse, -inverse @ B
+    T[np.ix_(N, F)], T[np.ix_(N, N)] = C @ inverse, D - C @ inverse @ B
+    y[F], y[N] = -inverse @ q[F], q[N] - C @ inverse @ q[F]
+    return T, y
+
+
+def reference_murty(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, int]:
+    """z and pivots of the least-index rule, every basis solved afresh."""
+    inside, pivots = np.zeros(q.size, dtype=bool), 0
+    while True:
+        F = np.flatnonzero(inside)
+        z = np.zeros(q.size)
+        z[F] = np.linalg.solve(M[np.ix_(F, F)], -q[F])
+        value = np.where(inside, z, M @ z + q)
+        negative = np.flatnonzero(value < -1e-12)
+        if negative.size == 0:
+            return z, pivots
+        inside[negative[0]] ^= True
+        pivots += 1
+
+
+def test_pivots_make_the_principal_transform(rng: np.random.Generator) -> None:
+    """One pair after the other, two at once where the diagonal is 0, and both against the definition."""
+    kernel = kernel_cache.load("cpbench.solvers.kernels.principal_pivoting")
+    M, q = rng.standard_normal((7, 7)), rng.standard_normal(7)
+    M[3, 3] = 0.0
+    y, x, swapped, row = rng.standard_normal(7), rng.standard_normal(7), np.zeros(7, dtype=bool), np.empty(7)
+    values = y.copy(), x.copy()
+    T = M.copy()
+    kernel.exchange_two(T, y, x, swapped, row, 5, 3)
+    np.testing.assert_allclose(T, reference_transform(M, q, np.array([3, 5]))[0], rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(y[[3, 5]], values[1][[3, 5]])
+    kernel.exchange(T, 1, 1, row)
+    F = np.array([1, 3, 5])
+    expected, constant = reference_transform(M, q, F)
+    np.testing.assert_allclose(T, expected, rtol=1e-9, atol=1e-12)
+    block = transform(M, q, F)
+    assert block is not None
+    np.testing.assert_allclose(block.T, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(block.y, constant, rtol=1e-9, atol=1e-12)
+    assert transform(np.ones((3, 3)), np.ones(3), np.array([0, 1])) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_murty_takes_the_pivots_of_his_rule(seed: int) -> None:
+    problem, _ = planted.lcp(np.random.default_rng(seed), 25, "positive definite")
+    z, pivots = reference_murty(np.array(problem.M), np.array(problem.q))
+    output = solvers.get("murty").run(problem, Budget(tolerance=1e-10))
+    assert output.counters["iterations"] == pivots
+    np.testing.assert_allclose(output.point.z, z, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [3, 9])
+def test_murtys_own_problem_takes_every_basis(n: int) -> None:
+    """2ⁿ - 1 pivots where the first component depends on all others (Murty 1978), one in the other order."""
+    M = np.array(murty(n).problem.M)
+    for matrix, pivots in ((M, 1), (M.T, 2**n - 1)):
+        output = solvers.get("murty").run(LCP(M=matrix, q=-np.ones(n)))
+        assert output.claim is Claim.SOLVED
+        assert output.counters["iterations"] == pivots
+
+
+@pytest.mark.parametrize("kind", planted.SQUARE)
+@pytest.mark.parametrize("solver", METHODS)
+def test_each_method_on_its_class(solver: str, kind: str) -> None:
+    """Solved where the theory promises it; elsewhere solved or honest."""
+    chosen = solvers.get(solver)
+    promised = {"cottle-dantzig": MONOTONE, "murty": MONOTONE[:1], "keller": MONOTONE[:2]}[solver]
+    for n in (1, 2, 9, 40):
+        for seed in range(5):
+            problem, _ = planted.lcp(np.random.default_rng([seed, n]), n, kind)
+            if chosen.obstacle(problem) is not None:
+                continue
+            output = chosen.run(problem, Budget(tolerance=1e-8))
+            if kind in promised:
+                assert output.claim is Claim.SOLVED, (n, seed, output.message)
+            if output.claim is Claim.SOLVED:
+                assert judge(problem, output.point, 1e-8).solved
+            else:
+                assert output.message
+
+
+def test_keller_finds_stationary_points_of_indefinite_programmes() -> None:
+    """Copositive, so the objective has a minimum, and indefinite, so Cottle and Dantzig's method must not go on."""
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        A = np.abs(rng.standard_normal((20, 20)))
+        problem = LCP(M=A + A.T, q=-np.abs(rng.standard_normal(20)))
+        assert np.linalg.eigvalsh(A + A.T).min() < 0.0
+        output = solvers.get("keller").run(problem, Budget(tolerance=1e-9))
+        assert judge(problem, output.point, 1e-9).solved
+    assert "symmetric" in (solvers.get("keller").obstacle(isolated_perturbed().problem) or "")
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("skew", [0.0, 1.0])
+def test_infeasible_semidefinite_problems_are_proved(seed: int, skew: float) -> None:
+    """y ≥ 0 with Mᵀy = 0 and qᵀy < 0 is built in; the row that nothing blocks is such a y."""
+    rng = np.random.default_rng(seed)
+    n = 14
+    y = np.abs(rng.standard_normal(n)) * (rng.random(n) < 0.6)
+    y[0] = 1.0
+    A, B = rng.standard_normal((2, n, 6))
+    A, B = (m - np.outer(y, y @ m) / (y @ y) for m in (A, B))
+    M = A @ A.T + skew * (A @ B.T - B @ A.T)
+    problem = LCP(M=M, q=rng.standard_normal(n) - 3.0 * y)
+    for name in ("cottle-dantzig", "keller"):
+        if solvers.get(name).obstacle(problem) is None:
+            output = solvers.get(name).run(problem)
+            assert output.claim is Claim.INFEASIBLE, output.message
+            assert problem.certifies_infeasibility(output.certificate)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_degenerate_integers_do_not_cycle(seed: int) -> None:
+    """Entries -1, 0, 1, many of z and w zero together, zeros on the diagonal of the transforms."""
+    rng = np.random.default_rng(seed)
+    low, skew = rng.integers(-1, 2, (30, 12)), np.triu(rng.integers(-1, 2, (30, 30)), 1)
+    z, w = rng.integers(0, 2, (2, 30))
+    w = w * (1 - z)
+    for M in (low @ low.T, low @ low.T + skew - skew.T):
+        problem = LCP(M=M.astype(float), q=(w - M @ z).astype(float))
+        for name in ("cottle-dantzig", "keller"):
+            if solvers.get(name).obstacle(problem) is None:
+                output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
+                assert output.claim is Claim.SOLVED, (name, output.message)
+
+
+@pytest.mark.parametrize("solver", METHODS)
+def test_from_its_own_answer_nothing_is_left_to_do(solver: str) -> None:
+    problem, _ = planted.lcp(np.random.default_rng(3), 60, "positive definite")
+    cold = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
+    warm = solvers.get(solver).run(problem, Budget(tolerance=1e-9), start=cold.point)
+    assert warm.claim is Claim.SOLVED
+    assert warm.counters["iterations"] == 0
+    near = LCPPoint(z=cold.point.z * np.random.default_rng(4).uniform(0.0, 2.0, 60))
+    assert solvers.get(solver).run(problem, Budget(tolerance=1e-9), start=near).claim is Claim.SOLVED
+
+
+@pytest.mark.parametrize("solver", METHODS)
+def test_histories_budgets_and_storage(solver: str) -> None:
+    problem, _ = planted.lcp(np.random.default_rng(5), 50, "positive definite")
+    seen: list[tuple[int, float]] = []
+    chosen = solvers.get(solver)
+    output = chosen.run(problem, Budget(tolerance=1e-9), record=lambda k, e, _: seen.append((k, e)))
+    assert seen[0][0] == 0
+    assert [k for k, _ in seen] == sorted({k for k, _ in seen})
+    assert seen[-1][1] <= 1e-9
+    stored = chosen.run(LCP(M=sp.csr_array(problem.M), q=problem.q), Budget(tolerance=1e-9))
+    np.testing.assert_array_equal(stored.point.z, output.point.z)
+    few = chosen.run(problem, Budget(iterations=3))
+    assert few.claim is Claim.MAX_ITER
+    assert few.counters["iterations"] == 3
+    assert "negative after 3 pivots" in few.message
+
+
+@pytest.mark.parametrize("solver", METHODS)
+def test_a_p_matrix_that_is_hard_on_rounding(solver: str) -> None:
+    """The inverse of Csizmadia's grows as 2ⁿ; a ray of solutions has no isolated one."""
+    for instance in (csizmadia(10), unbounded_ray()):
+        chosen = solvers.get(solver)
+        if chosen.obstacle(instance.problem) is None:
+            output = chosen.run(instance.problem, Budget(tolerance=1e-8))
+            assert output.claim is Claim.SOLVED, output.message
