@@ -114,6 +114,21 @@ class MLCP(Problem):
                 flags=() if data > 0 else ("absolute",),
             )
 
+    def certifies_infeasibility(self, certificate: Vector) -> bool:
+        """Farkas: (y, z) with z ≥ 0, Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 exclude every u, v ≥ 0 with
+        Au + Cv + a = 0 and Du + Bv + b ≥ 0 (to rounding: 1e-12 of each column by itself)."""
+        n = self.a.size
+        if certificate.size != n + self.b.size or not np.isfinite(certificate).all() or not certificate.any():
+            return False
+        top = max_abs(certificate)
+        y, z = certificate[:n] / top, np.maximum(certificate[n:], 0.0) / top
+        by_u = self.A.T @ y + self.D.T @ z
+        by_v = self.C.T @ y + self.B.T @ z
+        u_rounding = 1e-12 * (abs(self.A).T @ abs(y) + abs(self.D).T @ z)
+        v_rounding = 1e-12 * (abs(self.C).T @ abs(y) + abs(self.B).T @ z)
+        gap, terms = self.a @ y + self.b @ z, abs(self.a) @ abs(y) + abs(self.b) @ z
+        return bool((abs(by_u) <= u_rounding).all() and (by_v <= v_rounding).all() and gap < -1e-9 * max(terms, 1e-300))
+
 
 def _siconos_error(equality: Vector, v: Vector, w: Vector, a: Vector) -> float:
     """mlcp_compute_error: the worse of the equality and the complementarity part, each over 1 + (1 + scale).

@@ -1,0 +1,202 @@
+"""Pivots on a tableau with free unknowns: all of them into the basis, then Lemke's method on the pairs that remain.
+
+y = Kx + k, the first n of y are zero (equalities) and of x free, the others complementary. Basic variables are those
+that a row of the tableau expresses: at first y_i (numbered i) in row i, while x_j (numbered N + j) has column j. The
+tableau is N x (N + 1), k in its last column.
+"""
+
+import numpy as np
+from numba import float64, int64, njit, types
+
+from cpbench.solvers.kernels.mlcp_judged import judged
+from cpbench.solvers.kernels.pivoting import lemke
+from cpbench.solvers.kernels.tableau import CODES as CODES
+from cpbench.solvers.kernels.tableau import COMPLEMENTARY
+from cpbench.solvers.kernels.tableau import LIMIT as LIMIT
+from cpbench.solvers.kernels.tableau import RAY as RAY
+
+INCONSISTENT, STUCK = 5, 6
+"""More outcomes: an equality without unknowns is not zero; free unknowns are left for which no pivot was found."""
+ROUNDING = 1e-13
+"""Of what is left after the elimination of free unknowns, data having size one."""
+DATA = types.Array(float64, 1, "C", readonly=True)
+DATA_2D = types.Array(float64, 2, "C", readonly=True)
+VECTOR, MATRIX, INDEX = float64[::1], float64[:, ::1], int64[::1]
+
+
+@njit((MATRIX, INDEX, INDEX, int64, int64), cache=True, error_model="numpy")
+def exchange(T, basic, nonbasic, r, s):
+    """The variable of column s becomes basic in row r. Row and column of the pivot are written afresh."""
+    inverse = 1.0 / T[r, s]
+    for j in range(T.shape[1]):
+        T[r, j] *= -inverse
+    T[r, s] = inverse
+    for i in range(T.shape[0]):
+        factor = T[i, s]
+        if i != r and factor != 0.0:
+            T[i, s] = 0.0
+            for j in range(T.shape[1]):
+                T[i, j] += factor * T[r, j]
+    basic[r], nonbasic[s] = nonbasic[s], basic[r]
+
+
+@njit(int64(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, float64), cache=True, error_model="numpy")
+def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
+    """Bring the free unknowns into the basis; what is left is an LCP of the pairs (row_of[k], column_of[k]).
+
+    First by pivots on the equalities, the largest entry of all first. Where A is singular, equality and unknown that
+    are left take a pair with them, [[0, c], [d, b]]: v_k enters for the equality, the free unknown for w_k, and the
+    pair has exchanged its roles. Where no pair has both c and d, a pivot of a pair with itself mixes them.
+
+    Returns COMPLEMENTARY, or INCONSISTENT or STUCK when equalities are left over.
+    basic, nonbasic : (N,). row_of, column_of : (m,).
+    """
+    N = T.shape[0]
+    m = N - n
+    tried = np.zeros(m, np.bool_)
+    for i in range(N):
+        basic[i], nonbasic[i] = i, N + i
+    for k in range(m):
+        row_of[k] = column_of[k] = n + k
+    rows, columns = np.arange(n), np.arange(n)
+    left = n
+    while left > 0:
+        best, p, q = tolerance, -1, -1
+        for i in range(left):
+            for j in range(left):
+                size = abs(T[rows[i], columns[j]])
+                if size > best:
+                    best, p, q = size, i, j
+        if p >= 0:
+            exchange(T, basic, nonbasic, rows[p], columns[q])
+        else:
+            pair, c_row, mixing, largest = -1, -1, -1, tolerance
+            c_top = d_top = 0.0
+            for k in range(m):
+                c, d, at = 0.0, 0.0, -1
+                for i in range(left):
+                    if abs(T[rows[i], column_of[k]]) > c:
+                        c, at = abs(T[rows[i], column_of[k]]), i
+                    d = max(d, abs(T[row_of[k], columns[i]]))
+                c_top, d_top = max(c_top, c), max(d_top, d)
+                if min(c, d) > best:
+                    best, pair, c_row = min(c, d), k, at
+                own = abs(T[row_of[k], column_of[k]])
+                if max(c, d) > tolerance and not tried[k] and own > largest:
+                    largest, mixing = own, k
+            if min(c_top, d_top) <= tolerance or (pair < 0 and mixing < 0):
+                break
+            if pair < 0:
+                tried[mixing] = True
+                exchange(T, basic, nonbasic, row_of[mixing], column_of[mixing])
+                continue
+            p = c_row
+            exchange(T, basic, nonbasic, rows[p], column_of[pair])
+            size = -1.0
+            for j in range(left):
+                if abs(T[row_of[pair], columns[j]]) > size:
+                    size, q = abs(T[row_of[pair], columns[j]]), j
+            exchange(T, basic, nonbasic, row_of[pair], columns[q])
+            row_of[pair], column_of[pair] = rows[p], columns[q]
+        left -= 1
+        rows[p], columns[q] = rows[left], columns[left]
+    outcome = COMPLEMENTARY
+    for i in range(left):
+        for k in range(m):
+            if abs(T[rows[i], column_of[k]]) > tolerance:
+                return STUCK
+        if abs(T[rows[i], N]) > tolerance:
+            outcome = INCONSISTENT
+    return outcome
+
+
+@njit((MATRIX, VECTOR), cache=True)
+def without_rounding(M, q):
+    """What is left of a difference of equal numbers is put to 0: Lemke's method scales M and would enlarge it."""
+    for i in range(q.size):
+        if abs(q[i]) <= ROUNDING:
+            q[i] = 0.0
+        for j in range(q.size):
+            if abs(M[i, j]) <= ROUNDING:
+                M[i, j] = 0.0
+
+
+@njit((MATRIX, INDEX, INDEX, MATRIX, VECTOR), cache=True)
+def remaining(T, row_of, column_of, M, q):
+    """The LCP of the pairs: M (m, m) and q (m,) are written."""
+    for k in range(row_of.size):
+        q[k] = T[row_of[k], T.shape[0]]
+        for j in range(row_of.size):
+            M[k, j] = T[row_of[k], column_of[j]]
+    without_rounding(M, q)
+
+
+@njit((MATRIX, int64, INDEX, INDEX, INDEX, INDEX, VECTOR, VECTOR), cache=True)
+def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
+    """x of the whole problem from z of the pairs; free unknowns that are idle are 0."""
+    N = T.shape[0]
+    x[:] = 0.0
+    for k in range(z.size):
+        if nonbasic[column_of[k]] >= N:
+            x[nonbasic[column_of[k]] - N] = z[k]
+    for i in range(N):
+        j = basic[i] - N
+        if j >= 0:
+            value = T[i, N]
+            for k in range(z.size):
+                value += T[i, column_of[k]] * z[k]
+            x[j] = value if j < n else max(value, 0.0)
+    for k in range(z.size):
+        # what is complementary to a positive unknown is zero, not a rounding error
+        if z[k] > 0.0 and basic[row_of[k]] >= N + n:
+            x[basic[row_of[k]] - N] = 0.0
+
+
+@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, VECTOR), cache=True, error_model="numpy")
+def error_of(K, k, n, row_unit, unit, v_unit, push, x):
+    """The judged error of unit * x, K and k being those of the problem, in units of `row_unit` for their rows."""
+    N = k.size
+    of_u, of_v, right, v = np.empty(N), np.empty(N), np.empty(N), np.empty(N - n)
+    for i in range(N):
+        first = second = 0.0
+        for j in range(n):
+            first += K[i, j] * x[j]
+        for j in range(n, N):
+            second += K[i, j] * x[j]
+        of_u[i], of_v[i], right[i] = first * row_unit[i], second * row_unit[i], k[i] * row_unit[i]
+    for j in range(n, N):
+        v[j - n] = unit[j] * x[j]
+    return judged(right[:n], right[n:], v, of_u[:n], of_v[:n], of_u[n:], of_v[n:], v_unit, push)
+
+
+@njit(
+    int64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, VECTOR, VECTOR, int64, float64, float64, float64),
+    cache=True,
+    error_model="numpy",
+)
+def lemke_mixed(
+    K, k, n, row_unit, unit, v_unit, push, x, error, max_pivots, rank_tolerance, pivot_tolerance, tie_tolerance
+):
+    """One MLCP from its scaled data to x of the basis it ends in and, in error[0], the judged error.
+
+    Returns pivots * CODES + outcome, pivots being Lemke's. K : (N, N). k, x : (N,), x is written.
+    """
+    N = k.size
+    m = N - n
+    T = np.empty((N, N + 1))
+    for i in range(N):
+        for j in range(N):
+            T[i, j] = K[i, j]
+        T[i, N] = k[i]
+    labels = np.empty((4, N), np.int64)
+    basic, nonbasic, row_of, column_of = labels[0], labels[1], labels[2, :m], labels[3, :m]
+    outcome = reduce(T, n, basic, nonbasic, row_of, column_of, rank_tolerance)
+    M, q, z = np.empty((m, m)), np.empty(m), np.empty(m)
+    remaining(T, row_of, column_of, M, q)
+    code = lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance)
+    recover(T, n, basic, nonbasic, row_of, column_of, z, x)
+    error[0] = error_of(K, k, n, row_unit, unit, v_unit, push, x)
+    return code if outcome == COMPLEMENTARY else code // CODES * CODES + outcome
+
+
+READY = True
