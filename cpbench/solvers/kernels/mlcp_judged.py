@@ -1,9 +1,10 @@
 """The judged error of an MLCP from the four products Au, Cv, Du and Bv."""
 
 import numpy as np
-from numba import float64, njit, types
+from numba import float64, int64, njit, types
 
 DATA = types.Array(float64, 1, "C", readonly=True)
+DATA_2D = types.Array(float64, 2, "C", readonly=True)
 
 
 @njit(float64(DATA, DATA, DATA, DATA, DATA, DATA, DATA, float64, float64), cache=True, error_model="numpy")
@@ -48,6 +49,23 @@ def judged(a, b, v, Au, Cv, Du, Bv, v_unit, push):
     if scale > 0.0:
         equality /= scale
     return max(natural / data, max(np.sqrt(unit_free), equality))
+
+
+@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), cache=True, error_model="numpy")
+def error_of(K, k, n, row_unit, unit, v_unit, push, x):
+    """The judged error of unit * x, K and k being those of the problem, in units of `row_unit` for their rows."""
+    N = k.size
+    of_u, of_v, right, v = np.empty(N), np.empty(N), np.empty(N), np.empty(N - n)
+    for i in range(N):
+        first = second = 0.0
+        for j in range(n):
+            first += K[i, j] * x[j]
+        for j in range(n, N):
+            second += K[i, j] * x[j]
+        of_u[i], of_v[i], right[i] = first * row_unit[i], second * row_unit[i], k[i] * row_unit[i]
+    for j in range(n, N):
+        v[j - n] = unit[j] * x[j]
+    return judged(right[:n], right[n:], v, of_u[:n], of_v[:n], of_u[n:], of_v[n:], v_unit, push)
 
 
 READY = True

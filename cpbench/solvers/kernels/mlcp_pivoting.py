@@ -8,7 +8,7 @@ tableau is N x (N + 1), k in its last column.
 import numpy as np
 from numba import float64, int64, njit, types
 
-from cpbench.solvers.kernels.mlcp_judged import judged
+from cpbench.solvers.kernels.mlcp_judged import error_of
 from cpbench.solvers.kernels.pivoting import lemke
 from cpbench.solvers.kernels.tableau import CODES as CODES
 from cpbench.solvers.kernels.tableau import COMPLEMENTARY
@@ -150,23 +150,6 @@ def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
         # what is complementary to a positive unknown is zero, not a rounding error
         if z[k] > 0.0 and basic[row_of[k]] >= N + n:
             x[basic[row_of[k]] - N] = 0.0
-
-
-@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, VECTOR), cache=True, error_model="numpy")
-def error_of(K, k, n, row_unit, unit, v_unit, push, x):
-    """The judged error of unit * x, K and k being those of the problem, in units of `row_unit` for their rows."""
-    N = k.size
-    of_u, of_v, right, v = np.empty(N), np.empty(N), np.empty(N), np.empty(N - n)
-    for i in range(N):
-        first = second = 0.0
-        for j in range(n):
-            first += K[i, j] * x[j]
-        for j in range(n, N):
-            second += K[i, j] * x[j]
-        of_u[i], of_v[i], right[i] = first * row_unit[i], second * row_unit[i], k[i] * row_unit[i]
-    for j in range(n, N):
-        v[j - n] = unit[j] * x[j]
-    return judged(right[:n], right[n:], v, of_u[:n], of_v[:n], of_u[n:], of_v[n:], v_unit, push)
 
 
 @njit(

@@ -52,6 +52,15 @@ class Box:
         self.equation = Reformulation(problem.lb, problem.ub)
         self.counters = {"iterations": 0, "evaluations": 0, "jacobians": 0, "factorizations": 0, "restarts": 0}
 
+    @property
+    def start(self) -> Vector:
+        """Where to begin when nobody says."""
+        return self.problem.start
+
+    def point(self, z: Vector) -> Any:
+        """What the solver answers."""
+        return MiCPPoint(z)
+
     def F(self, z: Vector) -> Vector:
         """NaN and ∞ where it is not defined."""
         self.counters["evaluations"] += 1
@@ -126,7 +135,7 @@ class BoxNewton(Solver):
     ) -> SolverOutput:
         method = self.method(Box(prepared), options, budget)
         limit = budget.iterations or options.max_iterations
-        return _run(method, budget, limit, options.restarts, None if start is None else start.z, record)
+        return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
 
 
 @dataclass
@@ -135,7 +144,7 @@ class _Best:
     error: float = math.inf
 
 
-def _run(
+def run(
     method: Method, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
 ) -> SolverOutput:
     """Steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
@@ -143,13 +152,13 @@ def _run(
     counters = box.counters
     rng = np.random.default_rng(budget.seed)
     deadline = time.monotonic() + budget.seconds
-    first = box.project(box.problem.start if start is None else start)
+    first = box.project(box.start if start is None else start)
     F = box.F(first)
     if not np.isfinite(F).all():
         found = _drawn(box, first, 0, rng)
         if found is None:
             message = "F is not finite at the start nor near it: give another start"
-            return SolverOutput(claim=Claim.FAILED, point=MiCPPoint(first), counters=counters, message=message)
+            return SolverOutput(claim=Claim.FAILED, point=box.point(first), counters=counters, message=message)
         z, F = found
     else:
         z = first
@@ -163,7 +172,7 @@ def _run(
         shown = box.project(z)
         error = box.error(shown, F if np.array_equal(shown, z) else box.F(shown))
         if record is not None:
-            record(done, error, partial(MiCPPoint, shown))
+            record(done, error, partial(box.point, shown))
         if error < best.error:
             best = _Best(shown, error)
         if error < 0.9 * level:
@@ -190,7 +199,7 @@ def _run(
         gained, level = done + 1, math.inf
     if best.error <= budget.tolerance:
         claim, message = Claim.SOLVED, ""
-    return SolverOutput(claim=claim, point=MiCPPoint(best.z), counters=dict(counters), message=message)
+    return SolverOutput(claim=claim, point=box.point(best.z), counters=dict(counters), message=message)
 
 
 def _drawn(box: Box, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +13,7 @@ import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.kernel_cache import load
 from cpbench.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench.solvers.native.lcp_claims import CLOSE, DENSE_BYTES, principal, solve_linear
@@ -51,8 +53,14 @@ class ScaledMLCP:
         return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
 
     def error(self, x: Vector) -> float:
-        """The judged error."""
-        return self.problem.residuals(self.point(x)).error
+        """The judged error, infinite for an answer that is not finite."""
+        if matrices.is_sparse(self.K):
+            return self.problem.residuals(self.point(x)).error
+        kernel = load("cpbench.solvers.kernels.mlcp_judged")
+        error: float = kernel.error_of(
+            self.K, self.k, self.free, self.row_unit, self.unit, self.problem.v_unit, self.push, x
+        )
+        return error if math.isfinite(error) else math.inf
 
     @cached_property
     def push(self) -> float:

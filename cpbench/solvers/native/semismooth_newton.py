@@ -44,10 +44,10 @@ class SemismoothNewton(BoxNewton):
     """Another function where ½‖Φ‖² of the first has kinks."""
 
     def method(self, box: Box, options: SemismoothOptions, budget: Budget) -> Method:
-        return _Semismooth(box, type(self).psi, type(self).merit, options)
+        return SemismoothMethod(box, type(self).psi, type(self).merit, options)
 
 
-class _Semismooth(Method):
+class SemismoothMethod(Method):
     strategies = 2
 
     def __init__(self, box: Box, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:
