@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -188,3 +190,52 @@ def test_a_p_matrix_that_is_hard_on_rounding(solver: str) -> None:
         if chosen.obstacle(instance.problem) is None:
             output = chosen.run(instance.problem, Budget(tolerance=1e-8))
             assert output.claim is Claim.SOLVED, output.message
+
+
+def reference_solutions(M: np.ndarray, q: np.ndarray) -> list[np.ndarray]:
+    """Every basis by itertools and NumPy; M in general position."""
+    found = []
+    for inside in itertools.product((False, True), repeat=q.size):
+        F = np.flatnonzero(inside[::-1])
+        z = np.zeros(q.size)
+        z[F] = np.linalg.solve(M[np.ix_(F, F)], -q[F])
+        if min(z.min(), (M @ z + q).min()) >= -1e-12:
+            found.append(z)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_enumeration_finds_every_solution(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    M, q = rng.standard_normal((9, 9)), rng.standard_normal(9)
+    problem = LCP(M=M, q=q)
+    expected = reference_solutions(M, q)
+    output = solvers.get("lcp-enumeration").run(problem, Budget(tolerance=1e-9))
+    assert output.counters["solutions"] == len(expected)
+    if expected:
+        np.testing.assert_allclose(output.point.z, expected[0], rtol=1e-8, atol=1e-10)
+    else:
+        assert output.claim is Claim.INFEASIBLE
+        assert ("exhaustion" in output.message) == (output.certificate is None)
+
+
+def test_enumeration_on_problems_with_known_sets_of_solutions() -> None:
+    """One, four, a ray of them, none with and without Farkas' proof, one of a P-matrix."""
+    run = solvers.get("lcp-enumeration").run
+    assert run(LCP(M=np.array([[0.0, 1.0], [1.0, 0.0]]), q=[-1.0, -1.0])).counters["solutions"] == 1
+    assert run(LCP(M=-np.eye(2), q=[1.0, 1.0])).counters["solutions"] == 4
+    ray = run(unbounded_ray().problem)
+    assert ray.claim is Claim.SOLVED
+    assert "may not be isolated" in ray.message
+    none = run(isolated_perturbed().problem)
+    assert none.claim is Claim.INFEASIBLE
+    assert isolated_perturbed().problem.certifies_infeasibility(none.certificate)
+    assert run(csizmadia(12).problem).counters["solutions"] == 1
+    assert run(LCP(M=np.zeros((2, 2)), q=[0.0, 1.0])).counters["singular_bases"] == 1
+    # z = (0, 1) is feasible, but w₂ = z₁ + z₂ + 1 > 0 makes z₂ = 0, and then w₁ = -z₁ - 1 < 0
+    unsolvable = run(LCP(M=np.array([[-1.0, 1.0], [1.0, 1.0]]), q=[-1.0, 1.0]))
+    assert unsolvable.claim is Claim.INFEASIBLE
+    assert unsolvable.certificate is None
+    assert "exhaustion" in unsolvable.message
+    assert "2^n" in (solvers.get("lcp-enumeration").obstacle(murty(21).problem) or "")
+    assert run(csizmadia(12).problem, Budget(iterations=5)).claim is Claim.MAX_ITER
