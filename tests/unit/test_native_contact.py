@@ -10,9 +10,14 @@ from scipy.optimize import brentq
 
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
-from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers import Budget, Claim, SolverOutput, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
+
+
+def answer(output: SolverOutput) -> FCPoint:
+    assert output.point is not None, output.message
+    return output.point
 
 
 def one_contact(D: np.ndarray, q: np.ndarray, mu: float) -> np.ndarray:
@@ -50,10 +55,10 @@ def block(rng: np.random.Generator, skew: float) -> np.ndarray:
 def test_one_contact_is_solved_exactly(rng: np.random.Generator, skew: float) -> None:
     for _ in range(60):
         D, q, mu = block(rng, skew), rng.standard_normal(3) * [1, 3, 3], rng.uniform(0.05, 0.9)
-        problem = FrictionContact(W=D, q=q, mu=[mu], dimension=3)
+        problem = FrictionContact(W=D, q=q, mu=np.array([mu]), dimension=3)
         output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-12, iterations=50))
         assert judge(problem, output.point, 1e-11).solved
-        np.testing.assert_allclose(output.point.r, one_contact(D, q, mu), rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(answer(output).r, one_contact(D, q, mu), rtol=1e-7, atol=1e-9)
 
 
 def test_a_sweep_is_that_of_plain_numpy(rng: np.random.Generator) -> None:
@@ -74,7 +79,7 @@ def test_a_sweep_is_that_of_plain_numpy(rng: np.random.Generator) -> None:
             r[at] = one_contact(D, W[at] @ r - D @ r[at] + q[at], mu)
     problem = FrictionContact(W=W, q=q, mu=np.full(nc, mu), dimension=3)
     output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-300, iterations=3))
-    np.testing.assert_allclose(output.point.r, r, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(answer(output).r, r, rtol=1e-8, atol=1e-10)
 
 
 def one_contact_2d(D: np.ndarray, q: np.ndarray, mu: float) -> list[np.ndarray]:
@@ -98,8 +103,8 @@ def test_one_contact_in_the_plane_is_one_of_its_modes(rng: np.random.Generator, 
         G = rng.standard_normal((2, 2))
         D = G @ G.T + 0.1 * np.eye(2) + skew * np.array([[0.0, 1.0], [-1.0, 0.0]])
         q, mu = rng.standard_normal(2) * [1, 2], rng.uniform(0.05, 1.5)
-        problem = FrictionContact(W=D, q=q, mu=[mu], dimension=2)
-        r = solvers.get("nsgs").run(problem, Budget(tolerance=1e-12, iterations=1)).point.r
+        problem = FrictionContact(W=D, q=q, mu=np.array([mu]), dimension=2)
+        r = answer(solvers.get("nsgs").run(problem, Budget(tolerance=1e-12, iterations=1))).r
         expected = one_contact_2d(D, q, mu)
         assert min(np.linalg.norm(r - x) for x in expected) <= 1e-9 * (1 + np.linalg.norm(r))
         modes.add("none" if not r.any() else "slide" if abs(abs(r[1]) - mu * r[0]) <= 1e-12 * r[0] else "stick")
@@ -112,7 +117,7 @@ def test_a_strongly_coupled_contact_is_solved_in_one_sweep(rng: np.random.Genera
         G, S = rng.standard_normal((2, 3, 3))
         D = G @ G.T + 0.1 * np.eye(3) + 0.5 * (S - S.T)
         q, mu = rng.standard_normal(3) * [1, 3, 3], rng.uniform(0.05, 1.5)
-        problem = FrictionContact(W=D, q=q, mu=[mu])
+        problem = FrictionContact(W=D, q=q, mu=np.array([mu]))
         output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-10, iterations=1))
         assert output.claim is Claim.SOLVED, (D, q, mu)
         assert judge(problem, output.point, 1e-10).solved
@@ -134,8 +139,21 @@ def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: in
         assert measured == pytest.approx(problem.residuals(FCPoint(r=r)).error, rel=1e-9)
 
 
+def test_the_best_measured_point_is_the_answer() -> None:
+    """Over-relaxed sweeps on a hyperstatic problem: the error does not fall from sweep to sweep."""
+    rng = np.random.default_rng(3)
+    H = rng.standard_normal((6, 36))
+    problem = FrictionContact(W=H.T @ H, q=H.T @ rng.standard_normal(6), mu=np.full(12, 0.4))
+    solver = solvers.get("nsgs")
+    seen: list[float] = []
+    budget, options = Budget(tolerance=1e-12, iterations=3), solver.spec.options(omega=1.9)
+    output = solver.run(problem, budget, options, record=lambda k, error, point: seen.append(error))
+    assert min(seen) < 0.99 * seen[-1]
+    assert problem.residuals(answer(output)).error == pytest.approx(min(seen), rel=1e-9)
+
+
 def test_no_contact_is_no_work() -> None:
-    problem = FrictionContact(W=np.zeros((0, 0)), q=[], mu=[])
+    problem = FrictionContact(W=np.zeros((0, 0)), q=np.zeros(0), mu=np.zeros(0))
     output = solvers.get("nsgs").run(problem)
     assert output.claim is Claim.SOLVED
     assert output.counters["iterations"] == 0
@@ -146,8 +164,8 @@ def test_a_seed_gives_the_same_shuffled_sweeps(rng: np.random.Generator) -> None
     solver = solvers.get("nsgs")
     options = solver.spec.options(shuffle=True)
     a, b, c = (solver.run(problem, Budget(tolerance=1e-9, seed=s), options) for s in (1, 1, 2))
-    assert (a.point.r == b.point.r).all()
-    assert (a.point.r != c.point.r).any()
+    assert (answer(a).r == answer(b).r).all()
+    assert (answer(a).r != answer(c).r).any()
     assert {a.claim, c.claim} == {Claim.SOLVED}
 
 
@@ -160,30 +178,30 @@ def test_planted_contacts(dimension: int, kind: str) -> None:
         output = solvers.get("nsgs").run(problem, Budget(tolerance=1e-8, seconds=10.0))
         if output.claim is Claim.SOLVED:
             assert judge(problem, output.point, 1e-8).solved
-        assert output.point is None or np.isfinite(output.point.r).all()
+        assert output.point is None or np.isfinite(answer(output).r).all()
 
 
 def test_singular_and_void_blocks_raise_nothing() -> None:
     """W_NN = 0, a void block, a rank-one block: an answer or an honest word, no NaN, no warning."""
     for D in (np.zeros((3, 3)), np.diag([0.0, 1, 1]), np.diag([1.0, 0, 0]), np.ones((3, 3)), -np.eye(3)):
         for q in ([-1.0, 0.5, 0], [1.0, 0.5, 0], [0.0, 0, 0]):
-            problem = FrictionContact(W=D, q=q, mu=[0.5], dimension=3)
+            problem = FrictionContact(W=D, q=np.array(q), mu=np.array([0.5]), dimension=3)
             output = solvers.get("nsgs").run(problem, Budget(iterations=200))
-            assert np.isfinite(output.point.r).all()
+            assert np.isfinite(answer(output).r).all()
             assert output.claim is not Claim.SOLVED or judge(problem, output.point, 1e-6).solved
 
 
 def test_frictionless_contacts_have_no_tangential_reaction(rng: np.random.Generator) -> None:
     problem, _ = planted.fc(rng, 6, 3, "positive definite")
     smooth = FrictionContact(W=problem.W, q=problem.q, mu=np.zeros(6), dimension=3)
-    r = solvers.get("nsgs").run(smooth, Budget(tolerance=1e-10)).point.r.reshape(-1, 3)
+    r = answer(solvers.get("nsgs").run(smooth, Budget(tolerance=1e-10))).r.reshape(-1, 3)
     assert (r[:, 1:] == 0).all()
     assert judge(smooth, FCPoint(r=r.ravel()), 1e-10).solved
 
 
 def test_reactions_lie_in_their_cones(rng: np.random.Generator) -> None:
     problem, _ = planted.fc(rng, 10, 3, "positive definite")
-    r = solvers.get("nsgs").run(problem).point.r.reshape(-1, 3)
+    r = answer(solvers.get("nsgs").run(problem)).r.reshape(-1, 3)
     assert cones.distance_to_friction_cone(r, problem.mu).max() <= 1e-12 * np.abs(r).max()
 
 

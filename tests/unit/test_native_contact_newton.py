@@ -1,4 +1,4 @@
-"""ADMM and Alart–Curnier Newton on frictional contact: their pieces against plain NumPy, planted and real problems."""
+"""Newton methods and ADMM on frictional contact: their pieces against plain NumPy, planted and real problems."""
 
 from __future__ import annotations
 
@@ -10,13 +10,21 @@ import scipy.sparse as sp
 
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
-from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.alart_curnier_newton import AlartCurnier
+from cpbench.solvers import Budget, Claim, SolverOutput, solvers
+from cpbench.solvers.native.contact_equation import ContactEquation, ContactFunction
+from cpbench.solvers.native.contact_newton import ContactNewtonOptions, Regularization, Search
 from cpbench.solvers.native.contact_sweeps import Sweeps, block_rows, scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 
-NEW = ("admm-contact", "alart-curnier-newton", "auto-contact")
+NEWTON = ("alart-curnier-newton", "jean-moreau-newton", "natural-map-contact", "fischer-burmeister-contact")
+NEW = ("admm-contact", "auto-contact", *NEWTON)
+FUNCTIONS = list(ContactFunction)
+
+
+def answer(output: SolverOutput) -> FCPoint:
+    assert output.point is not None, output.message
+    return output.point
 
 
 def hyperstatic(rng: np.random.Generator, nc: int, bodies: int, dimension: int, *, sparse: bool) -> FrictionContact:
@@ -47,23 +55,146 @@ def test_an_iteration_of_admm_is_that_of_plain_numpy(rng: np.random.Generator, d
     np.testing.assert_allclose(measured, sizes, rtol=1e-12)
 
 
+def banded(rng: np.random.Generator, nc: int, dimension: int, *, sparse: bool) -> FrictionContact:
+    """A nonsymmetric W whose contacts touch their neighbours; the first contact has no friction."""
+    near = np.abs(np.subtract.outer(np.arange(nc), np.arange(nc))) < 2
+    W = np.kron(near, np.ones((dimension, dimension))) * rng.standard_normal((nc * dimension, nc * dimension))
+    W += 5 * np.eye(nc * dimension)
+    q, mu = 10 * rng.standard_normal(nc * dimension), np.r_[0.0, rng.uniform(0.1, 1, nc - 1)]
+    return FrictionContact(W=sp.csr_array(W) if sparse else W, q=q, mu=mu, dimension=dimension)
+
+
+def plain(function: ContactFunction, x: np.ndarray, v: np.ndarray, mu: float, rho: np.ndarray) -> np.ndarray:
+    """φ of one contact from its definition, the square root in the Jordan algebra by eigenvalues of a matrix."""
+    K = np.array([mu])
+    hat = cones.de_saxce(v[None], K)[0]
+    y = x - np.r_[rho[0], np.full(x.size - 1, rho[1])] * v
+    match function:
+        case ContactFunction.NATURAL_MAP:
+            return x - cones.project_friction_cone((x - rho[0] * hat)[None], K)[0]
+        case ContactFunction.FISCHER_BURMEISTER:
+            if mu == 0.0:
+                return np.r_[x[0] + rho[0] * v[0] - np.hypot(x[0], rho[0] * v[0]), x[1:]]
+            a, b = np.r_[mu * x[0], x[1:]], rho[0] * np.r_[hat[0], mu * v[1:]]
+            squares, vectors = np.linalg.eigh(arrow(arrow(a) @ a + arrow(b) @ b))
+            root = vectors @ np.diag(np.sqrt(np.maximum(squares, 0.0))) @ vectors.T
+            return a + b - root[0]
+        case _:
+            base = x[0] if function is ContactFunction.JEAN_MOREAU else y[0]
+            return x - cones.project_cylinder(y[None], np.array([mu * max(base, 0.0)]))[0]
+
+
+def arrow(x: np.ndarray) -> np.ndarray:
+    """L_x: multiplication by x in the Jordan algebra; that of a square root is the root of the matrix, in row 0 too."""
+    L = x[0] * np.eye(x.size)
+    L[0, 1:] = L[1:, 0] = x[1:]
+    return L
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_functions_are_those_of_their_definitions(
+    rng: np.random.Generator, dimension: int, function: ContactFunction
+) -> None:
+    kernel = kernel_cache.load("cpbench.solvers.kernels.contact_newton")
+    nc = 50
+    x, v = rng.standard_normal((2, nc, dimension))
+    mu, rho = np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0.1, 1, nc)), rng.uniform(0.5, 2, (nc, 2))
+    phi, moves = np.empty(nc * dimension), np.empty(nc, dtype=bool)
+    A, B = np.empty((2, nc, dimension, dimension))
+    kernel.evaluate(int(function), x.ravel(), v.ravel(), mu, rho, phi, A, B, moves)
+    expected = [plain(function, x[c], v[c], mu[c], rho[c]) for c in range(nc)]
+    np.testing.assert_allclose(phi.reshape(nc, -1), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
 @pytest.mark.parametrize("sparse", [False, True])
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_the_jacobian_is_the_slope_of_the_function(rng: np.random.Generator, dimension: int, sparse: bool) -> None:
-    """Central differences at random points, where all four states of a contact occur."""
-    nc = 12
-    band = np.kron(np.abs(np.subtract.outer(np.arange(nc), np.arange(nc))) < 2, np.ones((dimension, dimension)))
-    W = band * rng.standard_normal((nc * dimension, nc * dimension)) + 5 * np.eye(nc * dimension)
-    q, mu = 10 * rng.standard_normal(nc * dimension), np.r_[0.0, rng.uniform(0.1, 1, nc - 1)]
-    problem = FrictionContact(W=sp.csr_array(W) if sparse else W, q=q, mu=mu, dimension=dimension)
-    function = AlartCurnier(scaled_contacts(problem))
-    assert function._dense is not (sparse and nc > 11)
-    x, h = rng.standard_normal(q.size), 1e-6
-    J = function.jacobian(function.at(x)[1], 0.0)
-    J = J.toarray() if sp.issparse(J) else J
-    for k, e in enumerate(np.eye(q.size)):
-        slope = (function.at(x + h * e)[0] - function.at(x - h * e)[0]) / (2 * h)
+def test_the_jacobian_is_the_slope_of_the_function(
+    rng: np.random.Generator, dimension: int, sparse: bool, function: ContactFunction
+) -> None:
+    """Central differences at random points, where all states of a contact occur; the direction solves with it."""
+    problem = banded(rng, 14, dimension, sparse=sparse)
+    equation = ContactEquation(scaled_contacts(problem), function)
+    x, h = rng.standard_normal(problem.q.size), 1e-6
+    at = equation.at(x)
+    J = equation.jacobian(at, 0.0, np.arange(problem.nc))
+    assert sp.issparse(J) is sparse
+    J = J.toarray() if sp.issparse(J) else np.asarray(J)
+    for k, e in enumerate(np.eye(x.size)):
+        slope = (equation.at(x + h * e).phi - equation.at(x - h * e).phi) / (2 * h)
         np.testing.assert_allclose(J[:, k], slope, atol=1e-5)
+    d = np.asarray(np.linalg.solve(J, -at.phi), dtype=np.float64)
+    for damped in (False, True):
+        found = equation.direction(at, 1e-12 if damped else 0.0, damped=damped)
+        assert found is not None
+        np.testing.assert_allclose(found, d, rtol=1e-8, atol=1e-10)
+    assert equation.slope(at, d) == pytest.approx(-(at.size**2))
+
+
+def test_the_regularization_is_that_of_the_operator(rng: np.random.Generator) -> None:
+    problem = banded(rng, 6, 3, sparse=False)
+    equation = ContactEquation(scaled_contacts(problem), ContactFunction.ALART_CURNIER)
+    at, everything = equation.at(rng.standard_normal(18)), np.arange(6)
+    change = np.asarray(equation.jacobian(at, 0.3, everything)) - np.asarray(equation.jacobian(at, 0.0, everything))
+    scaled = scaled_contacts(problem)
+    mobility = np.diag(np.asarray(scaled.W)).reshape(6, 3)
+    R = np.stack([mobility[:, 0], *2 * [mobility[:, 1:].mean(axis=1)]], axis=1)
+    expected = np.zeros((18, 18))
+    for c in range(6):
+        expected[3 * c : 3 * c + 3, 3 * c : 3 * c + 3] = 0.3 * at.B[c] * R[c]
+    np.testing.assert_allclose(change, expected, atol=1e-12)
+
+
+def test_at_the_apex_the_derivatives_are_numbers() -> None:
+    """x = v = 0, where no function is smooth."""
+    for function in FUNCTIONS:
+        for mu in (0.0, 0.5):
+            problem = FrictionContact(W=np.eye(3), q=np.zeros(3), mu=np.array([mu]))
+            equation = ContactEquation(scaled_contacts(problem), function)
+            at = equation.at(np.zeros(3))
+            assert at.size == 0.0
+            assert np.isfinite(at.A).all()
+            assert np.isfinite(at.B).all()
+
+
+@pytest.mark.parametrize("regularization", list(Regularization))
+@pytest.mark.parametrize("search", list(Search))
+@pytest.mark.parametrize("name", NEWTON)
+def test_every_line_search_and_regularization(name: str, search: Search, regularization: Regularization) -> None:
+    """Newton after few sweeps, on full rank and on hyperstatic contacts."""
+    options = ContactNewtonOptions(sweeps=5, search=search, regularization=regularization)
+    for problem in (
+        planted.fc(np.random.default_rng(1), 8, 3, "positive definite")[0],
+        hyperstatic(np.random.default_rng(1), 12, 4, 3, sparse=False),
+    ):
+        output = solvers.get(name).run(problem, Budget(tolerance=1e-8, seconds=10.0), options)
+        assert output.claim is Claim.SOLVED, output.message
+        assert judge(problem, answer(output), 1e-8).solved
+
+
+def test_newton_alone_ends_with_a_word(rng: np.random.Generator) -> None:
+    """Without sweeps: solved by a few steps from near, and never an endless loop."""
+    problem, solution = planted.fc(rng, 8, 3, "positive definite")
+    start = FCPoint(solution.r * (1 + 1e-3 * rng.standard_normal(solution.r.size)))
+    for name in NEWTON:
+        solver = solvers.get(name)
+        near = solver.run(problem, Budget(tolerance=1e-9), ContactNewtonOptions(sweeps=0), start=start)
+        assert near.counters["sweeps"] == 0
+        far = solver.run(problem, Budget(tolerance=1e-9), ContactNewtonOptions(sweeps=0))
+        for output in (near, far):
+            assert output.claim is Claim.SOLVED or output.message
+        assert near.claim is Claim.SOLVED
+        assert near.counters["newton_steps"] <= 10
+
+
+def test_what_has_no_solution_ends_soon() -> None:
+    """W_NN = 0 and q_N < 0: no reaction opens the contact."""
+    problem = FrictionContact(W=np.diag([0.0, 1.0, 1.0]), q=np.array([-1.0, 0.5, 0.0]), mu=np.array([0.5]))
+    for name in NEWTON:
+        output = solvers.get(name).run(problem, Budget(seconds=20.0))
+        assert output.claim is Claim.FAILED
+        assert "stalled" in output.message or "diverged" in output.message
 
 
 def test_sweeps_in_pieces_are_those_of_one_run(rng: np.random.Generator) -> None:
@@ -71,8 +202,8 @@ def test_sweeps_in_pieces_are_those_of_one_run(rng: np.random.Generator) -> None
     r, sweeps = np.zeros(problem.q.size), Sweeps(block_rows(problem))
     for count in (3, 4):
         error = sweeps.sweep(r, count, 1e-300)
-    whole = solvers.get("nsgs").run(problem, Budget(tolerance=1e-300, iterations=7)).point
-    np.testing.assert_allclose(r, whole.r, rtol=1e-12, atol=1e-14)
+    whole = solvers.get("nsgs").run(problem, Budget(tolerance=1e-300, iterations=7))
+    np.testing.assert_allclose(r, answer(whole).r, rtol=1e-12, atol=1e-14)
     assert error == pytest.approx(problem.residuals(FCPoint(r)).error, rel=1e-9)
     assert sweeps.done == 7
 
@@ -98,15 +229,15 @@ def test_a_singular_delassus_operator_is_no_obstacle(rng: np.random.Generator, n
 
 @pytest.mark.parametrize("name", NEW)
 def test_a_warm_start_costs_nothing(rng: np.random.Generator, name: str) -> None:
-    problem, answer = planted.fc(rng, 12, 3, "positive definite")
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=answer)
+    problem, solution = planted.fc(rng, 12, 3, "positive definite")
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=solution)
     assert output.claim is Claim.SOLVED
     assert output.counters["iterations"] == 0
 
 
 @pytest.mark.parametrize("name", NEW)
 def test_no_contact_is_no_work(name: str) -> None:
-    output = solvers.get(name).run(FrictionContact(W=np.zeros((0, 0)), q=[], mu=[]))
+    output = solvers.get(name).run(FrictionContact(W=np.zeros((0, 0)), q=np.zeros(0), mu=np.zeros(0)))
     assert output.claim is Claim.SOLVED
 
 
@@ -115,9 +246,9 @@ def test_void_blocks_raise_nothing(name: str) -> None:
     """An answer or an honest word, no NaN, no warning."""
     for D in (np.zeros((3, 3)), np.diag([0.0, 1, 1]), np.ones((3, 3)), -np.eye(3)):
         for q in ([-1.0, 0.5, 0], [1.0, 0.5, 0], [0.0, 0, 0]):
-            problem = FrictionContact(W=D, q=q, mu=[0.5], dimension=3)
+            problem = FrictionContact(W=D, q=np.array(q), mu=np.array([0.5]), dimension=3)
             output = solvers.get(name).run(problem, Budget(iterations=100))
-            assert np.isfinite(output.point.r).all()
+            assert np.isfinite(answer(output).r).all()
             assert output.claim is not Claim.SOLVED or judge(problem, output.point, 1e-6).solved
 
 
@@ -126,6 +257,9 @@ def test_void_blocks_raise_nothing(name: str) -> None:
     [
         ("alart-curnier-newton", "Confeti-ex03-Fc3D-SBM.dat"),
         ("alart-curnier-newton", "Capsules-i125-1213.hdf5"),
+        ("jean-moreau-newton", "BoxesStack1-i100000-32.hdf5.dat"),
+        ("natural-map-contact", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
+        ("fischer-burmeister-contact", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
         ("admm-contact", "BoxesStack1-i100000-32.hdf5.dat"),
         ("auto-contact", "BoxesStack1-i100000-32.hdf5.dat"),
     ],

@@ -17,7 +17,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.admm_contact import ADMMContactOptions, Splitting
-from cpbench.solvers.native.alart_curnier_newton import AlartCurnierOptions, NewtonPhase
+from cpbench.solvers.native.contact_newton import ContactNewtonOptions, NewtonPhase
 from cpbench.solvers.native.contact_sweeps import ScaledContacts, Sweeps, conclude, scaled_contacts
 from cpbench.solvers.options import fixed, searched
 
@@ -150,7 +150,7 @@ class _Run:
         self._standing = Standing(self.error, math.nan, 0.0, step, SOLVE_SHARE * step)
         if contacts.q.size:
             self._sweeps = Sweeps(contacts.rows)
-            self._newton = NewtonPhase(contacts, AlartCurnierOptions().memory)
+            self._newton = NewtonPhase(contacts, ContactNewtonOptions())
         if record is not None:
             record(0, self.error, lambda: FCPoint(self.best))
 
