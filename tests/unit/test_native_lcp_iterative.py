@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.formulations import LCP
+from cpbench import storage
+from cpbench.formulations import LCP, QP
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
@@ -109,3 +112,141 @@ def test_a_block_without_solution_is_said_as_a_stall() -> None:
     output = solvers.get("block-gs").run(LCP(M=np.zeros((3, 3)), q=-np.ones(3)))
     assert output.claim is Claim.FAILED
     assert "stalled" in output.message
+
+
+def reference_mprgp(M: np.ndarray, q: np.ndarray, lower: np.ndarray, upper: np.ndarray, steps: int) -> np.ndarray:
+    """Dostál and Schöberl's algorithm, Γ = 1, expansions of length 1.9 over the kernel's estimate of ‖M‖."""
+    x, n, size = np.clip(np.zeros(q.size), lower, upper), q.size, 0.0
+    v = np.cos(np.arange(n))
+    for _ in range(6):
+        v, before = M @ v, v
+        size = max(size, np.linalg.norm(v) / np.linalg.norm(before))
+    g = M @ x + q
+
+    def parts() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        inside = (lower < x) & (x < upper)
+        phi = np.where(inside, g, 0.0)
+        beta = np.where(lower == upper, 0.0, np.where(x <= lower, np.minimum(g, 0), np.where(inside, 0, g.clip(0))))
+        return (
+            phi,
+            beta,
+            np.where(phi > 0, np.minimum((x - lower) * size / 1.9, phi), phi.clip((x - upper) * size / 1.9)),
+        )
+
+    p = parts()[0]
+    for _ in range(steps):
+        phi, beta, reduced = parts()
+        release = beta @ beta > phi @ reduced
+        p = beta if release else p
+        Mp = M @ p
+        size = max(size, p @ Mp / (p @ p))
+        t = g @ p / (p @ Mp)
+        with np.errstate(all="ignore"):
+            most = np.where(p > 0, (x - lower) / p, np.where(p < 0, (x - upper) / p, np.inf)).min()
+        if t <= most or release:
+            x, g = np.clip(x - min(t, most) * p, lower, upper), g - min(t, most) * Mp
+            p = (
+                parts()[0]
+                if release
+                else np.where((lower < x) & (x < upper), parts()[0] - parts()[0] @ Mp / (p @ Mp) * p, 0)
+            )
+        else:
+            x, g = np.clip(x - most * p, lower, upper), g - most * Mp
+            x = np.clip(x - 1.9 / size * parts()[0], lower, upper)
+            g = M @ x + q
+            p = parts()[0]
+    return x
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("steps", [1, 3, 8, 15])
+def test_steps_of_mprgp_are_those_of_plain_numpy(rng: np.random.Generator, sparse: bool, steps: int) -> None:
+    A = planted.square(rng, 20, "positive definite") + 0.1 * np.eye(20)
+    M = A / np.sqrt(np.outer(A.diagonal(), A.diagonal()))
+    q, lower = rng.standard_normal(20), -rng.uniform(0, 1, 20)
+    upper = lower + rng.uniform(0, 2, 20)
+    lower[:5], upper[3:8], upper[9] = -np.inf, np.inf, lower[9]
+    stored = sp.csr_array(M) if sparse else M
+    budget = Budget(tolerance=1e-16, iterations=steps)
+    output = solvers.get("mprgp-qp").run(QP.build(stored, q, lb=lower, ub=upper), budget)
+    np.testing.assert_allclose(output.point.z, reference_mprgp(M, q, lower, upper, steps), rtol=1e-9, atol=1e-11)
+    zero, inf = np.zeros(20), np.full(20, np.inf)
+    output = solvers.get("mprgp").run(LCP(M=stored, q=q), budget)
+    np.testing.assert_allclose(output.point.z, reference_mprgp(M, q, zero, inf, steps), rtol=1e-9, atol=1e-11)
+
+
+FACES = ("mprgp", "projected-cg")
+
+
+@pytest.mark.parametrize("solver", FACES)
+@pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
+@pytest.mark.parametrize("sparse", [False, True])
+def test_faces_solve_semidefinite_problems(solver: str, kind: str, sparse: bool) -> None:
+    """A singular M may have many solutions: judged by residuals."""
+    for seed in range(10):
+        problem, _ = planted.lcp(np.random.default_rng(seed), 30, kind, sparse=sparse)
+        if not problem.symmetric:
+            continue
+        output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
+        assert output.claim is Claim.SOLVED, output.message
+        assert judge(problem, output.point, 1e-9).solved
+
+
+@pytest.mark.parametrize("solver", FACES)
+def test_faces_prove_that_there_is_no_solution(solver: str) -> None:
+    """M = BBᵀ of rank 6 of 10 and q with qᵀy < 0 for a y ≥ 0 in its kernel."""
+    rng = np.random.default_rng(4)
+    for _ in range(10):
+        y = np.maximum(rng.standard_normal(10), 0.0)
+        B = rng.standard_normal((10, 6))
+        B -= np.outer(y, y @ B) / (y @ y)
+        q = rng.standard_normal(10)
+        problem = LCP(M=B @ B.T, q=q - (q @ y + 0.1) * y / (y @ y))
+        output = solvers.get(solver).run(problem, Budget(tolerance=1e-8))
+        assert output.claim is Claim.INFEASIBLE, output.message
+        assert problem.certifies_infeasibility(output.certificate)
+
+
+@pytest.mark.parametrize("solver", FACES)
+def test_faces_refuse_what_is_not_semidefinite_and_symmetric(solver: str) -> None:
+    chosen = solvers.get(solver)
+    assert "symmetric" in chosen.obstacle(LCP(M=np.array([[1.0, 1.0], [0.0, 1.0]]), q=np.ones(2)))
+    assert "semidefinite" in chosen.obstacle(LCP(M=np.diag([1.0, -1.0]), q=np.ones(2)))
+
+
+@pytest.mark.parametrize("solver", [f"{name}-qp" for name in FACES])
+def test_bounds_of_every_kind(solver: str) -> None:
+    for seed in range(20):
+        for sparse in (False, True):
+            problem, _ = planted.qp(np.random.default_rng(seed), 15, 0, 0, sparse=sparse)
+            output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
+            assert output.claim is Claim.SOLVED, output.message
+            assert judge(problem, output.point, 1e-9).solved
+            again = solvers.get(solver).run(problem, Budget(tolerance=1e-9), start=output.point)
+            assert again.counters["iterations"] <= 2
+
+
+@pytest.mark.parametrize("solver", [f"{name}-qp" for name in FACES])
+def test_an_objective_without_a_least_value_is_proved_so(solver: str) -> None:
+    """z₁ + z₂ is not in Q and falls; with a bound on z₂ it still does, with both it does not."""
+    Q, p, free = np.array([[1.0, 1, 0], [1, 1, 0], [0, 0, 2]]), np.array([1.0, -1, 3]), np.full(3, -np.inf)
+    chosen = solvers.get(solver)
+    assert chosen.run(QP.build(Q, p, lb=free)).claim is Claim.UNBOUNDED
+    bounded = QP.build(Q, p, lb=np.array([-2.0, -np.inf, 0.0]))
+    output = chosen.run(bounded, Budget(tolerance=1e-9))
+    assert output.claim is Claim.SOLVED
+    np.testing.assert_allclose(output.point.z, [-2.0, 3.0, 0.0], atol=1e-8)
+    assert chosen.run(QP.build(np.zeros((2, 2)), [-1.0, 0.0], lb=np.zeros(2))).claim is Claim.UNBOUNDED
+    assert chosen.obstacle(QP.build(np.eye(2), np.ones(2), A=np.ones((1, 2)), b=np.ones(1)))
+
+
+def test_published_bound_constrained_programs(shared_data: Path) -> None:
+    """Obstacles, journal bearings, torsion and others of CUTEst. CHENHARK has a condition number of about 1e11."""
+    for path in sorted((shared_data / "box_qp").glob("*.npz")):
+        if path.stem.startswith(("NCVX", "CHENHARK")):
+            continue
+        problem = storage.load(path)
+        for name in ("mprgp-qp", "projected-cg-qp"):
+            output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
+            assert output.claim is Claim.SOLVED, (path.name, output.message)
+            assert judge(problem, output.point, 1e-8).solved
