@@ -1,0 +1,186 @@
+"""Fixed points, projection and first-order methods on contact: their kernels against plain NumPy, planted problems."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench import cones, kernel_cache, storage
+from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.base import parse_options
+from cpbench.solvers.native.contact_frozen import Frozen, block_csr
+from cpbench.solvers.native.contact_sweeps import scaled_contacts
+from cpbench.testing import planted
+from cpbench.verification import judge
+
+FIXED_POINTS = ("tresca-fixed-point", "panagiotopoulos-fixed-point", "aclm-fixed-point")
+PROJECTIONS = ("de-saxce-fixed-point", "extragradient-contact")
+ALL = (*FIXED_POINTS, *PROJECTIONS, "apgd-contact", "proximal-nsgs", "proximal-newton")
+SETS = ("CONE", "CYLINDER", "NORMAL", "TANGENT")
+
+
+def project(kind: str, y: np.ndarray, x: np.ndarray, mu: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """The projection of the kernels, by `cones`; by contacts."""
+    if kind == "CONE":
+        return cones.project_friction_cone(y, mu)
+    cylinder = cones.project_cylinder(y, radius)
+    kept = {"CYLINDER": [], "NORMAL": slice(1, None), "TANGENT": [0]}[kind]
+    cylinder[:, kept] = x[:, kept]
+    return cylinder
+
+
+def data(rng: np.random.Generator, dimension: int) -> tuple[FrictionContact, np.ndarray, np.ndarray]:
+    problem, _ = planted.fc(rng, 12, dimension, "positive definite")
+    return problem, rng.standard_normal(problem.q.size), rng.uniform(0.0, 2.0, 12)
+
+
+@pytest.mark.parametrize("kind", SETS)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nesterovs_method_is_that_of_plain_numpy(rng: np.random.Generator, dimension: int, kind: str) -> None:
+    problem, x, radius = data(rng, dimension)
+    contacts = scaled_contacts(problem)
+    kernel = kernel_cache.load("cpbench.solvers.kernels.frozen_contact")
+    W, p, shape = contacts.W, contacts.q, (-1, dimension)
+    code, state = getattr(kernel, kind), np.array([1.0, 4.0])
+    moved = [x.copy(), W @ x, x.copy(), W @ x]
+    kernel.accelerate(*block_csr(contacts), code, p, problem.mu, radius, dimension, *moved, state, 12)
+    z, theta, step = x, 1.0, 4.0
+    for _ in range(12):
+        gradient, step = W @ z + p, 1.05 * step
+        while True:
+            new = project(kind, (z - step * gradient).reshape(shape), z.reshape(shape), problem.mu, radius).ravel()
+            change = new - z
+            if step * change @ W @ change <= change @ change:
+                break
+            step /= 2
+        beta, old = 0.0, theta
+        theta = 1.0
+        if gradient @ (new - x) <= 0:
+            theta = 0.5 * (-(old**2) + old * np.sqrt(old**2 + 4))
+            beta = old * (1 - old) / (old**2 + theta)
+        x, z = new, new + beta * (new - x)
+    np.testing.assert_allclose(moved[0], x, atol=1e-10)
+    np.testing.assert_allclose(moved[1], W @ x, atol=1e-10)
+    np.testing.assert_allclose(state, [theta, step], rtol=1e-10)
+
+
+@pytest.mark.parametrize("momentum", [False, True])
+@pytest.mark.parametrize("kind", SETS)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_frozen_problems_are_solved(rng: np.random.Generator, dimension: int, kind: str, momentum: bool) -> None:
+    """The natural map of the convex problem vanishes, evaluated with the projections of `cones`."""
+    problem, x, radius = data(rng, dimension)
+    contacts = scaled_contacts(problem)
+    frozen = Frozen(contacts, x, momentum=momentum)
+    shift = rng.uniform(0.0, 1.0, 12)
+    kernel = kernel_cache.load("cpbench.solvers.kernels.frozen_contact")
+    frozen.minimize(getattr(kernel, kind), shift, radius, 1e-12, 20_000, np.inf)
+    p = contacts.q.copy()
+    p[::dimension] += shift
+    X = frozen.x.reshape(-1, dimension)
+    G = (contacts.W @ frozen.x + p).reshape(X.shape)
+    np.testing.assert_allclose(project(kind, X - G, X, problem.mu, radius), X, atol=1e-9)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_projection_steps_are_those_of_plain_numpy(rng: np.random.Generator, dimension: int) -> None:
+    problem, x, _ = data(rng, dimension)
+    contacts = scaled_contacts(problem)
+    kernel = kernel_cache.load("cpbench.solvers.kernels.contact_projection")
+    law = (*block_csr(contacts), contacts.q, problem.mu, dimension)
+    rho = 1e-3  # short enough that it is never reduced, and raised once
+
+    def F(x: np.ndarray) -> np.ndarray:
+        return cones.de_saxce((contacts.W @ x + contacts.q).reshape(-1, dimension), problem.mu).ravel()
+
+    def P(x: np.ndarray) -> np.ndarray:
+        return cones.project_friction_cone(x.reshape(-1, dimension), problem.mu).ravel()
+
+    y = P(x - rho * F(x))
+    expected = {"FIXED_POINT": y, "EXTRAGRADIENT": P(x - rho * F(y))}
+    for name, after in expected.items():
+        mine, step = x.copy(), np.array([rho])
+        kernel.iterate(*law, getattr(kernel, name), mine, step, 1)
+        np.testing.assert_allclose(mine, after, atol=1e-12)
+        np.testing.assert_allclose(step, 1.5 * rho)
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_planted_contacts_are_solved(name: str, dimension: int) -> None:
+    for seed in range(3):
+        problem, _ = planted.fc(np.random.default_rng(seed), 8, dimension, "positive definite")
+        for W in (problem.W, sp.csr_array(problem.W)):
+            same = FrictionContact(W=W, q=problem.q, mu=problem.mu, dimension=dimension)
+            output = solvers.get(name).run(same, Budget(tolerance=1e-8))
+            assert output.claim is Claim.SOLVED, output.message
+            assert judge(problem, output.point, 1e-8).solved
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_singular_delassus_operator_is_no_obstacle(rng: np.random.Generator, name: str) -> None:
+    H = rng.standard_normal((24, 72))
+    problem = FrictionContact(W=H.T @ H, q=H.T @ rng.standard_normal(24), mu=np.full(24, 0.4), dimension=3)
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, 1e-6).solved
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_warm_start_costs_nothing(rng: np.random.Generator, name: str) -> None:
+    problem, answer = planted.fc(rng, 12, 3, "positive definite")
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=answer)
+    assert output.claim is Claim.SOLVED
+    assert output.counters["iterations"] == 0
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_near_the_answer_a_start_saves_iterations(rng: np.random.Generator, name: str) -> None:
+    problem, answer = planted.fc(rng, 12, 3, "positive definite")
+    near = FCPoint(answer.r * (1 + 1e-7 * rng.standard_normal(answer.r.size)))
+    warm = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=near)
+    assert warm.counters["iterations"] <= solvers.get(name).run(problem, Budget(tolerance=1e-8)).counters["iterations"]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_what_has_no_answer_is_not_claimed(name: str) -> None:
+    """No contact, void blocks, contacts that are squeezed, W that is not monotone: an honest word, no warning."""
+    assert solvers.get(name).run(FrictionContact(W=np.zeros((0, 0)), q=[], mu=[])).claim is Claim.SOLVED
+    for D in (np.zeros((3, 3)), np.diag([0.0, 1, 1]), np.ones((3, 3)), -np.eye(3)):
+        for q in ([-1.0, 0.5, 0], [1.0, 0.5, 0], [0.0, 0, 0]):
+            problem = FrictionContact(W=D, q=q, mu=[0.5], dimension=3)
+            output = solvers.get(name).run(problem, Budget(iterations=100))
+            assert output.claim is not Claim.SOLVED or judge(problem, output.point, 1e-6).solved
+
+
+@pytest.mark.parametrize("name", FIXED_POINTS)
+def test_gauss_seidel_does_for_nesterov(rng: np.random.Generator, name: str) -> None:
+    """Where W is not symmetric it is taken by itself."""
+    solver = solvers.get(name)
+    problem, _ = planted.fc(rng, 8, 3, "positive definite")
+    options = parse_options(solver.spec, {"momentum": "false"})
+    assert solver.run(problem, Budget(tolerance=1e-8), options).claim is Claim.SOLVED
+    skew = rng.standard_normal(problem.W.shape) * 0.05
+    tilted = FrictionContact(W=problem.W + skew - skew.T, q=problem.q, mu=problem.mu, dimension=3)
+    assert solver.run(tilted, Budget(tolerance=1e-8)).claim is Claim.SOLVED
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "tolerance"),
+    [
+        ("tresca-fixed-point", "Confeti-ex13-4contact-Fc3D-SBM.dat", 1e-8),  # plain steps circle at 1e-2
+        ("aclm-fixed-point", "fclib_local_problem_test.hdf5", 1e-8),  # rough convex solves stay at 2e-1
+        ("de-saxce-fixed-point", "RockPile_tob1.dat", 1e-4),
+        ("apgd-contact", "Capsules-i125-1213.hdf5", 1e-8),
+        ("apgd-contact", "RockPile_tob1.dat", 1e-4),
+    ],
+)
+def test_real_files(shared_data: Path, name: str, file: str, tolerance: float) -> None:
+    problem = storage.load(shared_data / "fc3d_local" / file)
+    output = solvers.get(name).run(problem, Budget(tolerance=tolerance, seconds=60.0))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, tolerance).solved
