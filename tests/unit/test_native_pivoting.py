@@ -12,6 +12,7 @@ from cpbench import kernel_cache
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.changing_basis import ChangingBasis
 from cpbench.solvers.native.principal_pivoting import transform
 from cpbench.testing import planted
 from cpbench.verification import judge
@@ -239,3 +240,59 @@ def test_enumeration_on_problems_with_known_sets_of_solutions() -> None:
     assert "exhaustion" in unsolvable.message
     assert "2^n" in (solvers.get("lcp-enumeration").obstacle(murty(21).problem) or "")
     assert run(csizmadia(12).problem, Budget(iterations=5)).claim is Claim.MAX_ITER
+
+
+@pytest.mark.parametrize("kind", ["positive definite", "monotone", "symmetric indefinite"])
+def test_a_bordered_factor_solves_the_changed_basis(rng: np.random.Generator, kind: str) -> None:
+    """Indices that come, go and come back, few at a time and many; against a solve from scratch."""
+    n = 60
+    M, q = planted.square(rng, n, kind), rng.standard_normal(n)
+    M = np.ascontiguousarray(M)
+    basis = ChangingBasis(M, np.ascontiguousarray(M.T), q, symmetric=bool((M == M.T).all()))
+    inside = rng.random(n) < 0.8
+    for changes in (0, 1, 2, 1, 3, 0, 40, 2):
+        inside[rng.choice(n, changes, replace=False)] ^= True
+        F = np.flatnonzero(inside)
+        found = basis.solve(inside)
+        assert found is not None
+        z = np.zeros(n)
+        z[F] = np.linalg.solve(M[np.ix_(F, F)], -q[F])
+        np.testing.assert_allclose(found[0], z, rtol=1e-6, atol=1e-8 * np.abs(z).max())
+        w = M @ z + q
+        w[F] = 0.0
+        np.testing.assert_allclose(found[1], w, rtol=1e-6, atol=1e-8 * np.abs(w).max())
+    assert basis.factorizations < 8
+    assert (
+        ChangingBasis(np.ones((3, 3)), np.ones((3, 3)), np.array([1.0, 2.0, 0.0]), True).solve(np.ones(3, bool)) is None
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("sweeps", [0, 20])
+def test_block_pivoting_hands_over_to_lemke(seed: int, sweeps: int) -> None:
+    """Semidefinite of rank 0.6 n: blocks cycle or meet singular bases; Lemke's method decides and both are said."""
+    rng = np.random.default_rng(seed)
+    H = rng.standard_normal((80, 48))
+    problem = LCP(M=H @ H.T, q=H @ rng.standard_normal(48) + 0.05 * np.abs(rng.standard_normal(80)))
+    solver = solvers.get("bpp")
+    output = solver.run(problem, Budget(tolerance=1e-8), solver.spec.options(max_sweeps=sweeps))
+    assert output.claim is Claim.SOLVED, output.message
+    assert ("pivots" in output.counters) == ("Lemke" in output.message)
+    alone = solver.run(problem, Budget(tolerance=1e-8), solver.spec.options(max_sweeps=sweeps, max_factorizations=0))
+    assert alone.claim is Claim.SOLVED or "use lemke" in alone.message or alone.claim is Claim.MAX_ITER
+
+
+@pytest.mark.parametrize("sweeps", [0, 2, 20])
+def test_block_pivoting_from_any_guess(sweeps: int) -> None:
+    """Sweeps that diverge, converge by themselves, or are left out: the answer of a P-matrix is the same."""
+    rng = np.random.default_rng(7)
+    n = 70
+    A, B = rng.standard_normal((2, n, n))
+    solver = solvers.get("bpp")
+    for M in (A @ A.T / n + 0.1 * np.eye(n) + (B - B.T), A @ A.T / n + np.eye(n), np.array(csizmadia(12).problem.M)):
+        problem = LCP(M=M, q=rng.standard_normal(len(M)))
+        output = solver.run(problem, Budget(tolerance=1e-9), solver.spec.options(max_sweeps=sweeps))
+        assert output.claim is Claim.SOLVED, output.message
+        assert output.counters["sweeps"] >= min(sweeps, 1)
+        warm = solver.run(problem, Budget(tolerance=1e-9), start=output.point)
+        assert warm.counters["iterations"] == 1

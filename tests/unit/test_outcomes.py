@@ -46,14 +46,15 @@ def test_bimatrix_game(lane: Lane, shared_data: Path) -> None:
 
 
 def test_infeasible(lane: Lane, tmp_path: Path) -> None:
-    """Pang's isolated solution, perturbed: w₁ = −z₂ − z₃ − 1e-4 < 0. Lemke proves it, nobody claims to solve it."""
+    """Pang's isolated solution, perturbed: w₁ = −z₂ − z₃ − 1e-4 < 0. Lemke proves it, bpp through Lemke, and nobody
+    claims to solve it."""
     path = tmp_path / "pang.h5"
     storage.save(LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1]), path)
-    assert outcome(lane, path, "lemke")["status"] == "infeasible"
-    for solver in ("newton-min", "bpp"):
-        row = outcome(lane, path, solver)
-        assert row["status"] in ("failed", "max_iter")
-        assert row["claim"] != "solved"
+    for solver in ("lemke", "bpp"):
+        assert outcome(lane, path, solver)["status"] == "infeasible"
+    row = outcome(lane, path, "newton-min")
+    assert row["status"] in ("failed", "max_iter")
+    assert row["claim"] != "solved"
 
 
 def test_singular_equality_block(lane: Lane, shared_data: Path) -> None:
