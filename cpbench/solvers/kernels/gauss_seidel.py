@@ -223,6 +223,50 @@ def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
     return worst if not worst < opening else opening
 
 
+@njit(fastmath=FAST, error_model="numpy")
+def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega):
+    """Σ‖change of r_c‖²/ρ_c of one sweep, in place on r; omega is not in it."""
+    change = 0.0
+    for place in range(order.size):
+        i = order[place]
+        v0, v1, v2 = _velocity_3d(start, column, blocks, q, r, i)
+        found = False
+        x0 = x1 = x2 = 0.0
+        if local[i, PROJECT] == 0.0:
+            found, x0, x1, x2, lam[i] = _one_contact_3d(local, i, v0, v1, v2, mu[i], lam[i])
+        old0, old1, old2 = r[3 * i], r[3 * i + 1], r[3 * i + 2]
+        if not found:
+            v0 += diagonal[i, 0] * old0 + diagonal[i, 1] * old1 + diagonal[i, 2] * old2
+            v1 += diagonal[i, 3] * old0 + diagonal[i, 4] * old1 + diagonal[i, 5] * old2
+            v2 += diagonal[i, 6] * old0 + diagonal[i, 7] * old1 + diagonal[i, 8] * old2
+            x0, x1, x2 = _natural_step(old0, old1, old2, v0, v1, v2, mu[i], rho[i])
+        change += ((x0 - old0) ** 2 + (x1 - old1) ** 2 + (x2 - old2) ** 2) / rho[i]
+        r[3 * i] = old0 + omega * (x0 - old0)
+        r[3 * i + 1] = old1 + omega * (x1 - old1)
+        r[3 * i + 2] = old2 + omega * (x2 - old2)
+    return change
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
+    """As `sweep_3d`, 4 numbers a block; the local problem needs nothing but `diagonal`."""
+    change = 0.0
+    for place in range(order.size):
+        i = order[place]
+        v0, v1 = _velocity_2d(start, column, blocks, q, r, i)
+        a, h, g, c = diagonal[i, 0], diagonal[i, 1], diagonal[i, 2], diagonal[i, 3]
+        found, x0, x1 = _one_contact_2d(a, h, g, c, v0, v1, mu[i])
+        old0, old1 = r[2 * i], r[2 * i + 1]
+        if not found:
+            u0 = v0 + a * old0 + h * old1
+            u1 = v1 + g * old0 + c * old1
+            x0, x1, _ = _natural_step(old0, old1, 0.0, u0, u1, 0.0, mu[i], rho[i])
+        change += ((x0 - old0) ** 2 + (x1 - old1) ** 2) / rho[i]
+        r[2 * i] = old0 + omega * (x0 - old0)
+        r[2 * i + 1] = old1 + omega * (x1 - old1)
+    return change
+
+
 @njit(error_model="numpy")
 def _shuffled(order, state):
     """Fisher–Yates in place, with the 64-bit linear congruential generator of Knuth (MMIX)."""
@@ -235,14 +279,14 @@ def _shuffled(order, state):
 
 
 @njit(error_model="numpy")
-def _due(state, until, change, tolerance, pace):
+def due(state, until, change, tolerance, pace):
     """Whether the error is to be evaluated: it is time, or the change in this sweep says that it is small enough."""
     it = state[ITERATION]
     return it >= state[NEXT_CHECK] or it == until or pace[0] * change <= tolerance * tolerance
 
 
 @njit(error_model="numpy")
-def _checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best):
+def checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best):
     """Log the error, keep the best r, and set the next check: where the last two foretell the tolerance, a quarter
     ahead at most."""
     if error < least[0]:
@@ -322,28 +366,11 @@ def sweeps_3d(
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             _shuffled(order, state)
-        change = 0.0
-        for place in range(order.size):
-            i = order[place]
-            v0, v1, v2 = _velocity_3d(start, column, blocks, q, r, i)
-            found = False
-            x0 = x1 = x2 = 0.0
-            if local[i, PROJECT] == 0.0:
-                found, x0, x1, x2, lam[i] = _one_contact_3d(local, i, v0, v1, v2, mu[i], lam[i])
-            old0, old1, old2 = r[3 * i], r[3 * i + 1], r[3 * i + 2]
-            if not found:
-                v0 += diagonal[i, 0] * old0 + diagonal[i, 1] * old1 + diagonal[i, 2] * old2
-                v1 += diagonal[i, 3] * old0 + diagonal[i, 4] * old1 + diagonal[i, 5] * old2
-                v2 += diagonal[i, 6] * old0 + diagonal[i, 7] * old1 + diagonal[i, 8] * old2
-                x0, x1, x2 = _natural_step(old0, old1, old2, v0, v1, v2, mu[i], rho[i])
-            change += ((x0 - old0) ** 2 + (x1 - old1) ** 2 + (x2 - old2) ** 2) / rho[i]
-            r[3 * i] = old0 + omega * (x0 - old0)
-            r[3 * i + 1] = old1 + omega * (x1 - old1)
-            r[3 * i + 2] = old2 + omega * (x2 - old2)
+        change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
         state[ITERATION] += 1
-        if _due(state, until, change, tolerance, pace):
+        if due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 3)
-            _checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
             if error <= tolerance:
                 return CONVERGED
             if not np.isfinite(error):
@@ -375,28 +402,15 @@ def sweeps_2d(
     least,
     best,
 ):
-    """As `sweeps_3d`, 4 numbers a block; the local problem needs nothing but `diagonal`."""
+    """As `sweeps_3d`, 4 numbers a block."""
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             _shuffled(order, state)
-        change = 0.0
-        for place in range(order.size):
-            i = order[place]
-            v0, v1 = _velocity_2d(start, column, blocks, q, r, i)
-            a, h, g, c = diagonal[i, 0], diagonal[i, 1], diagonal[i, 2], diagonal[i, 3]
-            found, x0, x1 = _one_contact_2d(a, h, g, c, v0, v1, mu[i])
-            old0, old1 = r[2 * i], r[2 * i + 1]
-            if not found:
-                u0 = v0 + a * old0 + h * old1
-                u1 = v1 + g * old0 + c * old1
-                x0, x1, _ = _natural_step(old0, old1, 0.0, u0, u1, 0.0, mu[i], rho[i])
-            change += ((x0 - old0) ** 2 + (x1 - old1) ** 2) / rho[i]
-            r[2 * i] = old0 + omega * (x0 - old0)
-            r[2 * i + 1] = old1 + omega * (x1 - old1)
+        change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
         state[ITERATION] += 1
-        if _due(state, until, change, tolerance, pace):
+        if due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 2)
-            _checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
             if error <= tolerance:
                 return CONVERGED
             if not np.isfinite(error):

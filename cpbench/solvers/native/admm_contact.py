@@ -136,6 +136,11 @@ class Splitting:
         """Reactions in their cones."""
         return self._contacts.s * self._z
 
+    @property
+    def entries(self) -> int:
+        """Of the factors, 0 before the first step and where ρ has just changed."""
+        return 0 if self._factors is None else self._factors.entries
+
     def step(self) -> bool:
         """One iteration; False where the linear system has no solution."""
         if self._factors is None:

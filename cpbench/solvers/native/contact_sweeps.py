@@ -19,6 +19,8 @@ SINGULAR = 1e-12
 """Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
 FINE, MARGIN = 1e-11, 0.999
 """Two evaluations of the error in different order agree to this share of a tolerance that is not finer than this."""
+MEMORY = 15
+"""Columns of Anderson's acceleration; 10 and 20 were no better on real files, 7 needed 1.2 times the sweeps."""
 LOG = 256
 """Error evaluations a call of the sweeps can log."""
 
@@ -79,6 +81,56 @@ class Sweeps:
         self.done += int(state[0])
         self.evaluations += int(state[2])
         return float(self._log[1][state[2] - 1])
+
+
+class AcceleratedSweeps:
+    """Sweeps with Anderson's acceleration, in pieces, from `start` or from 0; see the kernel `anderson`."""
+
+    def __init__(self, rows: BlockRows, start: Vector | None = None) -> None:
+        self._rows, self._kernel = rows, kernel("anderson")
+        problem = rows.problem
+        n, memory = problem.q.size, min(MEMORY, problem.q.size)
+        self._r = np.zeros(n) if start is None else start.copy()
+        self._lam, self._order = np.zeros(problem.nc), np.arange(problem.nc)
+        self._work, self._columns = np.zeros((2, n)), np.empty((2, memory, n))
+        self._state, self._measured = np.array([0, 1, 0, 0, 0, 0, 0, 0]), np.array([np.inf, np.inf])
+        self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
+        self._least, self.best = np.full(1, np.inf), self._r.copy()
+        self.evaluations = 0
+
+    @property
+    def done(self) -> int:
+        return int(self._state[0])
+
+    @property
+    def error(self) -> float:
+        """The judged error of `best`, ∞ before the first sweep."""
+        return float(self._least[0])
+
+    def sweep(self, count: int, tolerance: float) -> bool:
+        """At most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN."""
+        rows, problem, state = self._rows, self._rows.problem, self._state
+        until = int(state[0]) + count
+        matrix = (rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
+        iterate = (problem.q, problem.mu, problem.rho, self._r, self._lam, self._order, self._work, *self._columns)
+        while state[0] < until:
+            status = self._kernel.accelerated(
+                *matrix,
+                *iterate,
+                problem.dimension,
+                tolerance,
+                until,
+                state,
+                self._measured,
+                *self._log,
+                self._least,
+                self.best,
+            )
+            self.evaluations += int(state[2])
+            state[2] = 0
+            if status != self._kernel.CONTINUE:
+                return status == self._kernel.CONVERGED
+        return True
 
 
 def block_rows(problem: FrictionContact) -> BlockRows:

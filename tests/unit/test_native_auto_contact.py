@@ -1,0 +1,133 @@
+"""The automatic choice on frictional contact: policy, accelerated sweeps against plain NumPy, twice the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import kernel_cache, storage
+from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.auto_contact import Method, Standing, policy
+from cpbench.solvers.native.contact_sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
+from cpbench.testing import planted
+from cpbench.verification import judge
+
+NEW = Standing(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
+
+
+def test_sweeps_come_first() -> None:
+    assert policy(replace(NEW, step=0.0, iteration=0.0), 1e-8) is Method.SWEEPS
+
+
+@pytest.mark.parametrize(
+    ("standing", "expected"),
+    [
+        (replace(NEW, sweeps=1000, error=1e-6), Method.SWEEPS),  # 333 more are expected: 3 ms
+        (replace(NEW, sweeps=100_000, error=1e-6), Method.NEWTON),
+        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=2), Method.ADMM),
+        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=3, admm_failures=1), Method.SWEEPS),
+        (replace(NEW, sweeps=10, error=2.0), Method.NEWTON),  # nothing gained: no rate to go on at
+    ],
+)
+def test_the_method_that_is_expected_to_be_done_first(standing: Standing, expected: Method) -> None:
+    assert policy(standing, 1e-8) is expected
+
+
+def test_whatever_fails_sweeps_and_newton_and_admm_all_come_again() -> None:
+    """Without any progress all three go on in turn, each with about as much work as the others."""
+    now, work = replace(NEW, error=1e-3), dict.fromkeys(Method, 0.0)
+    for _ in range(60):
+        match policy(now, 1e-8):
+            case Method.SWEEPS:
+                count = max(50, now.sweeps)
+                work[Method.SWEEPS] += count * now.sweep
+                now = replace(now, sweeps=now.sweeps + count)
+            case Method.NEWTON:
+                work[Method.NEWTON] += 10 * now.step * 3.0**now.newton_failures
+                now = replace(now, newton_failures=now.newton_failures + 1)
+            case Method.ADMM:
+                work[Method.ADMM] += 300 * now.iteration * 3.0**now.admm_failures
+                now = replace(now, admm_failures=now.admm_failures + 1)
+    assert max(work.values()) < 10 * min(work.values())
+
+
+def plain(rows: BlockRows, sweeps: int) -> np.ndarray:
+    """Anderson's acceleration in NumPy: least squares by `lstsq`, a sweep by `Sweeps`."""
+    anderson = kernel_cache.load("cpbench.solvers.kernels.anderson")
+    problem, one = rows.problem, Sweeps(rows)
+    weight = np.repeat(1.0 / np.sqrt(problem.rho), problem.dimension)
+    r = np.zeros(problem.q.size)
+    g_old = f_old = r
+    moves: list[np.ndarray] = []
+    changes: list[np.ndarray] = []
+    for k in range(1, sweeps + 1):
+        g = r.copy()
+        one.sweep(g, 1, 0.0)
+        f = weight * (g - r)
+        if k > 1:
+            moves.append(g - g_old)
+            changes.append(f - f_old)
+        g_old, f_old, r = g, f, g
+        if changes and k % anderson.PERIOD == 0:
+            gamma = np.linalg.lstsq(np.array(changes).T, f, rcond=None)[0]
+            r = g - gamma @ np.array(moves)
+    return r
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_accelerated_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, dimension: int) -> None:
+    problem, _ = planted.fc(rng, 10, dimension, "positive definite")
+    rows = block_rows(problem)
+    accelerated = AcceleratedSweeps(rows)
+    accelerated.sweep(3, 1e-300)
+    accelerated.sweep(3, 1e-300)  # goes on where it was
+    assert accelerated._state[7] == 0, "every step was followed"
+    np.testing.assert_allclose(accelerated._r, plain(rows, 6), rtol=1e-6, atol=1e-9)
+    assert accelerated.done == 6
+
+
+def test_answers_lie_in_the_cones_and_their_error_is_the_judges(rng: np.random.Generator) -> None:
+    problem, _ = planted.fc(rng, 10, 3, "positive definite")
+    accelerated = AcceleratedSweeps(block_rows(problem))
+    accelerated.sweep(5, 1e-300)
+    r = accelerated.best.reshape(-1, 3)
+    assert (np.hypot(r[:, 1], r[:, 2]) <= problem.mu * r[:, 0] * (1 + 1e-12)).all()
+    assert accelerated.error == pytest.approx(problem.residuals(FCPoint(accelerated.best)).error, rel=1e-9)
+
+
+def test_what_is_no_number_stops_the_sweeps() -> None:
+    rows = block_rows(FrictionContact(W=np.eye(6) + 10.0, q=np.full(6, -1.0), mu=[0.5, 0.5]))
+    accelerated = AcceleratedSweeps(rows, np.full(6, 1e308))
+    assert not accelerated.sweep(100, 1e-8)
+    assert accelerated.done == 1
+
+
+FILES = [
+    ("BoxesStack1-i100000-32.hdf5.dat", 4000),  # NSGS: 1.5e-5 after 20000 sweeps
+    ("fclib_local_problem_test.hdf5", 4000),  # 1.8e-4
+    ("OneObject-i100000-316.hdf5.dat", 400),  # 1.9e-3
+    ("Capsules-i101-404.dat", 2000),  # 10179 sweeps
+]
+
+
+@pytest.mark.parametrize(("name", "most"), FILES)
+def test_real_files_take_the_same_way_twice(shared_data: Path, name: str, most: int) -> None:
+    problem, solver = storage.load(shared_data / "fc3d_local" / name), solvers.get("auto-contact")
+    first, second = (solver.run(problem, Budget(tolerance=1e-8)) for _ in range(2))
+    assert first.claim is Claim.SOLVED, first.message
+    assert judge(problem, first.point, 1e-8).solved
+    assert first.counters["iterations"] <= most
+    assert (first.point.r == second.point.r).all()
+    assert (first.counters, first.message) == (second.counters, second.message)
+
+
+def test_an_answer_is_a_start_that_costs_nothing(shared_data: Path) -> None:
+    problem = storage.load(shared_data / "fc3d_local" / "Confeti-ex03-Fc3D-SBM.dat")
+    solver, budget = solvers.get("auto-contact"), Budget(tolerance=1e-8)
+    warm = solver.run(problem, budget, start=solver.run(problem, budget).point)
+    assert warm.claim is Claim.SOLVED
+    assert warm.counters["iterations"] == 0
