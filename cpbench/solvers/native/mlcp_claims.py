@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
+from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.kernel_cache import load
 from cpbench.matrices import Matrix, Vector, dense, max_abs
@@ -66,6 +67,14 @@ class ScaledMLCP:
     def push(self) -> float:
         """max|C| v_unit: the scale of the equalities where a = 0."""
         return max_abs(self.problem.C) * self.problem.v_unit
+
+
+def mixed(problem: LCP | MLCP) -> MLCP:
+    """An LCP as an MLCP without free unknowns."""
+    if isinstance(problem, MLCP):
+        return problem
+    M, m, zeros = problem.M, problem.q.size, matrices.zeros
+    return MLCP(A=zeros(0, 0, M), B=M, C=zeros(0, m, M), D=zeros(m, 0, M), a=np.zeros(0), b=problem.q)
 
 
 def scale(problem: MLCP, *, keep_sparse: bool = False) -> ScaledMLCP:
