@@ -1,4 +1,4 @@
-"""The judged error of an MLCP from the four products Au, Cv, Du and Bv."""
+"""The judged error of an MLCP in scaled data: rows K x + k in units of `row_unit`, x in units of `unit`."""
 
 import numpy as np
 from numba import float64, int64, njit, types
@@ -7,30 +7,33 @@ DATA = types.Array(float64, 1, "C", readonly=True)
 DATA_2D = types.Array(float64, 2, "C", readonly=True)
 
 
-@njit(float64(DATA, DATA, DATA, DATA, DATA, DATA, DATA, float64, float64), cache=True, error_model="numpy")
-def judged(a, b, v, Au, Cv, Du, Bv, v_unit, push):
-    """max(natural, unit_free, equality) of `cpbench.formulations.mlcp`; NaN when anything is.
+@njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), cache=True, error_model="numpy", nogil=True)
+def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
+    """max(natural, unit_free, equality) of `cpbench.formulations.mlcp`; not finite when anything is.
 
     Parameters
     ----------
-    a, Au, Cv : (n,). b, v, Du, Bv : (m,). v_unit : of the problem. push : max|C| v_unit, the scale where a = 0.
+    n : equalities. of_u, of_v : (N,), K x of the free unknowns and of the others. v_unit : of the problem.
+    push : max|C| v_unit, the scale of the equalities where a = 0.
     """
     equality = a_square = Au_square = Cv_square = 0.0
-    for i in range(a.size):
-        row = Au[i] + Cv[i] + a[i]
+    for i in range(n):
+        Au, Cv, a = of_u[i] * row_unit[i], of_v[i] * row_unit[i], k[i] * row_unit[i]
+        row = Au + Cv + a
         equality += row * row
-        a_square += a[i] * a[i]
-        Au_square += Au[i] * Au[i]
-        Cv_square += Cv[i] * Cv[i]
+        a_square += a * a
+        Au_square += Au * Au
+        Cv_square += Cv * Cv
     natural, b_square = equality, 0.0
     v_top, w_top = v_unit, 0.0
-    for i in range(b.size):
-        w = Du[i] + Bv[i] + b[i]
-        least = v[i] if v[i] < w else w
+    for i in range(n, k.size):
+        v, Du, Bv, b = unit[i] * x[i], of_u[i] * row_unit[i], of_v[i] * row_unit[i], k[i] * row_unit[i]
+        w = Du + Bv + b
+        least = v if v < w else w
         natural += least * least
-        b_square += b[i] * b[i]
-        v_top = max(v_top, abs(v[i]))
-        w_top = max(w_top, max(abs(b[i]), max(abs(Du[i]), abs(Bv[i]))))
+        b_square += b * b
+        v_top = max(v_top, abs(v))
+        w_top = max(w_top, max(abs(b), max(abs(Du), abs(Bv))))
     natural = np.sqrt(natural)
     data = np.sqrt(a_square + b_square)
     if data == 0.0 or not np.isfinite(natural):
@@ -38,10 +41,10 @@ def judged(a, b, v, Au, Cv, Du, Bv, v_unit, push):
     v_scale = 1.0 / v_top if v_top > 0.0 else 1.0
     w_scale = 1.0 / w_top if w_top > 0.0 else 1.0
     unit_free = 0.0
-    for i in range(b.size):
-        x = v[i] * v_scale
-        y = (Du[i] + Bv[i] + b[i]) * w_scale
-        least = x if x < y else y
+    for i in range(n, k.size):
+        v = unit[i] * x[i] * v_scale
+        w = (of_u[i] + of_v[i] + k[i]) * row_unit[i] * w_scale
+        least = v if v < w else w
         unit_free += least * least
     scale = np.sqrt(a_square) if a_square > 0.0 else push
     scale = max(scale, np.sqrt(max(Au_square, Cv_square)))
@@ -51,21 +54,19 @@ def judged(a, b, v, Au, Cv, Du, Bv, v_unit, push):
     return max(natural / data, max(np.sqrt(unit_free), equality))
 
 
-@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), cache=True, error_model="numpy")
+@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), cache=True, error_model="numpy", nogil=True)
 def error_of(K, k, n, row_unit, unit, v_unit, push, x):
-    """The judged error of unit * x, K and k being those of the problem, in units of `row_unit` for their rows."""
+    """The judged error of unit * x. K : (N, N)."""
     N = k.size
-    of_u, of_v, right, v = np.empty(N), np.empty(N), np.empty(N), np.empty(N - n)
+    of_u, of_v = np.empty(N), np.empty(N)
     for i in range(N):
         first = second = 0.0
         for j in range(n):
             first += K[i, j] * x[j]
         for j in range(n, N):
             second += K[i, j] * x[j]
-        of_u[i], of_v[i], right[i] = first * row_unit[i], second * row_unit[i], k[i] * row_unit[i]
-    for j in range(n, N):
-        v[j - n] = unit[j] * x[j]
-    return judged(right[:n], right[n:], v, of_u[:n], of_v[:n], of_u[n:], of_v[n:], v_unit, push)
+        of_u[i], of_v[i] = first, second
+    return judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
 
 
 READY = True

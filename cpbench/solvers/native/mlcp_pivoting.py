@@ -93,6 +93,33 @@ class LemkeMLCP(Solver):
         return conclude(prepared, x, budget, counters, error=error)
 
 
+class Reduction:
+    """The free unknowns brought into the basis by pivots; the pairs that remain are an LCP of the scaled data.
+
+    Attributes
+    ----------
+    M : (m, m). q : (m,). outcome : of `reduce` in the kernel.
+    """
+
+    def __init__(self, prepared: ScaledMLCP, rank_tolerance: float = LemkeMLCPOptions.rank_tolerance) -> None:
+        from cpbench.kernel_cache import load
+
+        self._kernel, self._free = load("cpbench.solvers.kernels.mlcp_pivoting"), prepared.free
+        self._T = np.column_stack([dense(prepared.K), prepared.k])
+        N = prepared.k.size
+        m = N - prepared.free
+        self._labels = (*np.empty((2, N), np.int64), *np.empty((2, m), np.int64))
+        self.M, self.q = np.empty((m, m)), np.empty(m)
+        self.outcome: int = self._kernel.reduce(self._T, prepared.free, *self._labels, rank_tolerance)
+        self._kernel.remaining(self._T, *self._labels[2:], self.M, self.q)
+
+    def recover(self, z: Vector) -> Vector:
+        """x of the whole problem from z of the pairs."""
+        x = np.empty(self._T.shape[0])
+        self._kernel.recover(self._T, self._free, *self._labels, z, x)
+        return x
+
+
 class _Run:
     """One solve: outcome, x and its error, and what it took."""
 
@@ -146,18 +173,10 @@ class _Run:
 
     def _by_tableau(self) -> tuple[int, Vector]:
         """All free unknowns by pivots, the largest first."""
-        kernel, n = self.kernel, self.prepared.free
-        T = np.column_stack([dense(self.prepared.K), self.prepared.k])
-        N = T.shape[0]
-        m, x = N - n, np.zeros(N)
-        basic, nonbasic = np.empty((2, N), np.int64)
-        row_of, column_of = np.empty((2, m), np.int64)
-        reduced = kernel.reduce(T, n, basic, nonbasic, row_of, column_of, self.options.rank_tolerance)
-        M, q = np.empty((m, m)), np.empty(m)
-        kernel.remaining(T, row_of, column_of, M, q)
-        outcome, z = self._pairs(M, q)
-        kernel.recover(T, n, basic, nonbasic, row_of, column_of, z, x)
-        return outcome if reduced == kernel.COMPLEMENTARY else reduced, x
+        reduction = Reduction(self.prepared, self.options.rank_tolerance)
+        outcome, z = self._pairs(reduction.M, reduction.q)
+        regular = reduction.outcome == self.kernel.COMPLEMENTARY
+        return outcome if regular else reduction.outcome, reduction.recover(z)
 
     def _pairs(self, M: np.ndarray[Any, Any], q: Vector) -> tuple[int, Vector]:
         """Outcome and z of the LCP that remains."""
