@@ -1,0 +1,192 @@
+"""Relaxations of frictional contact in space and in the plane: Jacobi or Gauss–Seidel, any order, any local solver.
+
+`gauss_seidel` has the fast sweeps with the exact local solver; here every sweep may be another one.
+"""
+
+import numpy as np
+from numba import boolean, float64, int64, njit
+
+from cpbench.solvers.kernels.contact_local import enumerate_modes, newton, project, project_often
+from cpbench.solvers.kernels.gauss_seidel import (
+    COLUMN,
+    CONTINUE,
+    CONVERGED,
+    DATA,
+    DATA_2D,
+    ITERATION,
+    LOGGED,
+    NOT_FINITE,
+    PROJECT,
+    START,
+    VECTOR,
+    _one_contact_2d,
+    _one_contact_3d,
+    _shuffled,
+    _velocity_2d,
+    _velocity_3d,
+    checked,
+    due,
+    judged,
+)
+
+EXACT, NEWTON, PROJECTION, PROJECTIONS, QUARTIC = range(5)
+GROWN, IDLE = 4.0, 4
+"""Times the least error, and measurements without a lesser one: what the simultaneous relaxation goes back from, with
+half of its omega. The cones keep the iterates bounded, so that they may swing for ever."""
+
+
+@njit(error_model="numpy")
+def _block(diagonal, i, dimension, D):
+    """D of contact i, with a second tangent that is apart from the rest in the plane."""
+    if dimension == 3:
+        for a in range(3):
+            for b in range(3):
+                D[a, b] = diagonal[i, 3 * a + b]
+    else:
+        D[:] = 0.0
+        D[0, 0], D[0, 1], D[1, 0], D[1, 1] = diagonal[i, 0], diagonal[i, 1], diagonal[i, 2], diagonal[i, 3]
+        D[2, 2] = D[1, 1]
+
+
+@njit(
+    int64(
+        START,
+        COLUMN,
+        DATA,
+        DATA_2D,
+        DATA_2D,
+        DATA,
+        DATA,
+        DATA,
+        VECTOR,
+        VECTOR,
+        VECTOR,
+        int64[::1],
+        VECTOR,
+        int64,
+        boolean,
+        boolean,
+        boolean,
+        int64,
+        float64,
+        int64,
+        int64[::1],
+        VECTOR,
+        int64[::1],
+        VECTOR,
+        VECTOR,
+        VECTOR,
+    ),
+    cache=True,
+    error_model="numpy",
+)
+def relax(
+    start,
+    column,
+    blocks,
+    diagonal,
+    local,
+    q,
+    mu,
+    rho,
+    r,
+    lam,
+    step,
+    order,
+    omega,
+    method,
+    simultaneous,
+    shuffle,
+    symmetric,
+    dimension,
+    tolerance,
+    until,
+    state,
+    pace,
+    log_iteration,
+    log_error,
+    least,
+    best,
+):
+    """As the sweeps of `gauss_seidel`.
+
+    Parameters
+    ----------
+    step : (nc,) ρ of each contact's projections. omega : (2,), and measurements without gain. method : the local
+    solver. simultaneous : Jacobi. symmetric : every other sweep goes backwards.
+
+    With projections ω multiplies ρ, so that r stays in its cone; elsewhere it multiplies the change of r.
+    """
+    old = r.copy()
+    D, A, B, J = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    w, x, room = np.zeros(3), np.zeros(3), np.zeros((5, 5))
+    roots, split = np.zeros(4), np.zeros(6)
+    d = dimension
+    while state[ITERATION] < until and state[LOGGED] < log_error.size:
+        if shuffle:
+            _shuffled(order, state)
+        backwards = symmetric and state[ITERATION] % 2 == 1
+        if simultaneous:
+            old[:] = r
+        change = 0.0
+        for place in range(order.size):
+            i = order[order.size - 1 - place] if backwards else order[place]
+            others = old if simultaneous else r
+            if d == 3:
+                w[0], w[1], w[2] = _velocity_3d(start, column, blocks, q, others, i)
+            else:
+                w[0], w[1] = _velocity_2d(start, column, blocks, q, others, i)
+            for k in range(d):
+                x[k] = r[d * i + k]
+            found = True
+            share = omega[0]
+            if method == EXACT:
+                found = False
+                if d == 2:
+                    found, y0, y1 = _one_contact_2d(
+                        diagonal[i, 0], diagonal[i, 1], diagonal[i, 2], diagonal[i, 3], w[0], w[1], mu[i]
+                    )
+                    y2 = 0.0
+                elif local[i, PROJECT] == 0.0:
+                    found, y0, y1, y2, lam[i] = _one_contact_3d(local, i, w[0], w[1], w[2], mu[i], lam[i])
+                if found:
+                    x[0], x[1], x[2] = y0, y1, y2
+            else:
+                _block(diagonal, i, d, D)
+                if method == NEWTON:
+                    found = newton(D, w, mu[i], rho[i], x, room, A, B, J)
+                elif method == PROJECTION:
+                    project(D, w, mu[i], share * step[i], x, room[0])
+                    share = 1.0
+                elif method == PROJECTIONS:
+                    step[i] = project_often(D, w, mu[i], step[i], x, room)
+                else:
+                    found = enumerate_modes(D, w, mu[i], x, room, roots, split)
+            if not found:
+                _block(diagonal, i, d, D)
+                for k in range(d):
+                    x[k] = r[d * i + k]
+                project(D, w, mu[i], rho[i], x, room[0])
+            for k in range(d):
+                gap = x[k] - r[d * i + k]
+                change += gap * gap / rho[i]
+                r[d * i + k] += share * gap
+        state[ITERATION] += 1
+        if due(state, until, change, tolerance, pace):
+            error = judged(start, column, blocks, diagonal, q, mu, rho, r, d)
+            if simultaneous:
+                omega[1] = 0.0 if error < least[0] else omega[1] + 1.0
+                if omega[1] >= IDLE or not error <= GROWN * least[0]:
+                    r[:] = best
+                    omega[0] *= 0.5
+                    omega[1] = 0.0
+                    error = least[0]
+            checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            if error <= tolerance:
+                return CONVERGED
+            if not np.isfinite(error):
+                return NOT_FINITE
+    return CONTINUE
+
+
+READY = True
