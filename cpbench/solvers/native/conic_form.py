@@ -28,10 +28,11 @@ class ConicForm:
 
     Attributes
     ----------
-    M, p, A, b, K : (n, n), (n,), (m, n), (m,), m rows. answer : of x̂, ŝ ∈ K and ŷ. start : x̂ and ŷ of an answer.
-    error : the judged error of an answer.
+    problem : what is asked. M, p, A, b, K : (n, n), (n,), (m, n), (m,), m rows. answer : of x̂, ŝ ∈ K and ŷ.
+    start : x̂ and ŷ of an answer. error : the judged error of an answer.
     """
 
+    problem: ConeQP | SOCLCP
     M: Matrix
     p: Vector
     A: Matrix
@@ -74,7 +75,7 @@ def _program(problem: ConeQP, error: Callable[[Any], float]) -> ConicForm:
         return point.x / (size * D), point.y / (forces * E)
 
     scaled = _with_radii(K, E / size)
-    return ConicForm(Q * (size / forces), p / forces, rows, b / size, scaled, answer, start, error)
+    return ConicForm(problem, Q * (size / forces), p / forces, rows, b / size, scaled, answer, start, error)
 
 
 def _complementarity(problem: SOCLCP, error: Callable[[Any], float]) -> ConicForm:
@@ -89,6 +90,7 @@ def _complementarity(problem: SOCLCP, error: Callable[[Any], float]) -> ConicFor
         return point.x / unit, D * (problem.M @ point.x + problem.q) / size
 
     return ConicForm(
+        problem=problem,
         M=congruent(problem.M, D),
         p=felt / size,
         A=matrices.identity(felt.size, problem.M),

@@ -23,11 +23,14 @@ from cpbench.solvers.native.progress import SHARE, Progress
 class Iterates(Protocol):
     """x̂, ŝ and ŷ of a method, and its counters; `step` goes on, or says why it cannot."""
 
-    x: Vector
-    s: Vector
-    y: Vector
     counters: dict[str, int]
 
+    @property
+    def x(self) -> Vector: ...
+    @property
+    def s(self) -> Vector: ...
+    @property
+    def y(self) -> Vector: ...
     def step(self) -> str | None: ...
 
 
@@ -98,7 +101,10 @@ class ConicSolver(Solver):
             if why is not None and error > tolerance:
                 claim, message = Claim.FAILED, why
                 break
+        before = best
         best, error = self.finish(form, best, error, tolerance, method.counters)
+        if record is not None and best is not before:
+            record(done + 1, error, partial(_same, best))
         counters = dict(method.counters)
         if error <= tolerance:
             return SolverOutput(claim=Claim.SOLVED, point=best, counters=counters)
