@@ -10,7 +10,8 @@ and so is the final check of our solvers. Every answer is measured by us, `natur
 number their tests use: a time counts only where all answers of a side are within TOLERANCE.
 
 `best` takes on each side the fastest that solved, chosen afterwards, and names it. `kernel` is the compiled loop of
-lemke from M and q to z, called as Siconos' function is called, and `batch` the same for all problems in one call.
+lemke from M and q to z, called as Siconos' function is called, and `batch` the same for all problems in one call;
+`batch-2` on two threads and in wall time on both sides, which says something where two cores are free.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ TOLERANCE = 1e-8
 SWEEPS = 2_000
 """Who needs more is not the fastest."""
 PAIRS = 7
+MANY = 100
+"""Copies of the problems in one call on several threads."""
 SHORTEST = 2e-3
 """Seconds that one measurement lasts at least: problems are solved again until then."""
 LONGEST = 12.0
@@ -83,19 +86,21 @@ def how_many(n: int) -> int:
     return max(1, min(64, 640 // n)) if n < 1000 else 1
 
 
-def loop(solve_all: Callable[[], object], count: int, repeats: int) -> float:
-    """Seconds of processor time per problem of `repeats` rounds over all of them: others on the machine wait too."""
-    before = time.process_time()
+def loop(solve_all: Callable[[], object], count: int, repeats: int, wall: bool = False) -> float:
+    """Seconds per problem of `repeats` rounds over all of them: of processor time, for others on the machine wait
+    too, or of wall time."""
+    clock = time.perf_counter if wall else time.process_time
+    before = clock()
     for _ in range(repeats):
         solve_all()
-    return (time.process_time() - before) / (repeats * count)
+    return (clock() - before) / (repeats * count)
 
 
 # ---------------------------------------------------------------- their side, under the system's Python
 
 
 def serve(folder: Path) -> None:
-    """Answers lines {"set", "solver", "repeats"} by {"seconds"}; answers are kept in z-SET-SOLVER.npy."""
+    """Answers lines {"set", "solver", "repeats", "wall"} by {"seconds"}; answers are kept in z-SET-SOLVER.npy."""
     import numpy as np
     import siconos.numerics as sn  # pyright: ignore[reportMissingImports]
 
@@ -128,7 +133,7 @@ def serve(folder: Path) -> None:
                 w[:] = 0.0
                 call(problem, z, w, options)
 
-        seconds = loop(solve_all, len(loaded[label]), asked["repeats"])
+        seconds = loop(solve_all, len(loaded[label]), asked["repeats"], asked["wall"])
         np.save(folder / f"z-{label}-{solver}.npy", np.array([z for _, z, _ in loaded[label]]))
         replies.write(json.dumps({"seconds": seconds}) + "\n")
         replies.flush()
@@ -210,13 +215,14 @@ class Siconos:
             [python, __file__, "--serve", str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
-    def side(self, label: str, solver: str) -> Side:
+    def side(self, label: str, solver: str, wall: bool = False) -> Side:
         import numpy as np
 
         def measure(repeats: int) -> float:
             assert self._process.stdin
             assert self._process.stdout
-            self._process.stdin.write(json.dumps({"set": label, "solver": solver, "repeats": repeats}) + "\n")
+            asked = {"set": label, "solver": solver, "repeats": repeats, "wall": wall}
+            self._process.stdin.write(json.dumps(asked) + "\n")
             self._process.stdin.flush()
             return json.loads(self._process.stdout.readline())["seconds"]
 
@@ -266,19 +272,23 @@ def kernel(problems: list) -> Side:
     return Side("kernel", lambda repeats: loop(solve_all, len(data), repeats), lambda: [z for _, _, z in data])
 
 
-def batch(problems: list) -> Side:
-    """All problems in one call, on one thread."""
+def batch(problems: list, threads: int = 1) -> Side:
+    """All problems in one call; on several threads MANY times over, for threads take time to start, in wall time."""
     import numpy as np
 
     from cpbench.solvers.native import lemke
 
-    M, q = np.array([p.M for p in problems]), np.array([p.q for p in problems])
+    many = 1 if threads == 1 else MANY
+    M, q = np.array([p.M for p in problems] * many), np.array([p.q for p in problems] * many)
     found: list = [None]
 
     def solve_all() -> None:
-        found[0] = lemke.batch(M, q)
+        found[0] = lemke.batch(M, q, threads=threads)
 
-    return Side("batch", lambda repeats: loop(solve_all, len(problems), repeats), lambda: found[0].z)
+    def measure(repeats: int) -> float:
+        return loop(solve_all, len(q), repeats, wall=threads > 1)
+
+    return Side("batch" if threads == 1 else f"batch-{threads}", measure, lambda: found[0].z[: len(problems)])
 
 
 RACES = {
@@ -286,10 +296,11 @@ RACES = {
     "pivot": (("pivot",), ("lemke",)),
     "kernel": (("lexicolemke",), ("kernel",)),
     "batch": (("lexicolemke",), ("batch",)),
+    "batch-2": (("lexicolemke",), ("batch-2",)),
     "best": (tuple(SICONOS), tuple(OURS)),
 }
 """Race -> their candidates, ours."""
-SMALL_ONLY = ("kernel", "batch")
+SMALL_ONLY = ("kernel", "batch", "batch-2")
 """Not for n = 1000, where lemke is more than one compiled loop."""
 
 
@@ -303,25 +314,26 @@ def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Pat
     label = f"{family}-{n}"
     np.savez(folder / f"{label}.npz", M=np.array([M for M, _ in data]), q=np.array([q for _, q in data]))
     problems = [LCP(M=M, q=q) for M, q in data]
-    probed: dict[tuple[bool, str], Side] = {}
+    probed: dict[tuple[bool, str, bool], Side] = {}
 
-    def fastest(names: tuple[str, ...], is_ours: bool) -> Side:
+    compiled = {"kernel": kernel, "batch": batch, "batch-2": partial(batch, threads=2)}
+
+    def fastest(names: tuple[str, ...], is_ours: bool, wall: bool) -> Side:
         for name in names:
-            if (is_ours, name) in probed:
+            if (is_ours, name, wall) in probed:
                 continue
-            if is_ours:
-                side = {"kernel": kernel, "batch": batch}.get(name, partial(native, name))(problems)
-            else:
-                side = siconos.side(label, name)
+            ours_by = compiled.get(name, partial(native, name))
+            side = ours_by(problems) if is_ours else siconos.side(label, name, wall)
             side.probe(problems)
-            probed[is_ours, name] = side
-        return replace(min((probed[is_ours, name] for name in names), key=lambda side: side.seconds))
+            probed[is_ours, name, wall] = side
+        return replace(min((probed[is_ours, name, wall] for name in names), key=lambda side: side.seconds))
 
     for what in races:
         if what in SMALL_ONLY and n >= 1000:
             continue
         theirs, ours = RACES[what]
-        row = Row(what, family, n, fastest(theirs, False), fastest(ours, True))
+        wall = what == "batch-2"
+        row = Row(what, family, n, fastest(theirs, False, wall), fastest(ours, True, wall))
         row.race(len(problems))
         yield row
 

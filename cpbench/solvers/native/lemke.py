@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -127,8 +128,11 @@ def batch(
 
     if threads > 1 and k > 1:
         bounds = np.linspace(0, k, threads + 1).astype(int).tolist()
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(part, bounds[:-1], bounds[1:]))
+        with ThreadPoolExecutor(threads - 1) as pool:
+            others = [pool.submit(part, *pair) for pair in pairwise(bounds[:-1])]
+            part(bounds[-2], k)
+            for other in others:
+                other.result()
     else:
         part(0, k)
     return Batch(z=z, complementary=codes % kernel.CODES == kernel.COMPLEMENTARY, pivots=codes // kernel.CODES)
