@@ -111,26 +111,24 @@ class BlockPrincipalPivoting(Solver):
         w_tolerance = options.feasibility_tolerance * max_abs(q)
         limit = budget.iterations or options.max_iterations or 10 * n + 200
         deadline = time.monotonic() + budget.seconds
+        z, sweeps = np.zeros(n) if start is None else np.maximum(start.z, 0.0), 0
         if record is not None:
-            first = np.zeros(n) if start is None else start.z
-            record(0, error_of(problem, first), lambda: LCPPoint(first))
-        counters = {"iterations": 0, "sweeps": 0, "factorizations": 0}
-        if start is not None:
-            inside = prepared.points_to(start.z, prepared.M @ start.z + q)
-        else:
-            z, counters["sweeps"] = self._swept(prepared, budget, options, min(limit, options.max_sweeps))
-            if (error := error_of(problem, z)) <= budget.tolerance:
-                counters["iterations"] = counters["sweeps"]
-                if record is not None and counters["sweeps"]:
-                    record(counters["sweeps"], error, lambda: LCPPoint(z))
-                return conclude(problem, z, budget, counters, error=error)
-            inside = prepared.points_to(z, prepared.M @ z + q)
+            record(0, error_of(problem, z), partial(LCPPoint, z))
+        if start is None:
+            z, sweeps = self._swept(prepared, budget, options, limit)
+        counters = {"iterations": sweeps, "sweeps": sweeps, "factorizations": 0}
+        if (error := error_of(problem, z)) <= budget.tolerance or sweeps >= limit:
+            if record is not None and sweeps:
+                record(sweeps, error, partial(LCPPoint, z))
+            message = f"error {error:.1e} after {sweeps} sweeps"
+            return conclude(problem, z, budget, counters, error=error, otherwise=Claim.MAX_ITER, message=message)
+        inside = prepared.points_to(z, prepared.M @ z + q)
         basis = ChangingBasis(prepared.M, prepared.columns, q, prepared.symmetric)
         least, patience = n + 1, PATIENCE
         seen: set[bytes] = set()
-        z, why, many = np.zeros(n), "", options.max_factorizations or math.inf
-        for done in range(1, limit + 1):
-            counters["iterations"] = done + counters["sweeps"]
+        why, many = "", options.max_factorizations or math.inf
+        for done in range(1, limit - sweeps + 1):
+            counters["iterations"] = done + sweeps
             solved = basis.solve(inside)
             counters["factorizations"] = basis.factorizations
             if solved is None:
@@ -176,11 +174,12 @@ class BlockPrincipalPivoting(Solver):
         )
         return conclude(problem, z, budget, counters, otherwise=claim, message=why)
 
-    def _swept(self, prepared: Prepared, budget: Budget, options: BPPOptions, limit: int) -> tuple[Vector, int]:
-        """z after sweeps that go on while the active set moves, or while they end sooner than a factorization.
+    def _swept(self, prepared: Prepared, budget: Budget, options: BPPOptions, most: int) -> tuple[Vector, int]:
+        """z after sweeps, `most` of them, that go on while F moves, or while they end sooner than a factorization.
 
         The best of them where they diverge; z = 0 where the diagonal is not positive.
         """
+        limit = min(most, options.max_sweeps)
         problem, q, diagonal = prepared.problem, prepared.problem.q, prepared.M.diagonal().copy()
         z, w = np.zeros(q.size), q.copy()
         if limit == 0 or not (diagonal > 0.0).all():
@@ -208,7 +207,7 @@ class BlockPrincipalPivoting(Solver):
             left = math.log(budget.tolerance / error) / math.log(rate) if rate < 1.0 else math.inf
             factorization = active**3 / (6.0 if prepared.symmetric else 3.0)
             if left * SLOW * q.size * active <= factorization:
-                limit = max(limit, sweeps + math.ceil(left) + 1)
+                limit = min(most, max(limit, sweeps + math.ceil(left) + 1))
             elif np.count_nonzero(before != inside) <= SETTLED * q.size:
                 break
         return best, sweeps
@@ -222,7 +221,7 @@ class BlockPrincipalPivoting(Solver):
         why: str,
         record: Record | None,
     ) -> SolverOutput:
-        rest = Budget(tolerance=budget.tolerance, seconds=deadline - time.monotonic(), iterations=None)
+        rest = Budget(tolerance=budget.tolerance, seconds=deadline - time.monotonic(), iterations=budget.iterations)
         found = Lemke().run(problem, rest)
         counters = {**counters, "pivots": found.counters["pivots"]}
         if record is not None and isinstance(found.point, LCPPoint):
