@@ -11,6 +11,10 @@ import scipy.sparse as sp
 from cpbench import storage
 from cpbench.formulations import LCP, QP
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.lcp_claims import scale
+from cpbench.solvers.native.merit_search import Descent
+from cpbench.solvers.native.ncp_functions import minimum
+from cpbench.solvers.native.semismooth_lcp import LCPBox
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -250,3 +254,72 @@ def test_published_bound_constrained_programs(shared_data: Path) -> None:
             output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
             assert output.claim is Claim.SOLVED, (path.name, output.message)
             assert judge(problem, output.point, 1e-8).solved
+
+
+NEWTON = ("newton-min", "newton-fb", "newton-pfb", "newton-ep")
+
+
+@pytest.mark.parametrize("solver", NEWTON)
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("n", [10, 200])
+def test_newton_solves_definite_problems(solver: str, sparse: bool, n: int) -> None:
+    """n = 200 is past the size up to which a sparse matrix is kept dense."""
+    M = planted.square(np.random.default_rng(n), n, "positive definite") + 0.1 * np.eye(n)
+    M[abs(np.subtract.outer(range(n), range(n))) > 2] = 0.0
+    M += np.diag(abs(M).sum(axis=1))
+    q = np.random.default_rng(n + 1).standard_normal(n)
+    problem = LCP(M=sp.csr_array(M) if sparse else M, q=q)
+    output = solvers.get(solver).run(problem, Budget(tolerance=1e-10))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, 1e-10).solved
+    again = solvers.get(solver).run(problem, Budget(tolerance=1e-10), start=output.point)
+    assert again.counters["iterations"] <= 2
+
+
+@pytest.mark.parametrize("solver", NEWTON[:3])
+@pytest.mark.parametrize("kind", ["singular semidefinite", "monotone"])
+def test_newton_solves_monotone_problems(solver: str, kind: str) -> None:
+    """Not with ep, whose Jacobian is singular wherever z_i = w_i = 0."""
+    for seed in range(10):
+        problem, _ = planted.lcp(np.random.default_rng(seed), 30, kind, sparse=bool(seed % 2))
+        output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
+        assert output.claim is Claim.SOLVED, (seed, output.message)
+
+
+def test_a_singular_jacobian_is_regularized_and_counted() -> None:
+    """From z = 0 all of w is negative, and M, of rank 1, is the first matrix."""
+    problem = LCP(M=np.ones((3, 3)), q=[-1.0, -1.0, -0.5])
+    output = solvers.get("newton-min").run(problem, Budget(tolerance=1e-9))
+    assert output.claim is Claim.SOLVED
+    assert output.counters["regularized"] >= 1
+
+
+@pytest.mark.parametrize("solver", NEWTON)
+def test_newton_says_where_it_is_stuck(solver: str) -> None:
+    output = solvers.get(solver).run(LCP(M=-np.eye(3), q=-np.ones(3)), Budget(seconds=5.0))
+    assert output.claim is Claim.FAILED
+    assert "stuck at error" in output.message
+    assert output.counters["restarts"] > 0
+
+
+def test_only_the_active_part_of_a_jacobian_is_factored() -> None:
+    """The direction of min from rows that bounds decide is that of the whole matrix."""
+    rng = np.random.default_rng(2)
+    M, z = planted.square(rng, 12, "positive definite"), rng.uniform(0, 1, 12)
+    box = LCPBox(scale(LCP(M=M, q=rng.standard_normal(12))))
+    descent = Descent(box, minimum, 1, project=True)
+    at = descent.at(z)
+    V = at.beta[:, None] * box.jacobian(z) + np.diag(at.alpha)
+    assert 0 < np.count_nonzero(at.beta == 0) < 12
+    np.testing.assert_allclose(descent.newton(at, box.jacobian(z)), np.linalg.solve(V, -at.phi), rtol=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["pgs", "ssor", "block-gs", *FACES, *NEWTON])
+def test_histories_begin_at_the_start_and_end_at_the_answer(solver: str) -> None:
+    problem = membrane(8)
+    seen: list[tuple[int, float, np.ndarray]] = []
+    output = solvers.get(solver).run(problem, Budget(tolerance=1e-8), record=lambda k, e, p: seen.append((k, e, p().z)))
+    assert output.claim is Claim.SOLVED
+    assert seen[0][0] == 0
+    assert seen[-1][1] <= 1e-8
+    np.testing.assert_array_equal(seen[-1][2], output.point.z)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import lapack
 
 from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
 from cpbench.solvers.native.box_newton import Box
@@ -66,12 +67,25 @@ class Descent:
         return at.alpha * at.phi + J.T @ (at.beta * at.phi)
 
     def newton(self, at: At, J: Matrix) -> Vector | None:
-        """−V⁻¹Φ, None where V is singular."""
-        return self._box.solve(_generalized(at, J), -at.phi)
+        """−V⁻¹Φ, None where V is singular. Rows in which F does not appear (bounds that are met) are solved first."""
+        decided = (at.beta == 0.0) & (at.alpha != 0.0)
+        if not decided.any():
+            return self._box.solve(_generalized(at.alpha, at.beta, J), -at.phi)
+        rest, known = np.flatnonzero(~decided), np.flatnonzero(decided)
+        d = np.zeros(at.z.size)
+        d[known] = -at.phi[known] / at.alpha[known]
+        if rest.size:
+            rows: Any = J[rest]
+            right = -at.phi[rest] - at.beta[rest] * (rows @ d)
+            part = self._box.solve(_generalized(at.alpha[rest], at.beta[rest], rows[:, rest]), right)
+            if part is None:
+                return None
+            d[rest] = part
+        return d
 
     def levenberg(self, at: At, J: Matrix, share: float) -> Vector | None:
         """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
-        return damped(self._box, _generalized(at, J), at.phi, share)
+        return damped(self._box, _generalized(at.alpha, at.beta, J), at.phi, share)
 
     def search(self, at: At, d: Vector | None, slope: float) -> At | None:
         """The first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
@@ -104,8 +118,9 @@ def damped(box: Box, V: Matrix, phi: Vector, share: float) -> Vector | None:
         with np.errstate(all="ignore"):
             stacked = np.vstack([V, root * np.eye(zero.size)])
             box.counters["factorizations"] += 1
-            d: Any = np.linalg.lstsq(stacked, np.concatenate([-phi, zero]))[0]
-        return d if np.isfinite(d).all() else None
+            # its columns are independent, so that QR without pivots serves: singular values cost ten times as much
+            _, d, info = lapack.dgels(stacked, np.concatenate([-phi, zero]), overwrite_a=True)
+        return d[: zero.size] if info == 0 and np.isfinite(d).all() else None
     # the augmented system keeps V's sparsity and, unlike the normal equations, its condition number
     eye = sp.eye_array(zero.size)
     augmented = sp.csr_array(sp.block_array([[root * eye, V], [V.T, -root * eye]]))
@@ -128,10 +143,10 @@ def fall_back(descent: Descent, at: At, J: Matrix, gradient: Vector) -> At | Non
     return descent.search(at, -gradient, -float(gradient @ gradient))
 
 
-def _generalized(at: At, J: Matrix) -> Matrix:
+def _generalized(alpha: Vector, beta: Vector, J: Matrix) -> Matrix:
     """diag(α) + diag(β) F′(z)."""
     if sp.issparse(J):
-        return sp.csr_array(sp.diags_array(at.beta) @ J + sp.diags_array(at.alpha))
-    V = at.beta[:, None] * dense(J)
-    V[np.diag_indices(at.z.size)] += at.alpha
+        return sp.csr_array(sp.diags_array(beta) @ J + sp.diags_array(alpha))
+    V = beta[:, None] * dense(J)
+    V[np.diag_indices(alpha.size)] += alpha
     return V

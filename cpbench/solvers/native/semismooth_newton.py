@@ -71,19 +71,24 @@ class SemismoothMethod(Method):
             return False
         gradient = descent.gradient(at, J)
         equation = at if self._same else At(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
-        d = descent.newton(equation, J)
-        found = None
-        if d is not None:
-            slope = float(gradient @ d)
-            steep = slope <= -STEEP * norm(d) ** POWER
-            found = descent.search(at, d, slope if steep else 0.0)
+        found = self._along(at, descent.newton(equation, J), gradient)
+        if found is None and not self._same:  # the other function's direction, cheaper than a regularized one
+            found = self._along(at, descent.newton(at, J), gradient)
         if found is None:
+            self.box.counters["regularized"] = self.box.counters.get("regularized", 0) + 1
             found = fall_back(descent, at, J, gradient)
         if found is None:
             return False
         descent.accept(found)
         self._stand(found)
         return True
+
+    def _along(self, at: At, d: Vector | None, gradient: Vector) -> At | None:
+        """A point along a Newton direction, None where there is none that lowers the merit."""
+        if d is None:
+            return None
+        slope = float(gradient @ d)
+        return self._descent.search(at, d, slope if slope <= -STEEP * norm(d) ** POWER else 0.0)
 
 
 def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
