@@ -186,6 +186,7 @@ def test_newton_alone_ends_with_a_word(rng: np.random.Generator) -> None:
             assert output.claim is Claim.SOLVED or output.message
         assert near.claim is Claim.SOLVED
         assert near.counters["newton_steps"] <= 10
+        assert near.message.startswith("regularized by τ = ")
 
 
 def test_what_has_no_solution_ends_soon() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, ClassVar
 
@@ -72,7 +72,7 @@ class NewtonPhase:
 
     Attributes
     ----------
-    factorizations, damped : how many systems were solved, and for how many steps τ had to be raised.
+    factorizations, damped : how many systems were solved, and for how many steps τ had to be raised. tau : the last τ.
     """
 
     def __init__(
@@ -85,6 +85,7 @@ class NewtonPhase:
         self._equation = ContactEquation(contacts, function)
         self._share = SHARE[0]
         self.factorizations = self.damped = 0
+        self.tau = 0.0
 
     def begin(self, r: Vector) -> None:
         self._at = self._equation.at(r / self._s)
@@ -109,7 +110,8 @@ class NewtonPhase:
         least_squares = self._options.regularization is Regularization.LEAST_SQUARES
         while self._share <= SHARE[2]:
             self.factorizations += 1
-            d = self._equation.direction(self._at, min(self._share * size, LARGEST), damped=least_squares)
+            self.tau = min(self._share * size, LARGEST)
+            d = self._equation.direction(self._at, self.tau, damped=least_squares)
             if d is not None:
                 exact = self._options.search is Search.GOLDSTEIN_PRICE
                 found = self._goldstein_price(d) if exact else self._armijo(d)
@@ -230,4 +232,8 @@ class ContactNewton(Solver):
             "factorizations": 0 if newton is None else newton.factorizations,
             "damped_steps": 0 if newton is None else newton.damped,
         }
-        return conclude(rows.problem, best, least, budget, claim, message, counters)
+        output = conclude(rows.problem, best, least, budget, claim, message, counters)
+        if newton is None or newton.factorizations == 0:
+            return output
+        told = f"regularized by τ = {newton.tau:.0e} in the last Newton step"
+        return replace(output, message="; ".join(part for part in (output.message, told) if part))
