@@ -9,7 +9,7 @@ from cpbench import kernel_cache
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native import lemke
+from cpbench.solvers.native import lemke, lemke_columns
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -59,8 +59,8 @@ def test_updates_by_products_are_those_by_vectors(
 ) -> None:
     """The same pivots and values, also where rows are pivoted on twice in a block and pivots are forgotten."""
     kernel = kernel_cache.load("cpbench.solvers.kernels.pivoting")
-    monkeypatch.setattr(lemke, "FAR", 1)
-    monkeypatch.setattr(lemke, "LIKELY", 5)
+    monkeypatch.setattr(lemke_columns, "FAR", 1)
+    monkeypatch.setattr(lemke_columns, "LIKELY", 5)
     options = lemke.LemkeOptions()
     for seed in range(5):
         problem, _ = planted.lcp(np.random.default_rng(seed), 40, kind)
@@ -68,8 +68,11 @@ def test_updates_by_products_are_those_by_vectors(
         if q.min() >= 0.0:
             continue
         unit = np.abs(q).max() / np.abs(M).max()
-        run = lemke._Columns(kernel, M / np.abs(M).max(), q / np.abs(q).max(), block=block, room=room)
-        while (status := run.advance(3000, options)) in (kernel.BEHIND, kernel.FULL):
+        run = lemke_columns.Columns(kernel, M / np.abs(M).max(), q / np.abs(q).max(), block=block, room=room)
+        while (status := run.advance(3000, options.pivot_tolerance, options.tie_tolerance)) in (
+            kernel.BEHIND,
+            kernel.FULL,
+        ):
             run.bring_likely() if status == kernel.BEHIND else run.forget_pivots()
         z = np.empty(40)
         code = kernel.lemke(M, q, z, 3000, options.pivot_tolerance, options.tie_tolerance)

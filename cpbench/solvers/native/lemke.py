@@ -9,23 +9,17 @@ from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.linalg import blas
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Matrix, Vector
+from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp_claims import ScaledLCP, conclude, dense_obstacle, ended_in_basis, farkas, scale
+from cpbench.solvers.native.lemke_columns import Columns
 from cpbench.solvers.options import fixed, searched
 
 SMALL = 250
 """Up to this size columns are updated by vectors alone; beyond it those that lack many pivots by matrix products."""
-BLOCK = 32
-"""Pivots that are applied to several columns as one matrix product."""
-FAR = 3
-"""Blocks of pivots that an entering column may lack and still be brought up to date alone."""
-LIKELY = 96
-"""Columns that are brought up to date together with one that lacks more."""
 
 
 @dataclass(frozen=True)
@@ -154,10 +148,10 @@ def _pivot(prepared: ScaledLCP, budget: Budget, options: LemkeOptions) -> tuple[
         z = np.empty(n)
         code = kernel.lemke(prepared.M, prepared.q, z, limit, options.pivot_tolerance, options.tie_tolerance)
         return words.get(code % kernel.CODES, "not finite"), z * prepared.z_unit, code // kernel.CODES
-    run = _Columns(kernel, prepared.M, prepared.q)
+    run = Columns(kernel, prepared.M, prepared.q)
     deadline = time.monotonic() + budget.seconds
     while True:
-        status = run.advance(limit, options)
+        status = run.advance(limit, options.pivot_tolerance, options.tie_tolerance)
         if status == kernel.BEHIND:
             run.bring_likely()
         elif status == kernel.FULL:
@@ -166,106 +160,6 @@ def _pivot(prepared: ScaledLCP, budget: Budget, options: LemkeOptions) -> tuple[
             return words.get(status, "not finite"), run.z * prepared.z_unit, run.pivots
         if time.monotonic() > deadline:
             return "out of time", np.zeros(n), run.pivots
-
-
-class _Columns:
-    """The state of `pivoting.advance`, and what brings many columns up to date at once."""
-
-    def __init__(self, kernel: Any, M: Matrix, q: Vector, block: int = BLOCK, room: int = 0) -> None:
-        n = q.size
-        self._kernel, self._n, self._block = kernel, n, block
-        self._M = np.ascontiguousarray(M)
-        # kept pivots take as much memory as the columns, rounded up to whole blocks
-        room = -(-(room or n) // block) * block
-        self._C = np.empty((n + 1, n))
-        self._C[n] = -1.0
-        self._age = np.append(np.full(n, -1), 0)
-        self._E, self._rows = np.empty((room, n)), np.empty(room, np.int64)
-        self._rhs = q.copy()
-        self._basic, self._nonbasic = np.arange(n), np.arange(n, 2 * n + 1)
-        self._where = np.concatenate([-1 - np.arange(n), np.arange(n + 1)])
-        self._state = np.array([0, n, 0, kernel.first_row(self._M, q, np.empty(n, np.int64))])
-        self._workspace = np.empty(n, np.int64), np.empty(n)
-        self._seen = (q.copy(), 0.0)
-
-    @property
-    def pivots(self) -> int:
-        return int(self._state[2])
-
-    @property
-    def z(self) -> Vector:
-        z = np.zeros(self._n)
-        inside = (self._basic >= self._n) & (self._basic < 2 * self._n)
-        z[self._basic[inside] - self._n] = np.maximum(self._rhs[inside], 0.0)
-        return z
-
-    def advance(self, limit: int, options: LemkeOptions) -> int:
-        return self._kernel.advance(
-            self._M,
-            -1.0,
-            self._C,
-            self._age,
-            self._E,
-            self._rows,
-            self._rhs,
-            self._basic,
-            self._nonbasic,
-            self._where,
-            self._state,
-            *self._workspace,
-            FAR * self._block,
-            limit,
-            options.pivot_tolerance,
-            options.tie_tolerance,
-        )
-
-    def bring_likely(self) -> None:
-        """The entering column and those that will probably enter next, to the last whole block of pivots.
-
-        A variable that leaves makes its complement enter, and it leaves where it reaches zero. As z_0 falls, the
-        others move nearly on straight lines: seen from here and from the last time, they point at the next ones.
-        """
-        n, rhs = self._n, self._rhs
-        before, z0_before = self._seen
-        z0 = rhs[-1 - self._where[2 * n]]
-        self._seen = (rhs.copy(), z0)
-        slots = np.array([self._state[1]])
-        if z0 != z0_before:
-            slope = (before - rhs) / (z0_before - z0)
-            falls = slope > 0.0
-            with np.errstate(over="ignore"):
-                reaches_zero_at = np.where(falls, z0 - rhs / np.where(falls, slope, 1.0), -np.inf)
-            reaches_zero_at[-1 - self._where[2 * n]] = -np.inf
-            rows = np.argpartition(-reaches_zero_at, LIKELY)[:LIKELY] if n > LIKELY else np.arange(n)
-            basic = self._basic[rows]
-            basic = basic[basic < 2 * n]
-            others = self._where[np.where(basic < n, basic + n, basic - n)]
-            slots = np.union1d(slots, others[others >= 0])
-        self._bring(slots)
-
-    def forget_pivots(self) -> None:
-        """Bring every column up to date and begin a new list of pivots."""
-        self._bring(np.arange(self._n + 1))
-        self._state[0] = 0
-        self._age[:] = 0
-
-    def _bring(self, slots: np.ndarray[Any, Any]) -> None:
-        block, kernel, E, rows = self._block, self._kernel, self._E, self._rows
-        end = int(self._state[0]) // block * block
-        slots = slots[self._age[slots] < end]
-        kernel.align(self._M, -1.0, self._C, self._age, slots, E, rows, block)
-        slots = slots[np.argsort(self._age[slots], kind="stable")]
-        ages = self._age[slots]
-        W = self._C[slots]
-        t, x = np.empty((2, slots.size, block))
-        for begin in range(int(ages[0]), end, block):
-            count = int(np.searchsorted(ages, begin, side="right"))
-            kernel.prepare(W, count, E, rows, begin, t, x)
-            # W -= t E in place; BLAS wants columns, so on the transposes
-            blas.dgemm(-1.0, E[begin : begin + block].T, t[:count].T, 1.0, W[:count].T, overwrite_c=True)
-            kernel.restore(W, count, rows, begin, x)
-        self._C[slots] = W
-        self._age[slots] = end
 
 
 def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]) -> SolverOutput:
