@@ -323,3 +323,18 @@ def test_histories_begin_at_the_start_and_end_at_the_answer(solver: str) -> None
     assert seen[0][0] == 0
     assert seen[-1][1] <= 1e-8
     np.testing.assert_array_equal(seen[-1][2], output.point.z)
+
+
+@pytest.mark.parametrize("solver", ["ssor", "block-gs", *FACES, *NEWTON])
+def test_no_claim_on_a_real_file_is_false(shared_data: Path, solver: str) -> None:
+    chosen = solvers.get(solver)
+    for path in sorted((shared_data / "lcp").glob("*.dat")):
+        problem = storage.load(path)
+        if chosen.obstacle(problem) is None:
+            output = chosen.run(problem, Budget(tolerance=1e-8, seconds=2.0))
+            if output.claim is Claim.SOLVED:
+                assert judge(problem, output.point, 1e-8).solved, path.name
+            elif output.claim is Claim.INFEASIBLE:
+                assert problem.certifies_infeasibility(output.certificate), path.name
+            else:
+                assert output.message, path.name
