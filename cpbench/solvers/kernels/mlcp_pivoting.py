@@ -131,7 +131,7 @@ def remaining(T, row_of, column_of, M, q):
     without_rounding(M, q)
 
 
-@njit((MATRIX, int64, INDEX, INDEX, INDEX, INDEX, VECTOR, VECTOR), cache=True)
+@njit((MATRIX, int64, INDEX, INDEX, INDEX, INDEX, DATA, VECTOR), cache=True)
 def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
     """x of the whole problem from z of the pairs; free unknowns that are idle are 0."""
     N = T.shape[0]

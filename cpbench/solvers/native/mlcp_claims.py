@@ -19,7 +19,7 @@ from cpbench.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench.solvers.native.lcp_claims import CLOSE, DENSE_BYTES, principal, solve_linear
 
-PASSES = 3
+PASSES = 5
 """Times that rows and columns are divided by the roots of their largest entries."""
 
 

@@ -73,9 +73,8 @@ class LemkeMLCP(Solver):
         run = _Run(prepared, budget, options)
         outcome, x, error = run.small() if prepared.k.size <= SMALL else run.large()
         counters = {"pivots": run.pivots, "factorizations": run.factorizations}
-        # a ray at the height of rounding errors is a solution
-        if error <= budget.tolerance:
-            return conclude(prepared, x, budget, counters, error=error)
+        if error <= budget.tolerance:  # a ray at the height of rounding errors, too
+            return SolverOutput(claim=Claim.SOLVED, point=prepared.point(x), counters=counters)
         if outcome in (run.kernel.RAY, run.kernel.INCONSISTENT):
             what = "ray" if outcome == run.kernel.RAY else "an equality without unknowns that is not zero,"
             return _after_ray(prepared, x, budget, counters, what)
