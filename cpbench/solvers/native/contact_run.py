@@ -77,7 +77,8 @@ def iterate(
     while not least <= budget.tolerance and done < limit:
         left = deadline - time.monotonic()
         many = min(1 + done // SHARE, limit - done) if method.pieces else 1
-        why = f"out of time after {done} iterations" if left <= 0 else method.step(many, error, left)
+        with np.errstate(all="ignore"):  # diverging iterates overflow, and are seen by their error
+            why = f"out of time after {done} iterations" if left <= 0 else method.step(many, error, left)
         if why is not None:
             claim, message = Claim.FAILED, why
             break
@@ -93,6 +94,17 @@ def iterate(
             claim, message = Claim.FAILED, why
             break
     return Ending(best, least, claim, message, {"iterations": done, **method.counters})
+
+
+def finish(end: Ending, answer: Callable[[Vector], Any], budget: Budget) -> SolverOutput:
+    """Solved exactly when the judged error is at most the tolerance."""
+    if not np.isfinite(end.r).all():
+        return SolverOutput(claim=Claim.FAILED, counters=end.counters, message=end.message)
+    point = answer(end.r)
+    if end.error <= budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=point, counters=end.counters)
+    message = f"{end.message}, error {end.error:.1e}"
+    return SolverOutput(claim=end.claim, point=point, counters=end.counters, message=message)
 
 
 @dataclass(frozen=True)

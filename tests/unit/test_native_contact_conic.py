@@ -1,0 +1,156 @@
+"""Interior points and facets on frictional contact: algebra of Lorentz cones, planted problems, published answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench import storage
+from cpbench.formulations import FCPoint, FrictionContact, Kind
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.base import parse_options
+from cpbench.solvers.native.lorentz import Scaling, longest
+from cpbench.testing import planted
+from cpbench.verification import judge
+
+EXACT = ("interior-point-contact", "facets-lemke")
+INTERIOR = ("interior-point-contact", "interior-point-relaxation")
+
+
+def inside(rng: np.random.Generator, count: int, d: int) -> np.ndarray:
+    x = rng.standard_normal((count, d))
+    x[:, 0] = np.linalg.norm(x[:, 1:], axis=1) + rng.uniform(0.01, 2.0, count)
+    return x
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_scaling_is_nesterovs_and_todds(rng: np.random.Generator, d: int) -> None:
+    """Θ is symmetric, positive definite, an automorphism of the cone, and Θy = w."""
+    y, w = inside(rng, 20, d), inside(rng, 20, d)
+    theta = Scaling(y, w).theta
+    np.testing.assert_allclose(np.einsum("cij,cj->ci", theta, y), w, rtol=1e-8)
+    np.testing.assert_allclose(theta, theta.swapaxes(1, 2), rtol=1e-12)
+    assert (np.linalg.eigvalsh(theta) > 0).all()
+    J = np.diag(np.r_[1.0, -np.ones(d - 1)])
+    factor = (theta @ J @ theta)[:, 0, 0]
+    np.testing.assert_allclose(theta @ J @ theta, factor[:, None, None] * J, atol=1e-7 * factor.max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_right_side_is_that_of_the_scaled_newton_equation(rng: np.random.Generator, d: int) -> None:
+    """Without prediction and target, Θdy + dw = −w: the affine step of every scaling."""
+    y, w = inside(rng, 20, d), inside(rng, 20, d)
+    np.testing.assert_allclose(Scaling(y, w).right(None, 0.0), -w, rtol=1e-8)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_longest_step_ends_on_the_boundary(rng: np.random.Generator, d: int) -> None:
+    for _ in range(50):
+        x, dx = inside(rng, 1, d), rng.standard_normal((1, d))
+        t = longest(x, dx)
+        if np.isinf(t):
+            assert dx[0, 0] >= np.linalg.norm(dx[0, 1:]) - 1e-12
+            continue
+        end = (x + t * dx)[0]
+        assert end[0] == pytest.approx(np.linalg.norm(end[1:]), abs=1e-8 * (1 + t))
+        middle = (x + 0.999 * t * dx)[0]
+        assert middle[0] > np.linalg.norm(middle[1:])
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_planted_contacts_are_solved(dimension: int, sparse: bool) -> None:
+    for seed in range(3):
+        problem, _ = planted.fc(np.random.default_rng(seed), 8, dimension, "positive definite", sparse=sparse)
+        output = solvers.get("interior-point-contact").run(problem, Budget(tolerance=1e-8))
+        assert output.claim is Claim.SOLVED, output.message
+        assert judge(problem, output.point, 1e-8).solved
+
+
+def test_the_relaxation_is_solved_to_its_optimum(rng: np.random.Generator) -> None:
+    """K ∋ r ⟂ Wr + q ∈ K* holds, and sliding contacts open: u_N = μ‖u_T‖, which the law forbids."""
+    solver = solvers.get("interior-point-relaxation")
+    assert solver.spec.kind is Kind.RELAXATION
+    mu, q = 0.5, np.array([-1.0, 2.0, 0.0])
+    output = solver.run(FrictionContact(W=np.eye(3), q=q, mu=np.array([mu])), Budget(tolerance=1e-8))
+    assert output.claim is Claim.SOLVED, output.message
+    # the projection of −q on the cone: r_N = (1 + 2μ)/(1 + μ²), r_T = −μ r_N
+    normal = (1 + 2 * mu) / (1 + mu**2)
+    point: Any = output.point
+    np.testing.assert_allclose(point.r, [normal, -mu * normal, 0.0], atol=1e-6)
+    u = point.r + q
+    assert u[0] == pytest.approx(mu * abs(u[1]), abs=1e-6)
+    assert not judge(FrictionContact(W=np.eye(3), q=q, mu=np.array([mu])), output.point, 1e-4).solved
+
+
+@pytest.mark.parametrize("name", INTERIOR)
+def test_a_singular_delassus_operator_is_no_obstacle(rng: np.random.Generator, name: str) -> None:
+    H = rng.standard_normal((24, 72))
+    problem = FrictionContact(W=H.T @ H, q=H.T @ rng.standard_normal(24), mu=np.full(24, 0.4), dimension=3)
+    assert solvers.get(name).run(problem, Budget(tolerance=1e-6)).claim is Claim.SOLVED
+
+
+@pytest.mark.parametrize("name", [*INTERIOR, "facets-lemke"])
+def test_what_has_no_answer_is_not_claimed(name: str) -> None:
+    solver = solvers.get(name)
+    assert solver.run(FrictionContact(W=np.zeros((0, 0)), q=np.zeros(0), mu=np.zeros(0))).claim is Claim.SOLVED
+    for D in (np.zeros((3, 3)), np.diag([0.0, 1, 1]), -np.eye(3)):
+        problem = FrictionContact(W=D, q=np.array([-1.0, 0.5, 0]), mu=np.array([0.5]))
+        output = solver.run(problem)
+        solved = output.claim is Claim.SOLVED
+        assert not solved or solver.spec.kind is Kind.RELAXATION or judge(problem, output.point, 1e-6).solved
+
+
+def test_facets_are_exact_in_the_plane(rng: np.random.Generator) -> None:
+    for seed in range(3):
+        problem, _ = planted.fc(np.random.default_rng(seed), 8, 2, "positive definite")
+        output = solvers.get("facets-lemke").run(problem, Budget(tolerance=1e-9))
+        assert output.claim is Claim.SOLVED, output.message
+        assert output.counters["iterations"] == 1
+
+
+@pytest.mark.parametrize("outer", ["true", "false"])
+def test_facets_err_by_their_radius_and_finer_ones_do_not(outer: str) -> None:
+    """One sliding contact between two vertices: r_T = −Dβ is on the polygon; then the error falls with the rounds."""
+    solver, mu = solvers.get("facets-lemke"), 0.5
+    way = np.array([np.cos(0.3), np.sin(0.3)])  # between two of eight vertices, and not half way
+    problem = FrictionContact(W=np.eye(3), q=np.r_[-1.0, 5.0 * way], mu=np.array([mu]))
+    plain = parse_options(solver.spec, {"facets": "8", "rounds": "0", "outer": outer})
+    output = solver.run(problem, Budget(tolerance=1e-6), plain)
+    assert output.claim is Claim.INACCURATE
+    point: Any = output.point
+    size = np.linalg.norm(point.r[1:])
+    # a vertex or the edge between two: not shorter than the inscribed edge, not longer than the outer vertex
+    assert mu * np.cos(np.pi / 8) - 1e-9 <= size <= mu / np.cos(np.pi / 8) + 1e-9
+    fine = solver.run(problem, Budget(tolerance=1e-6), parse_options(solver.spec, {"outer": outer}))
+    assert fine.claim is Claim.SOLVED, fine.message
+    point = fine.point
+    np.testing.assert_allclose(point.r, np.r_[1.0, -mu * way], atol=1e-5)
+
+
+def test_odd_facets_are_refused_in_words() -> None:
+    solver = solvers.get("facets-lemke")
+    problem = FrictionContact(W=np.eye(3), q=np.array([-1.0, 1.0, 0]), mu=np.array([0.5]))
+    output = solver.run(problem, options=parse_options(solver.spec, {"facets": "7"}))
+    assert output.claim is Claim.FAILED
+    assert "even" in output.message
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_right_start_is_returned(rng: np.random.Generator, name: str) -> None:
+    problem, answer = planted.fc(rng, 6, 3, "positive definite")
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-8), start=FCPoint(answer.r))
+    assert (output.claim, output.counters["iterations"]) == (Claim.SOLVED, 0)
+
+
+@pytest.mark.parametrize("file", ["Capsules-i125-1213.hdf5", "siconos_mix96_NONSYM-nc185.hdf5"])
+def test_real_files(shared_data: Path, file: str) -> None:
+    problem: Any = storage.load(shared_data / "fc3d_local" / file)
+    assert sp.issparse(problem.W)
+    output = solvers.get("interior-point-contact").run(problem, Budget(tolerance=1e-8, seconds=60.0))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, 1e-8).solved
