@@ -3,8 +3,9 @@
     python tests/bench/contact_against_siconos.py FOLDER [FILE ...] [--races auto,nsgs,sweep] [--tolerances 1e-4,1e-8]
 
 Every problem in space that the folder or the files hold is asked of Siconos, which lives in the system's Python
-(--python), and of us, theirs, ours, theirs, ours ... in processor time, both warm. Theirs counts where our `natural`
-of their answer, which is the number they stop on, is within the tolerance; ours where all our numbers are.
+(--python), and of us, theirs, ours, theirs, ours ... in processor time, both warm. Both are judged by us, by all the
+numbers of `residuals`; as they stop on one of these, `natural`, they are asked for less and less until the others are
+within the tolerance, too. With --natural they are judged by that one alone, and we still by all.
 
 `auto` is auto-contact against the fastest of eight of their solvers, chosen afterwards for every problem and
 tolerance. `nsgs` is NSGS with the error evaluated in full against nsgs, and `sweep` the time of a sweep of both.
@@ -30,6 +31,8 @@ from typing import Any
 
 from against_siconos import LONGEST, PAIRS, SHORTEST, loop
 
+FINER = (("", 1.0), (" /10", 0.1), (" /100", 1e-2), (" /1000", 1e-3))
+"""What they are asked for until our measure of their answer is within the tolerance: (label, its share)."""
 PATIENCE = 8.0
 """Seconds after which one of their solves is stopped: not solved."""
 SLOW = 0.5
@@ -182,6 +185,9 @@ class Row:
         end = time.monotonic() + LONGEST
         while len(times) < pairs and (not times or time.monotonic() < end):
             times.append((self.theirs.measure(repeats[0]), self.ours.measure(repeats[1])))
+        times = [pair for pair in times if all(map(math.isfinite, pair))]  # a guest that was stopped has no time
+        if not times:
+            return
         ratios = [a / b for a, b in times]
         self.ratio, self.spread = statistics.median(ratios), f"{min(ratios):.2f} to {max(ratios):.2f}"
         self.theirs.seconds, self.ours.seconds = (statistics.median(column) for column in zip(*times, strict=True))
@@ -243,26 +249,32 @@ def ours_on(name: str, problem: Any, tolerance: float, iterations: int | None = 
     return side, setup
 
 
-def theirs_on(siconos: Siconos, label: str, solver: str, problem: Any, tolerance: float) -> Side:
+def theirs_on(siconos: Siconos, label: str, solver: str, problem: Any, tolerance: float, measure: str | None) -> Side:
     """The first solve, and where it is short others."""
     import numpy as np
 
     from cpbench.formulations import FCPoint
     from cpbench.verification import judge
 
+    goal = tolerance
+
     def measured(repeats: int) -> float:
         """Seconds; every answer is judged, for some of theirs fail when they are asked again."""
-        seconds = siconos.measure(label, solver, tolerance, repeats)
+        seconds = siconos.measure(label, solver, goal, repeats)
         side.solved, side.error = False, math.inf
         if math.isfinite(seconds):
             r = np.load(siconos.folder / "r.npy")
             if np.isfinite(r).all():
-                verdict = judge(problem, FCPoint(r=r), tolerance, "natural")
+                verdict = judge(problem, FCPoint(r=r), tolerance, measure)
                 side.error, side.solved = verdict.error, verdict.solved
         return seconds
 
     side = Side(solver, measured)
-    side.seconds = measured(1)
+    for asked in FINER if measure is None else FINER[:1]:
+        side.name, goal = f"{solver}{asked[0]}", asked[1] * tolerance
+        side.seconds = measured(1)
+        if side.solved or not math.isfinite(side.seconds) or side.seconds > PATIENCE / 10:
+            break
     if side.solved and side.seconds < SLOW:
         side.seconds = min(side.seconds, measured(3))
     return side
@@ -278,7 +290,9 @@ def sweep_side(measure: Any, name: str) -> Side:
     return Side(name, measured, seconds=measured(3) * many, error=0.0, solved=True)
 
 
-def rows_of(name: str, problem: Any, races: list[str], tolerances: list[float], siconos: Siconos) -> Iterator[Row]:
+def rows_of(
+    name: str, problem: Any, races: list[str], tolerances: list[float], siconos: Siconos, measure: str | None
+) -> Iterator[Row]:
     """All races on one problem."""
     from cpbench import storage
     from cpbench.solvers import Budget, solvers
@@ -307,19 +321,19 @@ def rows_of(name: str, problem: Any, races: list[str], tolerances: list[float], 
             continue
         for tolerance in tolerances:
             mine, setup = ours_on(native, problem, tolerance)
-            found = [theirs_on(siconos, label, solver, problem, tolerance) for solver in pool]
+            found = [theirs_on(siconos, label, solver, problem, tolerance, measure) for solver in pool]
             best = min(found, key=lambda side: (not side.solved, side.seconds if side.solved else side.error))
             row = Row(what, name, problem.nc, tolerance, best, mine, setup=setup)
             row.race()
             yield row
 
 
-def main(python: str, paths: list[Path], races: list[str], tolerances: list[float]) -> None:
+def main(python: str, paths: list[Path], races: list[str], tolerances: list[float], measure: str | None) -> None:
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as name:
         siconos = Siconos(python, Path(name))
         for label, problem in read(paths):
-            for row in rows_of(label, problem, races, tolerances, siconos):
+            for row in rows_of(label, problem, races, tolerances, siconos, measure):
                 rows.append(row)
                 print(f"# {row}", file=sys.stderr, flush=True)
         siconos.close()
@@ -348,6 +362,7 @@ if __name__ == "__main__":
     parser.add_argument("--python", default="/usr/bin/python3", help="the interpreter that has siconos")
     parser.add_argument("--races", default="auto", help="of " + ", ".join(RACES))
     parser.add_argument("--tolerances", default="1e-4,1e-8")
+    parser.add_argument("--natural", action="store_true", help="judge them by the number they stop on, us by all")
     parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     # one thread on both sides, before any library of linear algebra is loaded
@@ -357,4 +372,6 @@ if __name__ == "__main__":
         serve(arguments.serve)
     else:
         files = [f for p in arguments.paths for f in (sorted(p.iterdir()) if p.is_dir() else [p])]
-        main(arguments.python, files, arguments.races.split(","), [float(t) for t in arguments.tolerances.split(",")])
+        chosen = [float(text) for text in arguments.tolerances.split(",")]
+        judged_by = "natural" if arguments.natural else None
+        main(arguments.python, files, arguments.races.split(","), chosen, judged_by)

@@ -11,7 +11,7 @@ import pytest
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.auto_contact import Method, Standing, policy
+from cpbench.solvers.native.contact_policy import Method, Standing, policy
 from cpbench.solvers.native.contact_sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
 from cpbench.testing import planted
 from cpbench.verification import judge
@@ -101,7 +101,7 @@ def test_answers_lie_in_the_cones_and_their_error_is_the_judges(rng: np.random.G
 
 def test_what_is_no_number_stops_the_sweeps() -> None:
     rows = block_rows(FrictionContact(W=np.eye(6) + 10.0, q=np.full(6, -1.0), mu=[0.5, 0.5]))
-    accelerated = AcceleratedSweeps(rows, np.full(6, 1e308))
+    accelerated = AcceleratedSweeps(rows, np.full(6, np.nan))
     assert not accelerated.sweep(100, 1e-8)
     assert accelerated.done == 1
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from scipy.linalg import lapack
 
-from cpbench.errors import ProblemError
-from cpbench.factorization import Factorization
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Matrix, Vector
@@ -118,7 +119,7 @@ class Splitting:
         self._mu, self._d = problem.mu, problem.dimension
         self._advance = kernel("contact_splitting").advance
         self.rho, self.iterations, self.factorizations = options.rho, 0, 0
-        self._factors: Factorization | None = None
+        self._factors: Factors | None = None
         self._rest, self._since = float(FIRST_REST), 0
         self._sizes, self._shift = np.zeros(4), np.zeros(problem.nc)
         self._z, self._xi = np.zeros(contacts.q.size), np.zeros(contacts.q.size)
@@ -144,14 +145,13 @@ class Splitting:
     def step(self) -> bool:
         """One iteration; False where the linear system has no solution."""
         if self._factors is None:
-            self._factors = Factorization(_shifted(self._contacts.W, self.rho))
+            self._factors = _factors(self._contacts.W, self.rho)
             self.factorizations += 1
+            if self._factors is None:
+                return False
         right = self.rho * (self._z - self._xi) - self._contacts.q
         right[:: self._d] -= self._shift
-        try:
-            x = np.asarray(self._factors.solve(right))
-        except ProblemError:  # exactly singular, for a W that is not monotone
-            return False
+        x = self._factors.solve(right)
         self._advance(x, self._mu, self.rho, self._options.alpha, self._d, self._z, self._xi, self._shift, self._sizes)
         self.iterations += 1
         self._since += 1
@@ -173,7 +173,27 @@ class Splitting:
         self._rest, self._since = LONGER * self._rest, 0
 
 
-def _shifted(W: Matrix, rho: float) -> Matrix:
-    if sp.issparse(W):
-        return sp.csr_array(W + rho * sp.eye_array(W.shape[0], format="csr"))
-    return W + rho * np.eye(W.shape[0])
+@dataclass(frozen=True)
+class Factors:
+    """Of W + ρI: what solves with them, and how many entries they have."""
+
+    solve: Callable[[Vector], Vector]
+    entries: int
+
+
+def _factors(W: Matrix, rho: float) -> Factors | None:
+    """None where W + ρI is exactly singular, which no monotone W is.
+
+    For W ⪰ 0, symmetric or not, the diagonal can be pivoted upon in any order: SuperLU orders the symmetric structure,
+    which is two to four times as fast as with the pivoting by columns, and leaves half to three quarters of the fill.
+    """
+    if not sp.issparse(W):
+        lu, pivots, info = cast(Any, lapack.dgetrf)(W + rho * np.eye(W.shape[0]), overwrite_a=True)
+        return None if info > 0 else Factors(lambda b: cast(Any, lapack.dgetrs)(lu, pivots, b)[0], W.size)
+    shifted = sp.csc_array(W + rho * sp.eye_array(W.shape[0], format="csr"))
+    options = {"SymmetricMode": True}
+    try:
+        superlu: Any = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    except RuntimeError:  # a pivot that is exactly 0
+        return None
+    return Factors(superlu.solve, int(superlu.nnz))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -86,12 +88,13 @@ class Sweeps:
 class AcceleratedSweeps:
     """Sweeps with Anderson's acceleration, in pieces, from `start` or from 0; see the kernel `anderson`."""
 
-    def __init__(self, rows: BlockRows, start: Vector | None = None) -> None:
+    def __init__(self, rows: BlockRows, start: Vector | None = None, order: NDArray[np.int64] | None = None) -> None:
         self._rows, self._kernel = rows, kernel("anderson")
         problem = rows.problem
         n, memory = problem.q.size, min(MEMORY, problem.q.size)
         self._r = np.zeros(n) if start is None else start.copy()
-        self._lam, self._order = np.zeros(problem.nc), np.arange(problem.nc)
+        self._lam = np.zeros(problem.nc)
+        self._order = np.arange(problem.nc) if order is None else order
         self._work, self._columns = np.zeros((2, n)), np.empty((2, memory, n))
         self._state, self._measured = np.array([0, 1, 0, 0, 0, 0, 0, 0]), np.array([np.inf, np.inf])
         self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
@@ -107,27 +110,28 @@ class AcceleratedSweeps:
         """The judged error of `best`, ∞ before the first sweep."""
         return float(self._least[0])
 
-    def sweep(self, count: int, tolerance: float) -> bool:
-        """At most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN."""
+    def sweep(self, count: int, tolerance: float, look: Callable[[], None] | None = None) -> bool:
+        """At most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN.
+
+        `look` is called after every evaluation of the error, and changes nothing in the sweeps.
+        """
         rows, problem, state = self._rows, self._rows.problem, self._state
         until = int(state[0]) + count
         matrix = (rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
         iterate = (problem.q, problem.mu, problem.rho, self._r, self._lam, self._order, self._work, *self._columns)
+        kept = (self._least, self.best)
         while state[0] < until:
+            # with one place left in the log it is back at its next evaluation
+            room = LOG if look is None else int(state[2]) + 1
+            log = (self._log[0][:room], self._log[1][:room])
             status = self._kernel.accelerated(
-                *matrix,
-                *iterate,
-                problem.dimension,
-                tolerance,
-                until,
-                state,
-                self._measured,
-                *self._log,
-                self._least,
-                self.best,
+                *matrix, *iterate, problem.dimension, tolerance, until, state, self._measured, *log, *kept
             )
-            self.evaluations += int(state[2])
-            state[2] = 0
+            if look is not None:
+                look()
+            if status != self._kernel.CONTINUE or state[0] == until or room == LOG:
+                self.evaluations += int(state[2])
+                state[2] = 0
             if status != self._kernel.CONTINUE:
                 return status == self._kernel.CONVERGED
         return True
