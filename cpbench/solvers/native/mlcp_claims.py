@@ -19,8 +19,10 @@ from cpbench.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench.solvers.native.lcp_claims import CLOSE, DENSE_BYTES, principal, solve_linear
 
-PASSES = 5
+PASSES = 3
 """Times that rows and columns are divided by the roots of their largest entries."""
+SINGULAR, SINGULAR_VALUES = 1e-12, 1000
+"""Singular values that count as zero, as a share of the largest; the largest matrix of which they are computed."""
 
 
 @dataclass(frozen=True)
@@ -132,16 +134,33 @@ def dense_obstacle(problem: MLCP) -> str | None:
     return f"needs a dense {N}x{N} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use a sparse solver"
 
 
-def refined(prepared: ScaledMLCP, x: Vector) -> Vector | None:
-    """One step of iterative refinement on the free unknowns and the positive v; None where their matrix is singular."""
+def refined(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
+    """x or what a step of iterative refinement on the free unknowns and the positive v makes of it, and its error.
+
+    By LU and, where that is not within the tolerance, by least squares without the directions in which the matrix of
+    these unknowns is singular: a rounding error in the rows would be enlarged along them.
+    """
     basis = np.flatnonzero((np.arange(x.size) < prepared.free) | (x > 0.0))
-    step = solve_linear(principal(prepared.K, basis), -(prepared.K @ x + prepared.k)[basis])
-    if step is None:
+    part = principal(prepared.K, basis)
+    for solve in (solve_linear, _least_squares):
+        step = solve(part, -(prepared.K @ x + prepared.k)[basis])
+        if step is not None:
+            better = np.array(x)
+            better[basis] += step
+            better[prepared.free :] = np.maximum(better[prepared.free :], 0.0)
+            if (least := prepared.error(better)) < error:
+                x, error = better, least
+        if error <= tolerance:
+            break
+    return x, error
+
+
+def _least_squares(A: Matrix, b: Vector) -> Vector | None:
+    """The shortest x with the least ‖Ax − b‖, None for a matrix too large for singular values."""
+    if b.size > SINGULAR_VALUES:
         return None
-    better = np.array(x)
-    better[basis] += step
-    better[prepared.free :] = np.maximum(better[prepared.free :], 0.0)
-    return better
+    found: Any = np.linalg.lstsq(dense(A), b, rcond=SINGULAR)[0]
+    return found
 
 
 def conclude(

@@ -91,8 +91,8 @@ def _answers(
     for z in found.solutions:
         x = reduction.recover(z)
         error = prepared.error(x)
-        if error > budget.tolerance and (better := refined(prepared, x)) is not None:
-            x, error = better, prepared.error(better)
+        if not error <= budget.tolerance:
+            x, error = refined(prepared, x, error, budget.tolerance)
         if error <= budget.tolerance:
             answers.append((error, x))
     return answers

@@ -85,10 +85,8 @@ class LemkeMLCP(Solver):
                 run.kernel.STUCK: "free unknowns are left that no pivot brings into the basis: use newton-fb-mlcp",
             }.get(outcome, f"not finite after {run.pivots} pivots")
             return conclude(prepared, x, budget, counters, otherwise=claim, message=message)
-        better = refined(prepared, x)
+        x, error = refined(prepared, x, error, budget.tolerance)
         counters["factorizations"] += 1
-        if better is not None and (least := prepared.error(better)) < error:
-            x, error = better, least
         return conclude(prepared, x, budget, counters, error=error)
 
 
