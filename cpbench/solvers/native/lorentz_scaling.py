@@ -85,6 +85,10 @@ class LorentzCones:
         longest = np.inf
         for rows in self.groups:
             x, v = s[rows], d[rows]
+            if rows.shape[1] == 1:  # of which the formula below would lose half of the digits
+                falls = v < 0.0
+                longest = min(longest, float((x[falls] / -v[falls]).min(initial=np.inf)))
+                continue
             a, c = _determinant(v, signed=True), _determinant(x)
             b = x[:, 0] * v[:, 0] - np.einsum("ij,ij->i", x[:, 1:], v[:, 1:])
             # the first positive root of a t² + 2 b t + c, c > 0, in the form that does not cancel
