@@ -6,17 +6,30 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 from cpbench import kernel_cache as cache
-from cpbench.formulations import LCP, FrictionContact
-from cpbench.solvers import solvers
+from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Problem
+from cpbench.solvers import Budget, solvers
 
-NATIVE = ("lemke", "bpp", "newton-min", "pgs", "psor", "nsgs")
+MADE: dict[str, Callable[[Any, Any], Problem]] = {
+    "lcp": lambda M, q: LCP(M=M, q=q),
+    "mlcp": lambda M, q: MLCP(A=M, B=M, C=0.1 * M, D=-0.1 * M, a=q, b=q),
+    "qp": lambda M, q: QP.build(0.5 * (M + M.T), q, C=M[:3], d=q[:3] - 1.0, lb=np.full(q.size, -2.0)),
+    "fc": lambda M, q: FrictionContact(W=M, q=q, mu=np.full(q.size // 3, 0.4)),
+}
+"""Node -> a problem of it from a square matrix and a vector of a multiple of three."""
+NATIVE = [
+    name
+    for name in solvers.names()
+    if type(solvers.get(name)).__module__.startswith("cpbench.solvers.native.") and solvers.get(name).spec.node in MADE
+]
 
 
 @pytest.fixture
@@ -82,7 +95,7 @@ def test_processes_that_start_at_once_share_one_compilation(tmp_path: Path) -> N
     assert [p.communicate(timeout=120)[0].strip() for p in started] == ["solved"] * 3
     compiled = [p.name for p in tmp_path.rglob("*.nbc")]
     assert len(compiled) == len({name.rsplit(".", 2)[0] for name in compiled})
-    assert len(compiled) == 3  # the judge, dense and sparse sweeps
+    assert len(compiled) == 5  # the judge; sweeps and products, dense and sparse
 
 
 def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_changed(tmp_path: Path) -> None:
@@ -125,8 +138,7 @@ def test_nothing_compiles_after_the_warm_up(name: str) -> None:
         for n in (1, 3, 70):
             M = np.eye(3 * n) * 2 + np.diag(np.full(3 * n - 1, -0.5), 1)
             for matrix in (M, sp.csr_array(M), np.asfortranarray(M)):
-                if solver.spec.node == "lcp":
-                    solver.run(LCP(M=matrix, q=np.tile([-1.0, 0.5, 0.0], n)))
-                else:
-                    solver.run(FrictionContact(W=matrix, q=np.tile([-1.0, 0.5, 0.0], n), mu=np.full(n, 0.4)))
+                problem = MADE[solver.spec.node](matrix, np.tile([-1.0, 0.5, 0.0], n))
+                if solver.obstacle(problem) is None:
+                    solver.run(problem, Budget(iterations=50))
     assert compiled == []
