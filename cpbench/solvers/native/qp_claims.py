@@ -97,6 +97,17 @@ def convex_obstacle(problem: QP) -> str | None:
     return f"not convex: Q has the eigenvalue {matrices.least_eigenvalue(problem.Q):.1e}"
 
 
+def definite_obstacle(problem: QP) -> str | None:
+    """Why Q, brought to a diagonal of ones, is not positive definite beyond rounding, else None."""
+    n, diagonal = problem.p.size, problem.Q.diagonal()
+    if n == 0 or (diagonal > 0.0).all():
+        unit = matrices.scaled_both(problem.Q, 1.0 / np.sqrt(diagonal))
+        rounding = 20 * n * np.finfo(float).eps
+        if matrices.is_psd(unit - rounding * matrices.identity(n, unit), 0.0):
+            return None
+    return "needs Q positive definite, Q is singular: use qp-proximal-active-set or qp-interior-point"
+
+
 def infeasibility(problem: QP, lam: Vector, mu: Vector) -> float | None:
     """bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ > 0 for λ ≥ 0 and ν = −Aᵀλ − Cᵀμ with ν⁺, ν⁻ at finite bounds only; None where it is
     not. No z satisfies the constraints then, for λᵀAz + μᵀCz + νᵀz = 0 ≥ that sum (Farkas)."""

@@ -16,7 +16,7 @@ from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import SHARE
-from cpbench.solvers.native.qp_claims import Measure, convex_obstacle, dense_obstacle, infeasible
+from cpbench.solvers.native.qp_claims import Measure, convex_obstacle, definite_obstacle, dense_obstacle, infeasible
 from cpbench.solvers.native.qp_scaling import stacked
 from cpbench.solvers.options import fixed, searched
 
@@ -145,7 +145,7 @@ class DualActiveSet(Solver):
     )
 
     def obstacle(self, problem: QP) -> str | None:
-        return dense_obstacle(problem) or convex_obstacle(problem) or _definite_obstacle(problem)
+        return dense_obstacle(problem) or convex_obstacle(problem) or definite_obstacle(problem)
 
     def warmup(self) -> None:
         self.run(QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1)))
@@ -191,16 +191,3 @@ class DualActiveSet(Solver):
             stops.STALLED: (Claim.FAILED, f"stalled at {error:.1e} after {method.passes} passes"),
         }
         return measure.conclude(budget, counters, *said.get(outcome, (None, "")))
-
-
-def _definite_obstacle(problem: QP) -> str | None:
-    """Q with a diagonal of ones, minus rounding, needs a Cholesky factorization."""
-    n = problem.p.size
-    Q = matrices.dense(problem.Q)
-    diagonal = np.diag(Q)
-    if (diagonal > 0.0).all():
-        unit = Q / np.sqrt(np.outer(diagonal, diagonal))
-        unit[np.diag_indices(n)] -= 10 * n * np.finfo(float).eps
-        if lapack.dpotrf(unit.T, overwrite_a=True)[1] == 0:
-            return None
-    return "needs Q positive definite, Q is singular: use qp-proximal-active-set or qp-interior-point"

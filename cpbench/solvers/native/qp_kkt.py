@@ -47,19 +47,19 @@ class KKT(ABC):
     def _factor(self) -> bool: ...
 
     @abstractmethod
-    def _apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
-        """The solution of the regularized system."""
+    def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
+        """(dx, v) of the regularized system."""
 
     def solve(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         """(dx, v), refined while that helps."""
         size = max(max_abs(a), max_abs(b))
-        x, v = self._apply(a, b)
+        x, v = self.apply(a, b)
         left = self._left(a, b, x, v)
         error = max(max_abs(left[0]), max_abs(left[1]))
         for _ in range(REFINEMENTS):
             if not error > ACCURATE * size:
                 break
-            dx, dv = self._apply(*left)
+            dx, dv = self.apply(*left)
             better = x + dx, v + dv
             left = self._left(a, b, *better)
             now = max(max_abs(left[0]), max_abs(left[1]))
@@ -97,7 +97,7 @@ class DenseKKT(KKT):
             self.S, info = lapack.dpotrf(S.T, lower=1)
         return info == 0
 
-    def _apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
+    def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         right = a + self.A.T @ (self.by * b[self.rest]) if self.rest.size else a
         v = np.empty(b.size)
         if self.equal.size:
@@ -167,7 +167,7 @@ class SparseKKT(KKT):
         self._lu, self._pivots, info = lapack.dgetrf(self._S.T)
         return info == 0
 
-    def _apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
+    def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         x = np.concatenate([a, b])[self._order]
         self._kernel.forward(self._starts, self._rows, self._L, x, self._tail)
         if self._S.size:
