@@ -1,12 +1,13 @@
 """How many problems of a node every available solver of that node solves, each answer judged by us.
 
     python tests/bench/solved_counts.py NODE ... [--in builtin FOLDER ...] [--solvers 'siconos-*' ...]
-        [--seconds 10] [--tolerances 1e-4,1e-8] [--largest 2000]
+        [--of NODE ...] [--seconds 10] [--tolerances 1e-4,1e-8] [--largest 2000]
 
-All problems of the node in the built-in suite or the given folders, as `cpbench run` runs them: every solve in a
-process apart, with a time limit. A row is a solver: what it solved at each tolerance, what it claimed and had not, how
-often it refused a problem or was out of time, and the processor time of its solves; the last row is all of them
-together. The problems that nobody solved, and those that only one did, are named below.
+All problems of the node, or of other nodes that exact conversions bring there (--of), in the built-in suite or the
+given folders, as `cpbench run` runs them: every solve in a process apart, with a time limit. A row is a solver: what it
+solved at each tolerance, what it claimed and had not, how often it refused a problem or was out of time, and the
+processor time of its solves; the last row is all of them together. The problems that nobody solved, and those that
+only one did, are named below.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ from cpbench.verification import VERIFIED
 WORDS = ("wrong", "unsupported", "timeout")
 
 
-def problems(node: str, folders: list[str], largest: int) -> Iterator[str]:
-    """Addresses of the problems of a node; files that cannot be read, and those of more unknowns, are left out."""
+def problems(nodes: list[str], folders: list[str], largest: int) -> Iterator[str]:
+    """Addresses of the problems of these nodes; files that cannot be read, and those of more unknowns, are left out."""
     for address in storage.problem_files([str(builtin_folder()) if f == "builtin" else f for f in folders]):
         try:
             problem = storage.load(address)
         except CpbenchError:
             continue
-        if problem.node == node and sum(problem.point_sizes.values()) <= largest:
+        if problem.node in nodes and sum(problem.point_sizes.values()) <= largest:
             yield address
 
 
@@ -81,6 +82,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("nodes", nargs="+", metavar="NODE")
     parser.add_argument("--in", dest="folders", nargs="+", default=["builtin"], metavar="FOLDER")
+    parser.add_argument("--of", nargs="+", default=[], metavar="NODE")
     parser.add_argument("--solvers", nargs="+", default=["*"], metavar="GLOB")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--tolerances", default="1e-4,1e-8")
@@ -92,7 +94,7 @@ def main() -> None:
             for s in solvers
             if s.spec.node == node and s.availability().ok and any(fnmatch(s.spec.name, g) for g in asked.solvers)
         ]
-        addresses = list(problems(node, asked.folders, asked.largest))
+        addresses = list(problems(asked.of or [node], asked.folders, asked.largest))
         if not names or not addresses:
             print(f"\n{node}: {len(addresses)} problems, {len(names)} solvers, nothing to run")
             continue
