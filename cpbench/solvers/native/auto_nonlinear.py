@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.automatic import AutomaticChoice, Phase, automatic_spec
-
-
-class InOrder(AutomaticChoice):
-    """The same order for every problem: what a map is like is not known before it is followed."""
-
-    def phases(self, problem: Any) -> Sequence[Phase]:
-        return [Phase(name) for name in self.members]
+from cpbench.solvers.native.automatic import InOrder, automatic_spec
 
 
 @register
@@ -26,7 +18,13 @@ class AutoMiCP(InOrder):
     spec: ClassVar[SolverSpec] = automatic_spec(
         "micp", "auto-micp", "Newton's methods on boxes, the next where one has stopped"
     )
-    members = ("path-search", "normal-map-newton", "semismooth-newton-fb", "smoothing-newton", "josephy-newton")
+    members: ClassVar[tuple[str, ...]] = (
+        "path-search",
+        "normal-map-newton",
+        "semismooth-newton-fb",
+        "smoothing-newton",
+        "josephy-newton",
+    )
 
 
 @register
@@ -34,7 +32,7 @@ class AutoVI(InOrder):
     """Newton's method; then methods that need monotonicity, or less than that, and no derivative."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("vi", "auto-vi", "Newton's method, then projections")
-    members = ("vi-newton", "vi-extragradient", "vi-solodov-svaiter")
+    members: ClassVar[tuple[str, ...]] = ("vi-newton", "vi-extragradient", "vi-solodov-svaiter")
 
 
 @register
@@ -42,4 +40,4 @@ class AutoQVI(InOrder):
     """Newton's method, then projections on the moving set."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("qvi", "auto-qvi", "Newton's method, then projections")
-    members = ("qvi-newton", "qvi-projection")
+    members: ClassVar[tuple[str, ...]] = ("qvi-newton", "qvi-projection")

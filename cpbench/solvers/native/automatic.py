@@ -82,6 +82,13 @@ class AutomaticChoice(Solver):
         return run.concluded()
 
 
+class InOrder(AutomaticChoice):
+    """The same order for every problem."""
+
+    def phases(self, problem: Any) -> Sequence[Phase]:
+        return [Phase(name) for name in self.members]
+
+
 def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
     """The spec of a node's automatic choice."""
     return SolverSpec(

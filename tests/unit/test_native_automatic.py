@@ -1,0 +1,120 @@
+"""The automatic choices: an order from facts, the best answer handed on, and who solves it ends it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench.formulations import LCP, MLCP, LCPPoint, Problem
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.automatic import AutomaticChoice
+from cpbench.testing.cases import cases
+from cpbench.verification import certified_infeasible, judge
+
+CHOICES = [name for name in solvers.names() if isinstance(solvers.get(name), AutomaticChoice)]
+RAY = LCP(M=np.array([[3.0, -3.0, -3.0], [1.0, -1.0, 1.0], [-2.0, 3.0, 0.0]]), q=np.array([0.0, -2.0, 1.0]))
+"""Found by drawing integers: it has solutions, Lemke's method ends in a ray, and Newton's on min stops elsewhere."""
+
+
+def order(name: str, problem: Problem) -> list[str]:
+    choice = solvers.get(name)
+    assert isinstance(choice, AutomaticChoice)
+    return [phase.solver for phase in choice.phases(problem)]
+
+
+@pytest.mark.parametrize("name", CHOICES)
+def test_a_choice_asks_members_of_its_own_node(name: str) -> None:
+    choice = solvers.get(name)
+    assert isinstance(choice, AutomaticChoice)
+    assert {solvers.get(member).spec.node for member in choice.members} == {choice.spec.node}
+    for case in cases(choice.spec.node):
+        asked = order(name, case.problem)
+        assert asked
+        assert set(asked) <= set(choice.members)
+        assert asked == order(name, case.problem)
+
+
+@pytest.mark.parametrize("name", CHOICES)
+def test_a_choice_solves_what_a_member_solves(name: str) -> None:
+    """On the planted cases; what no member solves, it does not solve either, and says so."""
+    choice = solvers.get(name)
+    assert isinstance(choice, AutomaticChoice)
+    for case in cases(choice.spec.node):
+        found = choice.run(case.problem, Budget(tolerance=1e-6, seconds=20.0))
+        solved = found.point is not None and judge(case.problem, found.point, 1e-6).solved
+        assert (found.claim is Claim.SOLVED) == solved, f"{case.name}: {found.message}"
+        if not solved:
+            for member in map(solvers.get, choice.members):
+                if member.obstacle(case.problem) is None:
+                    other = member.run(case.problem, Budget(tolerance=1e-6, seconds=20.0))
+                    assert other.claim is not Claim.SOLVED, f"{case.name}: {member.spec.name} solves it"
+
+
+def test_size_and_structure_decide() -> None:
+    small = LCP(M=np.eye(5), q=-np.ones(5))
+    large = LCP(M=np.eye(500), q=-np.ones(500))
+    grid = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(5000, 5000)).tocsr()
+    upwind = sp.diags_array([-1.5, 2.0, -0.5], offsets=[-1, 0, 1], shape=(5000, 5000)).tocsr()
+    assert order("auto-lcp", small)[0] == "lemke"
+    assert order("auto-lcp", large)[0] == "bpp"
+    assert order("auto-lcp", LCP(M=grid, q=-np.ones(5000)))[0] == "projected-cg"
+    assert order("auto-lcp", LCP(M=upwind, q=-np.ones(5000)))[0] == "newton-min"
+
+
+def test_who_fails_is_followed_by_the_next_and_the_message_tells_of_both() -> None:
+    assert solvers.get("lemke").run(RAY).claim is Claim.FAILED
+    assert solvers.get("newton-min").run(RAY).claim is not Claim.SOLVED
+    found = solvers.get("auto-lcp").run(RAY)
+    assert found.claim is Claim.SOLVED
+    assert judge(RAY, found.point, 1e-6).solved
+    assert found.counters["solvers"] == len(found.message.split("; ")) == 3
+    assert found.message.startswith("lemke: ray")
+    assert found.message.endswith("newton-fb: solved")
+
+
+def test_a_proof_that_there_is_no_solution_ends_it() -> None:
+    problem = LCP(M=np.array([[0.0, 0.0], [0.0, 1.0]]), q=np.array([-1.0, 1.0]))
+    found = solvers.get("auto-lcp").run(problem)
+    assert found.claim is Claim.INFEASIBLE
+    assert found.certificate is not None
+    assert certified_infeasible(problem, found.certificate)
+    assert found.counters["solvers"] == 1
+
+
+def test_a_start_that_is_a_solution_is_the_answer() -> None:
+    problem = LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-3.0, -3.0]))
+    start = LCPPoint(z=np.array([1.0, 1.0]))
+    seen: list[int] = []
+    found = solvers.get("auto-lcp").run(problem, start=start, record=lambda k, _, point: seen.append(k))
+    assert found.claim is Claim.SOLVED
+    assert found.point is start
+    assert found.counters == {"iterations": 0, "solvers": 0}
+    assert seen == [0]
+
+
+def test_without_time_nothing_is_asked() -> None:
+    one = np.eye(2)
+    problem = MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0, 2.0]), b=np.array([-1.0, -1.0]))
+    found = solvers.get("auto-mlcp").run(problem, Budget(seconds=-1.0))
+    assert found.claim is Claim.FAILED
+    assert found.counters["solvers"] == 0
+    assert "best error" in found.message
+
+
+def test_iterations_rise_from_solver_to_solver() -> None:
+    """The second one's numbers go on where the first one's ended, and the last iterate is the answer."""
+    seen: list[tuple[int, LCPPoint]] = []
+    found = solvers.get("auto-lcp").run(RAY, record=lambda k, _, point: seen.append((k, point())))
+    numbers = [k for k, _ in seen]
+    assert numbers == sorted(set(numbers))
+    assert numbers[0] == 0
+    assert found.point is not None
+    assert np.array_equal(seen[-1][1].z, found.point.z)
+
+
+def test_few_iterations_are_shared() -> None:
+    found = solvers.get("auto-lcp").run(RAY, Budget(iterations=5))
+    assert found.claim is not Claim.SOLVED
+    assert found.counters["solvers"] == 2
+    assert found.counters["iterations"] <= 6
