@@ -124,7 +124,8 @@ def accelerated(
     Parameters
     ----------
     As those of `sweeps_3d`, and: r : the next iterate, not an answer; `best` is one.
-    work : (2, n) g and f of the iterate before. moves, changes : (m, n) the columns Δg and Δf.
+    work : (2, n) g and f of the iterate before. moves, changes : (m, n) the columns Δg and Δf;
+    with m = 0 the sweeps are plain ones.
     """
     n, memory = r.size, moves.shape[0]
     g, f = np.empty(n), np.empty(n)
@@ -181,7 +182,7 @@ def accelerated(
             state[EXTRAPOLATED] = 1
         work[0] = g
         work[1] = f
-        state[FOLLOWS] = 1
+        state[FOLLOWS] = 1 if memory > 0 else 0
         measured[RESIDUAL] = residual
     return CONTINUE
 

@@ -121,7 +121,7 @@ class _Run:
         self.error = math.inf if blind else contacts.rows.judged(self.best)
         self.iterations, self.told = 0, list[str]()
         self.counters = {"iterations": 0, "sweeps": 0, "newton_steps": 0, "admm_iterations": 0, "factorizations": 0}
-        self._count, self._orders = options.sweeps, 0
+        self._count, self._starts = options.sweeps, 0
         self._sweeps: AcceleratedSweeps | None = None
         self._newton: NewtonPhase | None = None
         step = step_work(contacts.rows.problem.W)
@@ -144,8 +144,8 @@ class _Run:
         if self.error <= self._budget.tolerance:
             return
         failed = not self.error <= GAINED * before
-        if failed and method is not Method.SWEEPS:  # sweeps stood still before, too: in another order they may not
-            self._sweeps, self._orders = None, self._orders + 1
+        if method is not Method.SWEEPS:  # sweeps stood still before: others go on, or the same ones from much nearer
+            self._sweeps, self._starts = None, self._starts + 1 if failed else 0
         now = replace(self._standing, error=self.error, sweeps=self.counters["sweeps"])
         if not failed:  # from so much nearer, what failed may not
             self._standing = replace(now, newton_failures=0, admm_failures=0)
@@ -157,11 +157,7 @@ class _Run:
             self._standing = now
 
     def _sweep(self) -> int:
-        sweeps = self._sweeps
-        if sweeps is None or self.error < sweeps.error:  # the first, or others have come nearer
-            draw = np.random.default_rng(self._budget.seed + self._orders)
-            order = draw.permutation(self._contacts.rows.problem.nc) if self._orders else None
-            sweeps = self._sweeps = AcceleratedSweeps(self._contacts.rows, self.best, order)
+        sweeps = self._sweeps = self._sweeps or self._started()
         before, end = sweeps.done, self._budget.tolerance
         until = before + min(self._count, self.limit - self.iterations)
         self._count = 2 * self._count
@@ -177,6 +173,16 @@ class _Run:
             if not finite:
                 break
         return sweeps.done - before
+
+    def _started(self) -> AcceleratedSweeps:
+        """From the best point; after a failure without acceleration, after the next from nothing in a drawn order."""
+        rows, times = self._contacts.rows, self._starts
+        if times == 0:
+            return AcceleratedSweeps(rows, self.best)
+        if times % 2 == 1:
+            return AcceleratedSweeps(rows, self.best, memory=0)
+        order = np.random.default_rng(self._budget.seed + times).permutation(rows.problem.nc)
+        return AcceleratedSweeps(rows, None, order)
 
     def _newton_steps(self) -> int:
         newton = self._newton = self._newton or NewtonPhase(self._contacts, ContactNewtonOptions())

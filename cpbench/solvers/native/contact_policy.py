@@ -24,7 +24,7 @@ ITERATION, PER_FACTOR_ENTRY = 2e4, 1.5
 """Of an iteration of ADMM: nanoseconds for all calls and for an entry of the factors.
 
 Not measured while it runs, so that the same problem takes the same way everywhere. The constants are those of one core
-of an AMD EPYC of 2021 at 23 files of 20 to 935 contacts: costs counted by them and the measured ones are within a
+of an AMD EPYC (Zen 3) on 23 files of 20 to 935 contacts: costs counted by them and the measured ones are within a
 factor of 2 of each other.
 """
 

@@ -88,10 +88,16 @@ class Sweeps:
 class AcceleratedSweeps:
     """Sweeps with Anderson's acceleration, in pieces, from `start` or from 0; see the kernel `anderson`."""
 
-    def __init__(self, rows: BlockRows, start: Vector | None = None, order: NDArray[np.int64] | None = None) -> None:
+    def __init__(
+        self,
+        rows: BlockRows,
+        start: Vector | None = None,
+        order: NDArray[np.int64] | None = None,
+        memory: int = MEMORY,
+    ) -> None:
         self._rows, self._kernel = rows, kernel("anderson")
         problem = rows.problem
-        n, memory = problem.q.size, min(MEMORY, problem.q.size)
+        n, memory = problem.q.size, min(memory, problem.q.size)
         self._r = np.zeros(n) if start is None else start.copy()
         self._lam = np.zeros(problem.nc)
         self._order = np.arange(problem.nc) if order is None else order
