@@ -23,9 +23,9 @@ SOLVE_SHARE = 0.03
 ITERATION, PER_FACTOR_ENTRY = 2e4, 1.5
 """Of an iteration of ADMM: nanoseconds for all calls and for an entry of the factors.
 
-Not measured while it runs, so that the same problem takes the same way everywhere. The constants are those of one core
-of an AMD EPYC (Zen 3) on 23 files of 20 to 935 contacts: costs counted by them and the measured ones are within a
-factor of 2 of each other.
+Not measured while it runs, so that the same problem takes the same way everywhere. The constants are those of one busy
+core of an AMD EPYC (family 26) on 23 files of 20 to 935 contacts: sweeps are counted to a factor of 1.5 of what was
+measured, Newton steps and iterations of ADMM to one of 3.5, either way.
 """
 
 

@@ -22,7 +22,9 @@ SINGULAR = 1e-12
 FINE, MARGIN = 1e-11, 0.999
 """Two evaluations of the error in different order agree to this share of a tolerance that is not finer than this."""
 MEMORY = 15
-"""Columns of Anderson's acceleration; 10 and 20 were no better on real files, 7 needed 1.2 times the sweeps."""
+"""Columns of Anderson's acceleration. Of 25 choices of this (5 to 20) and of the kernel's constants, the one with the
+fewest sweeps to 1e-4 and 1e-8 on 18 real files: 195 in the geometric mean, 6000 where it did not get there; the others
+201 to 322."""
 LOG = 256
 """Error evaluations a call of the sweeps can log."""
 
