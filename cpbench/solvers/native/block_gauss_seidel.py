@@ -53,6 +53,7 @@ class BlockGS(Splitting):
         citation="Cottle, Golub and Sacher 1978, Appl. Math. Optim. 4:347; Cottle, Pang and Stone 1992, section 5.2",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=BlockGSOptions,
+        by_default=False,
     )
 
     def obstacle(self, problem: LCP) -> str | None:

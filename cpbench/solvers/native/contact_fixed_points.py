@@ -119,6 +119,7 @@ class TrescaFixedPoint(ContactSolver):
         "fixed point",
         "Haslinger 1983, Math. Methods Appl. Sci. 5:422; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
         FixedPointOptions,
+        by_default=False,
     )
     method: ClassVar[Any] = _Tresca
 

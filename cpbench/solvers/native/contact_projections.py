@@ -71,6 +71,7 @@ class DeSaxceFixedPoint(ContactSolver):
         "projection",
         "De Saxcé and Feng 1998, Math. Comput. Model. 28:225; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
         ProjectionOptions,
+        by_default=False,
     )
     method: ClassVar[Any] = _FixedPoint
 

@@ -60,6 +60,7 @@ class FacetsLemke(Solver):
         kind=Kind.APPROXIMATE,
         traits=frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=FacetsOptions,
+        by_default=False,
     )
 
     def obstacle(self, problem: FrictionContact) -> str | None:

@@ -171,6 +171,7 @@ class InteriorPointRelaxation(ContactSolver):
         "Anitescu and Tasora 2010, Comput. Optim. Appl. 47:207; Nesterov and Todd 1998; Mehrotra 1992",
         InteriorPointOptions,
         kind=Kind.RELAXATION,
+        by_default=False,
     )
     method: ClassVar[Any] = _Relaxed
 

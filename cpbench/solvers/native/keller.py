@@ -29,6 +29,7 @@ class Keller(PrincipalPivoting):
         citation="Keller 1973, Math. Prog. 5:311; Cottle, Pang and Stone 2009, section 4.3",
         traits=TRAITS,
         options=PrincipalPivotingOptions,
+        by_default=False,
     )
     loop = "keller"
     promise = "semidefinite"

@@ -198,6 +198,7 @@ class PSORMLCP(_Splitting):
         "projected successive over-relaxation over equalities and pairs",
         "Cryer 1971; Mangasarian 1977, J. Optim. Theory Appl. 22:465",
         PSORMLCPOptions,
+        by_default=False,
     )
 
 

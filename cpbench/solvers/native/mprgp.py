@@ -245,4 +245,5 @@ class ProjectedCG(_OnLCP):
         citation="Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
         traits=_TRAITS,
         options=MPRGPOptions,
+        by_default=False,
     )

@@ -112,7 +112,7 @@ def _falls(problem: QP, d: Vector) -> bool:
     return bool((np.abs(problem.Q @ d) <= rounding).all() and problem.p @ d < -1e-9 * max_abs(problem.p) * max_abs(d))
 
 
-def _spec(name: str, summary: str, citation: str) -> SolverSpec:
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
     return SolverSpec(
         name=name,
         node="qp",
@@ -121,6 +121,7 @@ def _spec(name: str, summary: str, citation: str) -> SolverSpec:
         citation=citation,
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=MPRGPOptions,
+        by_default=by_default,
     )
 
 
@@ -145,4 +146,5 @@ class ProjectedCGOnQP(_OnBox):
         "projected-cg-qp",
         "projected conjugate gradients with proportioning",
         "Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
+        by_default=False,
     )

@@ -24,6 +24,7 @@ class Murty(PrincipalPivoting):
         citation="Murty 1974, Linear Algebra Appl. 9:65; Cottle, Pang and Stone 2009, section 4.2",
         traits=TRAITS,
         options=PrincipalPivotingOptions,
+        by_default=False,
     )
     loop = "murty"
     promise = "a P-matrix"

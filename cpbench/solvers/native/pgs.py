@@ -199,4 +199,5 @@ class SSOR(_Pointwise):
         citation="Mangasarian 1977, J. Optim. Theory Appl. 22:465; Cottle, Pang and Stone 1992, section 5.2",
         traits=_TRAITS,
         options=PSOROptions,
+        by_default=False,
     )

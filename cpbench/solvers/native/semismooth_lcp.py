@@ -107,7 +107,7 @@ class _NewtonLCP(Solver):
         return run(method, budget, limit, options.restarts, first, record)
 
 
-def _spec(name: str, summary: str, citation: str) -> SolverSpec:
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
     return SolverSpec(
         name=f"newton-{name}",
         node="lcp",
@@ -116,6 +116,7 @@ def _spec(name: str, summary: str, citation: str) -> SolverSpec:
         citation=citation,
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=NewtonLCPOptions,
+        by_default=by_default,
     )
 
 
@@ -149,7 +150,10 @@ class NewtonPFB(_NewtonLCP):
 
     psi = merit = staticmethod(penalized)
     spec: ClassVar[SolverSpec] = _spec(
-        "pfb", "the penalized Fischer-Burmeister equation", "Chen, Chen and Kanzow 2000, Math. Program. 88:211"
+        "pfb",
+        "the penalized Fischer-Burmeister equation",
+        "Chen, Chen and Kanzow 2000, Math. Program. 88:211",
+        by_default=False,
     )
 
 
@@ -159,5 +163,8 @@ class NewtonEP(_NewtonLCP):
 
     psi = merit = staticmethod(evtushenko_purtov)
     spec: ClassVar[SolverSpec] = _spec(
-        "ep", "the differentiable function of Evtushenko and Purtov", "Evtushenko and Purtov 1984, Soviet Math. Dokl."
+        "ep",
+        "the differentiable function of Evtushenko and Purtov",
+        "Evtushenko and Purtov 1984, Soviet Math. Dokl.",
+        by_default=False,
     )
