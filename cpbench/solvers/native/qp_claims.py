@@ -22,6 +22,8 @@ ROUNDING = 1e-10
 """A component of a proof that should be 0 may be this times the sum of what cancels in it."""
 DECISIVE = 1e-7
 """What decides a proof must be at least this times the sum of the sizes of its terms."""
+RESTORED = 1_000_000
+"""Entries of the largest matrix of a least-squares problem that completes a proof."""
 KERNEL = "cpbench.solvers.kernels.qp_dense"
 
 
@@ -150,18 +152,34 @@ def unboundedness(problem: QP, ray: Vector) -> float | None:
 
 
 def infeasible(problem: QP, lam: Vector, mu: Vector, counters: Mapping[str, int]) -> SolverOutput | None:
-    """The claim, where the multipliers prove it."""
+    """The claim, where the multipliers prove it: as they are, or their large ones with Aᵀλ + Cᵀμ = 0 restored."""
     value = infeasibility(problem, lam, mu)
+    if value is None:
+        value = infeasibility(problem, *_restored(problem, lam, mu))
     if value is None:
         return None
     message = f"λ ≥ 0, Aᵀλ + Cᵀμ + ν = 0, bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ = {value:.1e} > 0: no z satisfies the constraints"
     return SolverOutput(claim=Claim.INFEASIBLE, counters=dict(counters), message=message)
 
 
+def _restored(problem: QP, lam: Vector, mu: Vector) -> tuple[Vector, Vector]:
+    """Small multipliers 0, the others corrected by least squares so that ν is 0 where there is no bound."""
+    y, m = np.concatenate([np.maximum(lam, 0.0), mu]), lam.size
+    kept = np.flatnonzero(abs(y) > DECISIVE * max_abs(y))
+    free = np.flatnonzero(np.isinf(problem.lb) & np.isinf(problem.ub))
+    y[abs(y) <= DECISIVE * max_abs(y)] = 0.0
+    if 0 < kept.size * free.size <= RESTORED:
+        rows = np.vstack([matrices.dense(problem.A), matrices.dense(problem.C)])[np.ix_(kept, free)].T
+        y[kept] -= np.linalg.lstsq(rows, rows @ y[kept])[0]
+    return y[:m], y[m:]
+
+
 def unbounded(problem: QP, ray: Vector, counters: Mapping[str, int]) -> SolverOutput | None:
-    """The claim, where the ray proves it."""
+    """The claim, where the ray proves it: as it is, or with its small components 0."""
     slope = unboundedness(problem, ray)
     if slope is None:
+        slope = unboundedness(problem, np.where(abs(ray) > DECISIVE * max_abs(ray), ray, 0.0))
+    if slope is None:
         return None
-    message = f"a ray x of the constraints with Qx = 0 and pᵀx/|x| = {slope:.1e} < 0: the objective is unbounded"
+    message = f"a ray x of the constraints with Qx = 0 and pᵀx/|x| = {slope:.1e} < 0: unbounded where feasible"
     return SolverOutput(claim=Claim.UNBOUNDED, counters=dict(counters), message=message)

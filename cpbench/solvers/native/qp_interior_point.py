@@ -79,7 +79,7 @@ class Iterate:
         y = self.sign * self.y[self.at]
         self.t = np.maximum(gap, 0.0) + max(INSIDE, 0.5 * max_abs(np.minimum(gap, 0.0)))
         self.z = np.maximum(y, 0.0) + max(INSIDE, 0.5 * max_abs(np.minimum(y, 0.0)))
-        self._gather()
+        self._gather(self.y[n:][self.rows])
         return True
 
     def s(self) -> Vector:
@@ -89,10 +89,9 @@ class Iterate:
         """Of the sides of every s."""
         return np.bincount(self.at, sides, minlength=self.equal.size).astype(np.float64, copy=False)
 
-    def _gather(self) -> None:
-        """y of the sides, and of fixed unknowns by stationarity."""
+    def _gather(self, equations: Vector) -> None:
+        """y of the sides and of the equations, and of fixed unknowns by stationarity."""
         n = self.form.g.size
-        equations = self.y[n:][self.rows]
         self.y = self._sum(self.sign * self.z)
         self.y[n:][self.rows] = equations
         Hx = self.form.H @ self.x
@@ -141,8 +140,7 @@ class Iterate:
         alpha = min(1.0, share * min(_reach(t, dt, np.inf), _reach(z, dz, np.inf)))
         self.x = self.x + alpha * dx
         self.t, self.z = t + alpha * dt, z + alpha * dz
-        self.y[n:][self.rows] += alpha * dy
-        self._gather()
+        self._gather(self.y[n:][self.rows] + alpha * dy)
         return bool(np.isfinite(self.x).all())
 
 
@@ -179,8 +177,8 @@ class InteriorPoint(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        n, m = prepared.p.size, prepared.b.size
-        form = scaled(prepared, keep_sparse=n + m + prepared.d.size > SMALL)
+        n = prepared.p.size
+        form = scaled(prepared, keep_sparse=n + prepared.b.size + prepared.d.size > SMALL)
         if matrices.is_sparse(form.H):
             kkt: KKT = SparseKKT(form.H, form.G, options.regularization)
         else:
@@ -189,7 +187,7 @@ class InteriorPoint(Solver):
         measure, iterate = Measure(prepared, record), Iterate(form, kkt)
         deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
         limit = budget.iterations or options.max_iterations
-        going, done = iterate.begin(), 0
+        going, done, before = iterate.begin(), 0, (np.zeros(n), np.zeros(form.lower.size))
         while going:
             counters = {"iterations": done, "factorizations": done + 1}
             answer = form.parts(iterate.x, iterate.y)
@@ -205,17 +203,15 @@ class InteriorPoint(Solver):
             if last:
                 message = f"error {measure.least:.1e} after {done} iterations"
                 return measure.conclude(budget, counters, Claim.MAX_ITER, message)
-            proved = None
-            if max_abs(iterate.y) > LARGE:
-                proved = infeasible(prepared, answer[1], answer[2], counters)
-            if proved is None and max_abs(iterate.x) > LARGE:
-                proved = unbounded(prepared, form.D * iterate.x, counters)
-            if proved is not None:
-                return proved
             trouble = progress.trouble(done, error)
+            if trouble is not None or max(max_abs(iterate.x), max_abs(iterate.y)) > LARGE:
+                proved = _proved(prepared, form, iterate, before, counters)
+                if proved is not None:
+                    return proved
             if trouble is not None:
                 measure.see(done, answer)
                 return measure.conclude(budget, counters, Claim.FAILED, trouble)
+            before = iterate.x, iterate.y
             going = iterate.step(options.to_boundary, ENOUGH * budget.tolerance * iterate.size)
             done += 1
         counters = {"iterations": done, "factorizations": done + 1}
@@ -224,6 +220,20 @@ class InteriorPoint(Solver):
         )
         message = f"the linear system broke down at error {measure.least:.1e} after {done} iterations"
         return measure.conclude(budget, counters, Claim.FAILED, message)
+
+
+def _proved(
+    problem: QP, form: ScaledQP, iterate: Iterate, before: tuple[Vector, Vector], counters: dict[str, int]
+) -> SolverOutput | None:
+    """What the iterate, or its last step, proves when it goes along a ray for ever."""
+    n, m = form.g.size, problem.b.size
+    for x, y in ((iterate.x, iterate.y), (iterate.x - before[0], iterate.y - before[1])):
+        rows = y[n:] * form.E
+        found = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(rows) > 1.0 else None
+        found = found or (unbounded(problem, form.D * x, counters) if max_abs(x) > 1.0 else None)
+        if found is not None:
+            return found
+    return None
 
 
 def _reach(value: Vector, change: Vector, most: float = 1.0) -> float:

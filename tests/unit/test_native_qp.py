@@ -1,0 +1,325 @@
+"""Native QP solvers: planted and published solutions, degenerate, infeasible and unbounded problems, warm starts."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench.formulations import QP
+from cpbench.kernel_cache import load
+from cpbench.solvers import Budget, Claim, Trait, solvers
+from cpbench.solvers.native.qp_claims import Measure, infeasibility, unboundedness
+from cpbench.solvers.native.qp_dual_active_set import ActiveSet
+from cpbench.solvers.native.qp_kkt import DenseKKT, SparseKKT
+from cpbench.solvers.native.qp_scaling import scaled, stacked
+from cpbench.testing import planted
+
+STRICT = ("qp-dual-active-set", "qp-projected-gradient", "qp-nesterov")
+"""Those that need Q positive definite where there are rows."""
+CONVEX = (
+    "qp-proximal-active-set",
+    "qp-primal-active-set",
+    "qp-interior-point",
+    "qp-augmented-lagrangian",
+    "qp-proximal-point",
+)
+EXACT = ("qp-dual-active-set", *CONVEX)
+ALL = (*STRICT, *CONVEX)
+ACTIVE = ("qp-dual-active-set", "qp-proximal-active-set", "qp-primal-active-set")
+
+
+def solved(name: str, problem: QP, tolerance: float = 1e-6, **how: Any) -> Any:
+    """The output, whose claim `solved` is true by our residuals."""
+    output = solvers.get(name).run(problem, Budget(tolerance=tolerance), **how)
+    assert output.claim is Claim.SOLVED, (name, output.message)
+    assert problem.residuals(output.point).error <= tolerance
+    return output
+
+
+def nocedal_wright() -> QP:
+    """Nocedal and Wright, Numerical Optimization (2006), example 16.4: z = (1.4, 1.7)."""
+    A = np.array([[1.0, -2.0], [-1.0, -2.0], [-1.0, 2.0]])
+    return QP.build(2.0 * np.eye(2), [-2.0, -5.0], A, [-2.0, -6.0, -2.0], lb=np.zeros(2))
+
+
+def banded(n: int, rng: np.random.Generator) -> QP:
+    """Sparse, with bounds, inequalities and equalities around a strictly complementary solution."""
+
+    def rows(count: int) -> sp.csr_array:
+        columns = (rng.integers(0, n - 5, (count, 1)) + rng.integers(0, 5, (count, 3))).ravel()
+        return sp.csr_array(
+            (rng.standard_normal(3 * count), (np.repeat(np.arange(count), 3), columns)), shape=(count, n)
+        )
+
+    G, A, C = rows(n), rows(n // 2), rows(n // 10)
+    Q = sp.csr_array(G.T @ G + 0.1 * sp.eye_array(n))
+    z, mu = rng.standard_normal(n), rng.standard_normal(n // 10)
+    lam = np.where(rng.random(n // 2) < 0.4, rng.uniform(0.5, 2.0, n // 2), 0.0)
+    nu = np.where(rng.random(n) < 0.2, rng.uniform(0.5, 2.0, n), 0.0)
+    p = A.T @ lam + C.T @ mu + nu - Q @ z
+    return QP.build((Q + Q.T) / 2, p, A, A @ z - (lam == 0), C, C @ z, lb=np.where(nu > 0, z, -np.inf))
+
+
+@pytest.mark.parametrize("name", EXACT)
+@pytest.mark.parametrize("rows", [3, 12, 30])
+def test_planted_problems_are_solved(name: str, rows: int) -> None:
+    for seed in range(3):
+        solved(name, planted.qp(np.random.default_rng(seed), 15, rows, 3)[0], 1e-6)
+
+
+@pytest.mark.parametrize("name", CONVEX)
+@pytest.mark.parametrize("seed", range(4))
+def test_semidefinite_problems_are_solved(name: str, seed: int) -> None:
+    solved(name, planted.qp(np.random.default_rng(seed), 14, 10, 2, "singular semidefinite")[0], 1e-6)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_nocedal_and_wright_example_16_4(name: str) -> None:
+    output = solved(name, nocedal_wright(), 1e-9)
+    np.testing.assert_allclose(output.point.z, [1.4, 1.7], atol=1e-7)
+    np.testing.assert_allclose(output.point.lam, [0.8, 0.0, 0.0], atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_example_of_goldfarb_and_idnani_in_quadprog(name: str) -> None:
+    """The example in the manual of the R package quadprog 1.5, with its printed solution and multipliers."""
+    A = np.array([[-4.0, -3.0, 0.0], [2.0, 1.0, 0.0], [0.0, -2.0, 1.0]])
+    output = solved(name, QP.build(np.eye(3), [0.0, -5.0, 0.0], A, [-8.0, 2.0, 0.0]), 1e-9)
+    np.testing.assert_allclose(output.point.z, [0.4761905, 1.0476190, 2.0952381], atol=1e-6)
+    np.testing.assert_allclose(output.point.lam, [0.0, 0.2380952, 2.0952381], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", CONVEX)
+def test_a_linear_program(name: str) -> None:
+    """max x + y, x + 2y ≤ 4, 3x + y ≤ 6, x, y ≥ 0: at (1.6, 1.2)."""
+    A = -np.array([[1.0, 2.0], [3.0, 1.0]])
+    output = solved(name, QP.build(np.zeros((2, 2)), [-1.0, -1.0], A, [-4.0, -6.0], lb=np.zeros(2)))
+    np.testing.assert_allclose(output.point.z, [1.6, 1.2], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_bounds_alone(name: str) -> None:
+    rng = np.random.default_rng(3)
+    Q = planted.square(rng, 12, "positive definite")
+    solved(name, QP.build(Q, 5 * rng.standard_normal(12), lb=-np.ones(12), ub=np.ones(12)))
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_many_rows_through_one_vertex(name: str) -> None:
+    """Forty rows that are all active at one point of six unknowns."""
+    rng = np.random.default_rng(5)
+    A, z = rng.standard_normal((40, 6)), rng.standard_normal(6)
+    lam = np.where(np.arange(40) < 12, rng.uniform(0.5, 2.0, 40), 0.0)
+    output = solved(name, QP.build(np.eye(6), A.T @ lam - z, A, A @ z))
+    np.testing.assert_allclose(output.point.z, z, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_problems_without_a_point_are_proved_to_be_so(name: str) -> None:
+    rng = np.random.default_rng(6)
+    A = rng.standard_normal((8, 5))
+    lam = rng.uniform(0.5, 1.0, 8)
+    A[7] = -(lam[:7] @ A[:7]) / lam[7]
+    rows = QP.build(np.eye(5), np.ones(5), A, np.ones(8))
+    bounds = QP.build(np.eye(2), np.zeros(2), A=[[1.0, 1.0]], b=[3.0], ub=np.ones(2))
+    equalities = QP.build(np.eye(2), np.zeros(2), C=[[1.0, 1.0], [2.0, 2.0]], d=[1.0, 3.0])
+    for problem in (rows, bounds, equalities):
+        output = solvers.get(name).run(problem)
+        assert output.claim is not Claim.SOLVED
+        if name in ACTIVE or (name == "qp-interior-point" and problem is not equalities):
+            assert output.claim is Claim.INFEASIBLE, output.message
+            assert "no z satisfies" in output.message
+
+
+@pytest.mark.parametrize("name", CONVEX)
+def test_unbounded_problems_are_proved_to_be_so(name: str) -> None:
+    Q = np.diag([1.0, 0.0])
+    for problem in (
+        QP.build(Q, [0.0, -1.0], lb=np.zeros(2)),
+        QP.build(Q, [0.0, -1.0], A=[[-1.0, 1.0]], b=[0.0]),
+        QP.build(np.zeros((2, 2)), [1.0, -2.0], C=[[1.0, -1.0]], d=[0.0]),
+    ):
+        output = solvers.get(name).run(problem)
+        assert output.claim is Claim.UNBOUNDED, (name, output.claim, output.message)
+
+
+def test_a_proof_of_infeasibility_must_hold() -> None:
+    problem = QP.build(np.eye(2), np.zeros(2), A=[[1.0, 0.0], [-1.0, 0.0]], b=[1.0, 1.0])
+    none = np.zeros(0)
+    assert infeasibility(problem, np.array([1.0, 1.0]), none) == pytest.approx(2.0)
+    assert infeasibility(problem, np.array([1.0, 0.9]), none) is None
+    assert infeasibility(problem, np.zeros(2), none) is None
+    feasible = QP.build(np.eye(2), np.zeros(2), A=[[1.0, 0.0], [-1.0, 0.0]], b=[1.0, -1.0])
+    assert infeasibility(feasible, np.array([1.0, 1.0]), none) is None
+
+
+def test_a_proof_of_unboundedness_must_hold() -> None:
+    problem = QP.build(np.diag([1.0, 0.0]), [0.0, -1.0], lb=[-np.inf, 0.0])
+    assert unboundedness(problem, np.array([0.0, 3.0])) == pytest.approx(-1.0)
+    assert unboundedness(problem, np.array([1.0, 3.0])) is None
+    assert unboundedness(problem, np.array([0.0, -3.0])) is None
+
+
+@pytest.mark.parametrize("name", [n for n in ALL if Trait.WARM_START in solvers.get(n).spec.traits])
+def test_from_its_own_answer_it_ends_in_two_iterations(name: str) -> None:
+    for problem in (nocedal_wright(), planted.qp(np.random.default_rng(1), 15, 10, 3)[0]):
+        first = solvers.get(name).run(problem)
+        if first.claim is Claim.SOLVED:
+            again = solved(name, problem, start=first.point)
+            assert again.counters["iterations"] <= 2
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_history_ends_in_the_answer(name: str) -> None:
+    seen: list[tuple[int, float]] = []
+    output = solved(name, nocedal_wright(), record=lambda k, error, point: seen.append((k, error)))
+    iterations = [k for k, _ in seen]
+    assert iterations == sorted(set(iterations))
+    assert iterations[0] == 0
+    assert seen[-1][1] <= 1e-6
+    assert output.counters["iterations"] >= 1
+
+
+@pytest.mark.parametrize("name", ["qp-interior-point", "qp-augmented-lagrangian", "qp-proximal-point", "qp-nesterov"])
+def test_sparse_and_dense_agree(name: str) -> None:
+    problem = banded(90, np.random.default_rng(0))
+    full = QP.build(
+        problem.Q.toarray(), problem.p, problem.A.toarray(), problem.b, problem.C.toarray(), problem.d, problem.lb
+    )
+    tolerance = 1e-4 if name == "qp-nesterov" else 1e-8
+    one, other = solved(name, problem, tolerance), solved(name, full, tolerance)
+    np.testing.assert_allclose(one.point.z, other.point.z, atol=1e4 * tolerance)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_limit_is_said(name: str) -> None:
+    problem = planted.qp(np.random.default_rng(2), 25, 20, 2)[0]
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-12, iterations=1))
+    assert output.claim in (Claim.MAX_ITER, Claim.SOLVED)
+    assert output.counters["iterations"] <= 1 or name == "qp-proximal-active-set"
+
+
+@pytest.mark.parametrize("name", STRICT)
+def test_a_singular_q_is_refused(name: str) -> None:
+    problem = planted.qp(np.random.default_rng(2), 8, 5, 0, "singular semidefinite")[0]
+    assert "singular" in (solvers.get(name).obstacle(problem) or "")
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_what_is_not_convex_is_refused(name: str) -> None:
+    problem = QP.build(np.diag([1.0, -1.0]), np.zeros(2), lb=-np.ones(2), ub=np.ones(2))
+    assert "not convex" in (solvers.get(name).obstacle(problem) or "")
+
+
+# ------------------------------------------------------------------------------------ kernels and references
+
+
+def test_the_compiled_error_is_that_of_the_formulation() -> None:
+    rng = np.random.default_rng(4)
+    for scale in (1e-3, 1.0, 1e3):
+        problem, point = planted.qp(rng, 9, 7, 2)
+        for noise in (0.0, 1e-8, 1e-3):
+            parts = tuple(scale * v + noise * rng.standard_normal(v.size) for v in point.arrays().values())
+            expected = problem.residuals(type(point)(*parts)).error
+            assert Measure(problem).error(parts) == pytest.approx(expected, rel=1e-6, abs=1e-14)
+    assert Measure(problem).error((parts[0] * np.nan, *parts[1:])) == np.inf
+
+
+def test_the_compiled_equilibration_is_that_of_numpy() -> None:
+    rng = np.random.default_rng(5)
+    unit = 10.0 ** rng.integers(-4, 5, 8)
+    Q, A = planted.square(rng, 8, "positive definite") * np.outer(unit, unit), rng.standard_normal((5, 8)) * unit
+    A[2] = 0.0
+    problem = QP.build(Q, np.ones(8), A, -np.ones(5))
+    one = scaled(problem)
+    other = scaled(QP.build(sp.csr_array(Q), np.ones(8), sp.csr_array(A), -np.ones(5)), keep_sparse=True)
+    np.testing.assert_array_equal(one.D, other.D)
+    np.testing.assert_array_equal(one.E, other.E)
+    np.testing.assert_allclose(one.H, other.H.toarray())
+    assert 0.1 < np.abs(np.vstack([one.H / one.c, one.G])).max() <= 4.0
+
+
+def test_the_dual_active_set_finds_what_enumeration_finds() -> None:
+    """Every active set of a small problem is tried in NumPy; the compiled method ends in the one that is right."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        n, r = 3, 5
+        H, g = planted.square(rng, n, "positive definite"), rng.standard_normal(n)
+        G, lower = rng.standard_normal((r, n)), rng.standard_normal(r)
+        bounds = np.full(n, np.inf)
+        method = ActiveSet(H, G, np.r_[-bounds, lower], np.r_[bounds, np.full(r, np.inf)], 1e-12)
+        method.begin(g, None)
+        outcome = method.climb(1000, np.inf, None)
+        found = enumerated(H, g, G, lower)
+        if found is None:
+            assert outcome == method.stops.INFEASIBLE
+            y = method.multipliers()[n:]
+            np.testing.assert_allclose(G.T @ y, 0.0, atol=1e-8 * abs(y).max())
+            assert lower @ y > 0
+        else:
+            assert outcome == method.stops.SOLVED
+            np.testing.assert_allclose(method.x(), found, atol=1e-9)
+
+
+def enumerated(H: np.ndarray, g: np.ndarray, G: np.ndarray, lower: np.ndarray) -> np.ndarray | None:
+    for size in range(len(g) + 1):
+        for active in itertools.combinations(range(len(lower)), size):
+            B = G[list(active)]
+            K = np.block([[H, -B.T], [B, np.zeros((size, size))]])
+            solution = np.linalg.solve(K, np.r_[-g, lower[list(active)]])
+            x, y = solution[: len(g)], solution[len(g) :]
+            if (y >= 0).all() and (G @ x >= lower - 1e-10).all():
+                return x
+    return None
+
+
+@pytest.mark.parametrize("fills", [False, True])
+def test_linear_systems_are_solved_as_by_numpy(fills: bool) -> None:
+    rng = np.random.default_rng(7)
+    n, r = 150, 60
+    H = sp.random_array((n, n), density=0.3 if fills else 0.01, rng=rng)
+    H = sp.csr_array(H @ H.T + sp.eye_array(n))
+    G = sp.csr_array(sp.random_array((r, n), density=0.2 if fills else 0.02, rng=rng))
+    w, theta = 10.0 ** rng.uniform(-6, 6, n), 10.0 ** rng.uniform(-6, 2, r)
+    theta[:5] = 0.0
+    a, b = rng.standard_normal(n), rng.standard_normal(r)
+    K = np.block([[H.toarray() + np.diag(w), G.T.toarray()], [G.toarray(), -np.diag(theta)]])
+    if np.linalg.cond(K) > 1e13:
+        theta[:5] = 1.0
+        K = np.block([[H.toarray() + np.diag(w), G.T.toarray()], [G.toarray(), -np.diag(theta)]])
+    for system in (SparseKKT(H, G, 1e-9), DenseKKT(H.toarray(), G.toarray(), theta == 0, 1e-9)):
+        assert system.factor(w, theta)
+        left = K @ np.concatenate(system.solve(a, b)) - np.concatenate([a, b])
+        assert abs(left).max() <= 1e-8
+
+
+def test_the_sparse_factor_is_ldl() -> None:
+    kernel = load("cpbench.solvers.kernels.qp_ldl")
+    rng = np.random.default_rng(8)
+    S = sp.random_array((30, 30), density=0.1, rng=rng)
+    K = sp.csc_array(S + S.T + sp.diags_array(np.where(np.arange(30) < 20, 8.0, -8.0)))
+    upper = sp.csc_array(sp.triu(K))
+    indptr, indices = upper.indptr.astype(np.int32), upper.indices.astype(np.int32)
+    parent, count = np.empty((2, 30), dtype=np.int64)
+    kernel.tree(indptr, indices, parent, count)
+    for tail in (30, 12):
+        starts = np.concatenate([[0], np.cumsum(count[:tail])])
+        rows, L, D = np.empty(starts[-1], dtype=np.uint32), np.empty(starts[-1]), np.empty(tail)
+        rest = np.empty((30 - tail, 30 - tail))
+        assert kernel.factor(indptr, indices, upper.data, parent, starts, rows, L, D, rest, tail)
+        lower = np.eye(30)
+        lower[rows, np.repeat(np.arange(tail), count[:tail])] = L
+        middle = np.diag(np.r_[D, np.zeros(30 - tail)])
+        middle[tail:, tail:] = rest
+        np.testing.assert_allclose(lower @ middle @ lower.T, K.toarray(), atol=1e-12)
+
+
+def test_rows_of_both_kinds_are_stacked() -> None:
+    problem = planted.qp(np.random.default_rng(0), 4, 3, 2)[0]
+    lower, upper, G = stacked(problem)
+    np.testing.assert_array_equal(G, np.vstack([problem.A, problem.C]))
+    assert (lower[-2:] == upper[-2:]).all()
