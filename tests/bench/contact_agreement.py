@@ -19,7 +19,7 @@ from pathlib import Path
 from cpbench import graph, storage
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
-from cpbench.formulations import FrictionContact, Problem
+from cpbench.formulations import FrictionContact, Point, Problem
 from cpbench.solvers import Budget, Solver, solvers
 
 REACHED = {"micp": ("micp",), "cp": ("cp", "vi"), "vi": ("vi",), "qvi": ("qvi",)}
@@ -37,10 +37,12 @@ def converted(problem: FrictionContact, node: str, **knobs: str) -> Iterator[tup
             yield solver, graph.arrive(target, solver.spec.node).problem
 
 
-def error_of(problem: FrictionContact, solver: Solver, target: Problem, budget: Budget) -> float:
+def error_of(
+    problem: FrictionContact, solver: Solver, target: Problem, budget: Budget, start: Point | None = None
+) -> float:
     """Of the answer, on the contact problem; ∞ where there is none."""
     try:
-        point = solver.run(target, budget).point
+        point = solver.run(target, budget, start=start).point
     except CpbenchError:
         return math.inf
     return math.inf if point is None else problem.residuals(graph.lift(target, point)).error

@@ -101,6 +101,8 @@ class _Run:
 
     def __init__(self, problem: Problem, budget: Budget, start: Any | None, record: Record | None) -> None:
         self._problem, self._budget, self._record = problem, budget, record
+        if start is None and not any(problem.point_sizes.values()):
+            start = problem.zero_point()  # nothing is to be found, which some solvers do not take
         self._deadline = time.monotonic() + budget.seconds
         self._best, self._error = start, math.inf if start is None else self._measured(start)
         self._iterations, self._recorded = 0, -1

@@ -180,7 +180,7 @@ def _system(form: ScaledQP) -> KKT:
     return DenseKKT(matrices.dense(form.H), matrices.dense(form.G), np.zeros(r, dtype=bool), REGULARIZATION)
 
 
-def _spec(name: str, summary: str, citation: str, options: type) -> SolverSpec:
+def _spec(name: str, summary: str, citation: str, options: type, *, by_default: bool = True) -> SolverSpec:
     return SolverSpec(
         name=name,
         node="qp",
@@ -189,6 +189,7 @@ def _spec(name: str, summary: str, citation: str, options: type) -> SolverSpec:
         citation=citation,
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=options,
+        by_default=by_default,
     )
 
 
@@ -213,4 +214,5 @@ class ProximalPoint(_Multipliers):
         "proximal method of multipliers, semismooth Newton with exact line search, dense and sparse",
         "Rockafellar 1976, Math. Oper. Res. 1:97; Bambade, El-Kazdadi, Taylor and Carpentier 2022, RSS",
         ProximalPointOptions,
+        by_default=False,
     )

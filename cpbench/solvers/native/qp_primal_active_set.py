@@ -101,6 +101,7 @@ class PrimalActiveSet(Solver):
         citation="Fletcher 1971, IMA J. Appl. Math. 7:76; Gill and Murray 1978, Math. Programming 14:349",
         traits=frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=PrimalActiveSetOptions,
+        by_default=False,
     )
 
     def obstacle(self, problem: QP) -> str | None:

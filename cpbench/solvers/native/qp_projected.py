@@ -203,7 +203,7 @@ class _Projected(Solver):
             u = after
 
 
-def _spec(name: str, summary: str, citation: str) -> SolverSpec:
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
     return SolverSpec(
         name=name,
         node="qp",
@@ -212,6 +212,7 @@ def _spec(name: str, summary: str, citation: str) -> SolverSpec:
         citation=citation,
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=ProjectedOptions,
+        by_default=by_default,
     )
 
 
@@ -224,6 +225,7 @@ class ProjectedGradient(_Projected):
         "qp-projected-gradient",
         "projected gradient on the box, Uzawa's method on the dual where there are rows",
         "Goldstein 1964; Levitin and Polyak 1966; Uzawa 1958",
+        by_default=False,
     )
 
 
