@@ -245,7 +245,11 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
         raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
 
 
-solvers: Registry[Solver] = Registry("solver", "cpbench.solvers.native", "cpbench.solvers.adapters")
+ROOMS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
+"""Packages of `solvers.native`: nodes that share their mathematics."""
+solvers: Registry[Solver] = Registry(
+    "solver", *(f"cpbench.solvers.native.{room}" for room in ROOMS), "cpbench.solvers.adapters"
+)
 
 
 def register(cls: type[Solver]) -> type[Solver]:

@@ -276,7 +276,7 @@ def batch(problems: list, threads: int = 1) -> Side:
     """All problems in one call; on several threads MANY times over, for threads take time to start, in wall time."""
     import numpy as np
 
-    from cpbench.solvers.native import lemke
+    from cpbench.solvers.native.lcp import lemke
 
     many = 1 if threads == 1 else MANY
     M, q = np.array([p.M for p in problems] * many), np.array([p.q for p in problems] * many)

@@ -241,7 +241,7 @@ def kernel(problems: list) -> MixedSide:
     import numpy as np
 
     from cpbench.kernel_cache import load
-    from cpbench.solvers.native.mlcp_claims import scale
+    from cpbench.solvers.native.mlcp.mlcp_claims import scale
 
     pivot = load("cpbench.solvers.kernels.mlcp_pivoting").lemke_mixed
     every = [scale(p) for p in problems]

@@ -18,8 +18,8 @@ from cpbench.conversions.mlcp_to_lcp_schur import MLCPtoLCPSchur
 from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
-from cpbench.solvers.native.lemke import Lemke
-from cpbench.solvers.native.semismooth_lcp import NewtonMin
+from cpbench.solvers.native.lcp.lemke import Lemke
+from cpbench.solvers.native.lcp.semismooth_lcp import NewtonMin
 from cpbench.storage import Format
 
 

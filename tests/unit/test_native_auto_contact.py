@@ -11,8 +11,8 @@ import pytest
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact_policy import Method, Standing, policy
-from cpbench.solvers.native.contact_sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
+from cpbench.solvers.native.contact.contact_policy import Method, Standing, policy
+from cpbench.solvers.native.contact.contact_sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
 from cpbench.testing import planted
 from cpbench.verification import judge
 

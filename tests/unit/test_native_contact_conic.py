@@ -13,7 +13,7 @@ from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact, Kind
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
-from cpbench.solvers.native.lorentz import Scaling, longest
+from cpbench.solvers.native.cone.lorentz import Scaling, longest
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -12,8 +12,8 @@ from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
-from cpbench.solvers.native.contact_frozen import Frozen, block_csr
-from cpbench.solvers.native.contact_sweeps import scaled_contacts
+from cpbench.solvers.native.contact.contact_frozen import Frozen, block_csr
+from cpbench.solvers.native.contact.contact_sweeps import scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -12,8 +12,8 @@ from numpy.polynomial import polynomial
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact_relaxation import Local
-from cpbench.solvers.native.nsgs import NSGSOptions
+from cpbench.solvers.native.contact.contact_relaxation import Local
+from cpbench.solvers.native.contact.nsgs import NSGSOptions
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -11,7 +11,7 @@ import pytest
 from cpbench import storage
 from cpbench.formulations import GFCPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.global_admm import Dynamics
+from cpbench.solvers.native.contact.global_admm import Dynamics
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
 

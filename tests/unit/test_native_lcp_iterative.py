@@ -11,10 +11,10 @@ import scipy.sparse as sp
 from cpbench import storage
 from cpbench.formulations import LCP, QP
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp_claims import scale
-from cpbench.solvers.native.merit_search import Descent
-from cpbench.solvers.native.ncp_functions import minimum
-from cpbench.solvers.native.semismooth_lcp import LCPBox
+from cpbench.solvers.native.lcp.lcp_claims import scale
+from cpbench.solvers.native.lcp.semismooth_lcp import LCPBox
+from cpbench.solvers.native.nonlinear.merit_search import Descent
+from cpbench.solvers.native.nonlinear.ncp_functions import minimum
 from cpbench.testing import planted
 from cpbench.verification import judge
 

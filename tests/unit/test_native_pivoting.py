@@ -12,8 +12,8 @@ from cpbench import kernel_cache
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.changing_basis import ChangingBasis
-from cpbench.solvers.native.principal_pivoting import transform
+from cpbench.solvers.native.lcp.changing_basis import ChangingBasis
+from cpbench.solvers.native.lcp.principal_pivoting import transform
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -21,8 +21,8 @@ from cpbench.formulations import AVI, AVIPoint, MiCP, MiCPPoint, NCPPoint
 from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
-from cpbench.solvers.native.box_linear import BoxLinear
-from cpbench.solvers.native.ncp_functions import (
+from cpbench.solvers.native.lcp.box_linear import BoxLinear
+from cpbench.solvers.native.nonlinear.ncp_functions import (
     Reformulation,
     evtushenko_purtov,
     fischer_burmeister,
@@ -30,7 +30,7 @@ from cpbench.solvers.native.ncp_functions import (
     penalized,
     smoothed,
 )
-from cpbench.solvers.native.normal_path import NormalPath, normal_point
+from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
 
 FUNCTIONS = {
     "min": minimum, "fb": fischer_burmeister, "pfb": penalized, "ep": evtushenko_purtov,

@@ -11,8 +11,8 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.matrices import dense
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.cone_jacobians import box_jacobian, projection_jacobian
-from cpbench.solvers.native.natural_map import equilibrate
+from cpbench.solvers.native.cone.cone_jacobians import box_jacobian, projection_jacobian
+from cpbench.solvers.native.nonlinear.natural_map import equilibrate
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
 
@@ -73,7 +73,7 @@ def test_newton_reaches_ten_digits_on_monotone_cone_problems(kind: str, sparse: 
 
 def test_projection_and_contraction_alone_converge(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     """Without Newton, on a rotation, where plain projection circles for ever: ‖F‖ falls in the norm of the paper."""
-    from cpbench.solvers.native import natural_map
+    from cpbench.solvers.native.nonlinear import natural_map
 
     monkeypatch.setattr(natural_map, "_newton", lambda *_: None)
     K = ProductCone.of((Cone.SECOND_ORDER, 4, 3, 0.5))

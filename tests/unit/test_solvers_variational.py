@@ -11,7 +11,7 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.generators import generators
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench.solvers.native.natural_newton import Conditions
+from cpbench.solvers.native.nonlinear.natural_newton import Conditions
 from cpbench.testing import cases
 from cpbench.testing import planted_nonlinear as plant
 from cpbench.testing.planted_nonlinear import graph

@@ -120,7 +120,7 @@ def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
 def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, state, iterations):
     """`iterations` of Nesterov's method from (x, z), all of whose vectors are moved; returns the products with W.
 
-    As `cpbench.solvers.native.apgd`: the step is halved until the quadratic bound holds and grows a little in every
+    As `native.cone.apgd`: the step is halved until the quadratic bound holds and grows a little in every
     iteration, the momentum is dropped where it points uphill.
     """
     new, Wnew, gradient = np.empty(x.size), np.empty(x.size), np.empty(x.size)

@@ -1,0 +1,1 @@
+"""Programs and complementarity problems over products of cones."""

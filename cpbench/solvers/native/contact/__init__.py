@@ -1,0 +1,1 @@
+"""Frictional contact: local and global, sliding and rolling, linear and nonlinear dynamics."""

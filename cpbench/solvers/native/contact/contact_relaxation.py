@@ -1,0 +1,144 @@
+"""What relaxations of frictional contact share: compiled sweeps in pieces, watched, and their best point."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
+from cpbench.solvers.native.contact.contact_sweeps import BlockRows, block_rows, conclude, kernel
+from cpbench.solvers.native.progress import Progress
+
+BLOCKS_A_CALL = 4_000_000
+"""About 20 ms of block products between two looks at the clock."""
+LOG = 256
+"""Error evaluations a call can log."""
+TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
+
+Advance: TypeAlias = Callable[..., int]
+"""Sweeps in place, called with (tolerance, until, state, pace, log_iteration, log_error, least, best) of the kernel."""
+
+
+class Local(StrEnum):
+    """How one contact is solved: by its secular equation, Newton on the function of Alart and Curnier, one or many
+    projections, or the nearest of all solutions, sliding ones by a polynomial of degree 4."""
+
+    EXACT = "exact"
+    NEWTON = "newton"
+    PROJECTION = "projection"
+    PROJECTIONS = "projections"
+    QUARTIC = "quartic"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A relaxation: `simultaneous` for Jacobi's, else contact after contact."""
+
+    local: Local
+    omega: float
+    shuffle: bool = False
+    symmetric: bool = False
+    simultaneous: bool = False
+
+
+def general(prepared: BlockRows, shape: Shape, r: Vector) -> Advance:
+    """Sweeps of any shape, in place on r."""
+    problem, relax = prepared.problem, kernel("contact_relaxation").relax
+    matrix = (prepared.start, prepared.column, prepared.blocks, prepared.diagonal, prepared.local)
+    law = (problem.q, problem.mu, problem.rho)
+    nc = problem.nc
+    iterate = (r, np.zeros(nc), _lengths(problem), np.arange(nc), np.array([shape.omega, 0.0]))
+    method = list(Local).index(shape.local)
+    way = (method, shape.simultaneous, shape.shuffle, shape.symmetric, problem.dimension)
+    return lambda tolerance, until, *progress: relax(*matrix, *law, *iterate, *way, tolerance, until, *progress)
+
+
+def _lengths(problem: FrictionContact) -> Vector:
+    """ρ of every contact's projections, shape (nc,): 1/√(‖D‖₁‖D‖∞), at most 1/‖D‖₂; ρ_c = d/tr D is too long where the
+    entries of D are very different."""
+    size = np.abs(problem.diagonal_blocks)
+    bound = np.sqrt(size.sum(axis=1).max(axis=1) * size.sum(axis=2).max(axis=1))
+    return np.where(bound > 0, 1.0 / np.where(bound > 0, bound, 1.0), problem.rho)
+
+
+class Relaxation(Solver):
+    """Sweeps until the judged error is small, or falls no longer; its options have `max_iterations`, `stall_window`."""
+
+    @abstractmethod
+    def advance(self, prepared: BlockRows, budget: Budget, options: Any, r: Vector) -> Advance:
+        """The sweeps of one solve, in place on r."""
+
+    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> BlockRows:
+        return block_rows(problem)
+
+    def warmup(self) -> None:
+        for d in (2, 3):
+            q = np.zeros(d)
+            q[0] = -1.0
+            self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
+
+    def solve(
+        self,
+        prepared: BlockRows,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem = prepared.problem
+        r = np.zeros(problem.q.size) if start is None else np.array(start.r)
+        if problem.nc == 0:
+            return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
+        sweeps = self.advance(prepared, budget, options, r)
+        going = kernel("gauss_seidel").CONTINUE
+        limit = budget.iterations or options.max_iterations
+        call = max(50, BLOCKS_A_CALL // (prepared.column.size + 10 * problem.nc))
+        state, pace = np.array([0, 1, 0, budget.seed]), np.full(1, np.inf)
+        log_iteration, log_error = np.zeros(LOG, np.int64), np.zeros(LOG)
+        progress = Progress(options.stall_window)
+        deadline = time.monotonic() + budget.seconds
+        evaluations = 1
+        claim, message = Claim.MAX_ITER, f"{limit} sweeps"
+        error = prepared.judged(r)
+        least, best = np.full(1, error if np.isfinite(error) else np.inf), r.copy()
+        if record is not None:
+            record(0, error, lambda: FCPoint(r))
+        while not error <= budget.tolerance and state[0] < limit:
+            until = min(limit, int(state[0]) + call)
+            while True:
+                room = LOG if record is None else int(state[2]) + 1  # with one place left it is back at its next check
+                log = (log_iteration[:room], log_error[:room])
+                status = sweeps(budget.tolerance, until, state, pace, *log, least, best)
+                if record is not None:
+                    record(int(state[0]), float(log_error[room - 1]), lambda: FCPoint(r))
+                if record is None or status != going or state[0] == until or room == LOG:
+                    break
+            why = None
+            for k in range(int(state[2])):
+                error = float(log_error[k])
+                why = why or progress.trouble(int(log_iteration[k]), error)
+            evaluations += int(state[2])
+            state[2] = 0
+            if why is None and time.monotonic() > deadline:
+                why = f"out of time after {state[0]} sweeps"
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+        if error <= budget.tolerance:
+            claim, message = Claim.INACCURATE, "converged up to rounding"
+        done = int(state[0])
+        counters = {
+            "iterations": done,
+            "projections": done * problem.nc,
+            "matrix_vector_products": evaluations,
+        }
+        return conclude(problem, best, float(least[0]), budget, claim, message, counters)

@@ -1,0 +1,232 @@
+"""Block principal pivoting on an LCP: all infeasible components change sides at once, one at a time when that fails."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.matrices import SYMMETRY_TOLERANCE, Vector, asymmetry, dense, max_abs
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.lcp.changing_basis import ChangingBasis
+from cpbench.solvers.native.lcp.lcp_claims import (
+    conclude,
+    dense_obstacle,
+    ended_in_basis,
+    error_of,
+)
+from cpbench.solvers.native.lcp.lemke import Lemke
+from cpbench.solvers.options import fixed, searched
+
+PATIENCE = 3
+"""Block changes allowed without a new least number of infeasibilities (Júdice and Pires: p)."""
+FIRST, GAIN = 2, 0.7
+"""Sweeps after which they begin anew with ω < 1 unless the second has left no more than this share of the error."""
+CHUNK = 5
+"""Sweeps between two looks at the active set they point to."""
+SETTLED = 0.02
+"""Share of components that change sides within a chunk of sweeps and count as few."""
+SLOW = 4.0
+"""How many times longer a sweep takes than a factorization for the same number of multiplications."""
+
+
+@dataclass(frozen=True)
+class BPPOptions:
+    """`max_iterations` : sweeps and bases, 0 stands for 10n + 200. `feasibility_tolerance` : of z in units of
+    max|q|/max|M|, of w in units of max|q|. `max_sweeps` : of projected Gauss-Seidel that guess the first active set,
+    more where they end sooner than a factorization. `omega` : their relaxation where M is not symmetric and 1 does
+    not do. `max_factorizations` : after so many, or in a singular basis, Lemke's method takes over; 0 : never."""
+
+    max_iterations: int = fixed(0)
+    feasibility_tolerance: float = searched(1e-12, low=1e-15, high=1e-8, log=True)
+    max_sweeps: int = fixed(20)
+    omega: float = searched(0.6, low=0.2, high=1.2)
+    max_factorizations: int = fixed(5)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """M (n, n) dense as it was given, by columns too (row j is column j), whether it is symmetric, and max|M|.
+
+    Not scaled: the sweeps, the factorizations and the judge read the same 8n² bytes, which may stay in the cache.
+    """
+
+    problem: LCP
+    M: np.ndarray[Any, Any]
+    columns: np.ndarray[Any, Any]
+    symmetric: bool
+    size: float
+
+    def points_to(self, z: Vector, w: Vector) -> np.ndarray[Any, Any]:
+        """Components that are positive in the solution near to z: z > w in data scaled to size one."""
+        return z * self.size > w
+
+
+@register
+class BlockPrincipalPivoting(Solver):
+    """Active sets F with M_FF z_F = -q_F, the first from a few sweeps, the next from the signs of z and w.
+
+    Murty's rule takes over while blocks do not help, which ends for P-matrices. A singular M_FF, an active set that
+    comes back, or too many factorizations hand the problem over to Lemke's method, which decides semidefinite ones.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="bpp",
+        node="lcp",
+        summary="block principal pivoting from a few sweeps, Murty's rule and Lemke's method as safeguards",
+        method="pivoting",
+        citation="Kostreva 1978; Júdice and Pires 1994, Computers & OR 21:587; Robinson, Feng, Nocedal and Pang 2013",
+        traits=frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=BPPOptions,
+    )
+
+    def obstacle(self, problem: LCP) -> str | None:
+        return dense_obstacle(problem)
+
+    def setup(self, problem: LCP, budget: Budget, options: BPPOptions) -> Prepared:
+        M = np.ascontiguousarray(dense(problem.M))
+        symmetric = asymmetry(M) <= SYMMETRY_TOLERANCE
+        return Prepared(problem, M, M if symmetric else np.ascontiguousarray(M.T), symmetric, max_abs(M) or 1.0)
+
+    def warmup(self) -> None:
+        for M in (np.eye(3), np.triu(np.ones((3, 3)))):
+            self.run(LCP(M=M, q=np.array([-1.0, -2.0, 0.0])))
+        Lemke().warmup()
+
+    def solve(
+        self,
+        prepared: Prepared,
+        budget: Budget,
+        options: BPPOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, q = prepared.problem, prepared.problem.q
+        n = q.size
+        w_tolerance = options.feasibility_tolerance * max_abs(q)
+        limit = budget.iterations or options.max_iterations or 10 * n + 200
+        deadline = time.monotonic() + budget.seconds
+        z, sweeps = np.zeros(n) if start is None else np.maximum(start.z, 0.0), 0
+        if record is not None:
+            record(0, error_of(problem, z), partial(LCPPoint, z))
+        if start is None:
+            z, sweeps = self._swept(prepared, budget, options, limit)
+        counters = {"iterations": sweeps, "sweeps": sweeps, "factorizations": 0}
+        if (error := error_of(problem, z)) <= budget.tolerance or sweeps >= limit:
+            if record is not None and sweeps:
+                record(sweeps, error, partial(LCPPoint, z))
+            message = f"error {error:.1e} after {sweeps} sweeps"
+            return conclude(problem, z, budget, counters, error=error, otherwise=Claim.MAX_ITER, message=message)
+        inside = prepared.points_to(z, prepared.M @ z + q)
+        basis = ChangingBasis(prepared.M, prepared.columns, q, prepared.symmetric)
+        least, patience = n + 1, PATIENCE
+        seen: set[bytes] = set()
+        why, many = "", options.max_factorizations or math.inf
+        for done in range(1, limit - sweeps + 1):
+            counters["iterations"] = done + sweeps
+            solved = basis.solve(inside)
+            counters["factorizations"] = basis.factorizations
+            if solved is None:
+                why = f"M_FF of size {int(inside.sum())} is singular after {done} bases"
+                break
+            z, w = solved
+            infeasible = np.flatnonzero(np.where(inside, z * prepared.size, w) < -w_tolerance)
+            shown = np.maximum(z, 0.0)
+            if infeasible.size == 0:
+                output = ended_in_basis(problem, shown, np.flatnonzero(inside), budget, counters)
+                if record is not None and isinstance(output.point, LCPPoint):
+                    record(counters["iterations"], error_of(problem, output.point.z), partial(LCPPoint, output.point.z))
+                return output
+            if record is not None:
+                record(counters["iterations"], error_of(problem, shown), partial(LCPPoint, shown))
+            if infeasible.size < least:
+                least, patience = infeasible.size, PATIENCE
+                seen.clear()
+            elif patience > 0:
+                patience -= 1
+            else:
+                key = inside.tobytes()
+                if key in seen:
+                    why = f"an active set comes back after {done} bases, M is no P-matrix"
+                    break
+                seen.add(key)
+                infeasible = infeasible[-1:]
+            inside[infeasible] = ~inside[infeasible]
+            if basis.factorizations >= many:
+                why = f"{least} components infeasible at best after {basis.factorizations} factorizations"
+                break
+            if time.monotonic() > deadline:
+                break
+        counters["factorizations"] = basis.factorizations
+        if why and options.max_factorizations and time.monotonic() <= deadline:
+            return self._by_lemke(problem, budget, deadline, counters, why, record)
+        z = np.maximum(z, 0.0)
+        claim = Claim.FAILED if why else Claim.MAX_ITER
+        why = (
+            f"{why}: use lemke"
+            if why
+            else f"{least} components infeasible at best after {counters['iterations']} steps"
+        )
+        return conclude(problem, z, budget, counters, otherwise=claim, message=why)
+
+    def _swept(self, prepared: Prepared, budget: Budget, options: BPPOptions, most: int) -> tuple[Vector, int]:
+        """z after sweeps, `most` of them, that go on while F moves, or while they end sooner than a factorization.
+
+        The best of them where they diverge; z = 0 where the diagonal is not positive.
+        """
+        limit = min(most, options.max_sweeps)
+        problem, q, diagonal = prepared.problem, prepared.problem.q, prepared.M.diagonal().copy()
+        z, w = np.zeros(q.size), q.copy()
+        if limit == 0 or not (diagonal > 0.0).all():
+            return z, 0
+        from cpbench.kernel_cache import load
+
+        kernel = load("cpbench.solvers.kernels.splitting")
+        best, least, inside, omega, sweeps = z.copy(), math.inf, q < 0.0, 1.0, 0
+        while sweeps < limit:
+            errors = np.empty(min(CHUNK if sweeps else FIRST, limit - sweeps))
+            rest = (diagonal, q, z, w, problem.z_unit, omega, False, budget.tolerance, errors)
+            done = kernel.sweeps_dense(prepared.columns, *rest)
+            sweeps, error = sweeps + done, float(errors[done - 1])
+            if sweeps == FIRST and not prepared.symmetric and not error < GAIN * errors[0]:
+                z[:], w[:], omega = 0.0, q, options.omega
+                continue
+            if not error < least:
+                return best, sweeps
+            best, least = z.copy(), error
+            before, inside = inside, prepared.points_to(z, w)
+            if error <= budget.tolerance:
+                break
+            active = int(inside.sum())
+            rate = (error / errors[0]) ** (1.0 / max(done - 1, 1))
+            left = math.log(budget.tolerance / error) / math.log(rate) if rate < 1.0 else math.inf
+            factorization = active**3 / (6.0 if prepared.symmetric else 3.0)
+            if left * SLOW * q.size * active <= factorization:
+                limit = min(most, max(limit, sweeps + math.ceil(left) + 1))
+            elif np.count_nonzero(before != inside) <= SETTLED * q.size:
+                break
+        return best, sweeps
+
+    def _by_lemke(
+        self,
+        problem: LCP,
+        budget: Budget,
+        deadline: float,
+        counters: dict[str, int],
+        why: str,
+        record: Record | None,
+    ) -> SolverOutput:
+        rest = Budget(tolerance=budget.tolerance, seconds=deadline - time.monotonic(), iterations=budget.iterations)
+        found = Lemke().run(problem, rest)
+        counters = {**counters, "pivots": found.counters["pivots"]}
+        if record is not None and isinstance(found.point, LCPPoint):
+            record(counters["iterations"] + 1, error_of(problem, found.point.z), partial(LCPPoint, found.point.z))
+        message = f"{why}; Lemke's method: {found.message or found.claim}"
+        return SolverOutput(
+            claim=found.claim, point=found.point, counters=counters, certificate=found.certificate, message=message
+        )

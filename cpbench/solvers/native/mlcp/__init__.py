@@ -1,0 +1,1 @@
+"""Mixed linear complementarity problems."""

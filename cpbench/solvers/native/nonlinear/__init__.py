@@ -1,0 +1,1 @@
+"""Boxes with nonlinear functions, variational and quasi-variational inequalities, equations."""

@@ -1,0 +1,81 @@
+"""Semismooth Newton for variational and quasi-variational inequalities, with rows and g of any kind."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.qvi import QVI
+from cpbench.formulations.vi import VI
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.nonlinear.natural_newton import Conditions, NaturalNewton, NaturalNewtonOptions
+from cpbench.solvers.native.nonlinear.projection_run import ProjectionSolver, run
+
+
+class NaturalMapSolver(ProjectionSolver):
+    """Newton on the natural map of the optimality conditions. Tolerance: on the judged error itself."""
+
+    method = NaturalNewton
+
+    def obstacle(self, problem: VI | QVI) -> str | None:
+        return None
+
+    def setup(self, problem: VI | QVI, budget: Budget, options: Any) -> VI | QVI:
+        field = Conditions(problem)
+        x = np.concatenate([problem.start, np.zeros(field.size - field.n)])
+        field.F(x)  # compiles it, and its derivative
+        field.derivative(x)
+        return problem
+
+    def solve(
+        self,
+        prepared: VI | QVI,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        field = Conditions(prepared)
+        first = np.concatenate([prepared.start, np.zeros(field.size - field.n)])
+        if start is not None:
+            first = field.vector(start)
+        limit = budget.iterations or options.max_iterations
+        return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)
+
+
+def _spec(name: str, node: str, summary: str, citation: str) -> SolverSpec:
+    return SolverSpec(
+        name=name,
+        node=node,
+        summary=summary,
+        method="semismooth Newton",
+        citation=citation,
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=NaturalNewtonOptions,
+    )
+
+
+@register
+class VINewton(NaturalMapSolver):
+    """For inequalities over any set that the node has; converges globally where F is monotone."""
+
+    spec: ClassVar[SolverSpec] = _spec(
+        "vi-newton",
+        "vi",
+        "semismooth Newton on the natural map, extragradient steps where it does not descend",
+        "Facchinei and Pang 2003, sections 9.1 and 12.1",
+    )
+
+
+@register
+class QVINewton(NaturalMapSolver):
+    """For sets that move: bounds, disks whose radius is a reaction, g(y, z) ≥ 0."""
+
+    spec: ClassVar[SolverSpec] = _spec(
+        "qvi-newton",
+        "qvi",
+        "semismooth Newton on the natural map of the moving set, extragradient steps where it does not descend",
+        "Alart and Curnier 1991, Comput. Methods Appl. Mech. Eng. 92; Facchinei, Kanzow and Sagratella 2014, "
+        "Math. Program. 144",
+    )

@@ -1,0 +1,1 @@
+"""Quadratic programs: active sets, interior point, augmented Lagrangian, projections."""
