@@ -9,7 +9,7 @@ from cpbench import kernel_cache
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native import lemke, lemke_columns
+from cpbench.solvers.native.lcp import lemke, lemke_columns
 from cpbench.testing import planted
 from cpbench.verification import judge
 
