@@ -185,6 +185,8 @@ class Row:
         end = time.monotonic() + LONGEST
         while len(times) < pairs and (not times or time.monotonic() < end):
             times.append((self.theirs.measure(repeats[0]), self.ours.measure(repeats[1])))
+            if not all(side.solved for side in sides):  # an answer that is wrong when asked again has no time
+                return
         times = [pair for pair in times if all(map(math.isfinite, pair))]  # a guest that was stopped has no time
         if not times:
             return
