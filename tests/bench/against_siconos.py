@@ -234,25 +234,32 @@ class Siconos:
         self._process.wait(timeout=30)
 
 
-def native(name: str, problems: list) -> Side:
-    """The registered solver as the runner calls it, without `setup`."""
-    import numpy as np
-
+def registered(name: str, problems: list, iterations: int) -> tuple[Callable[[int], float], list]:
+    """How a registered solver is measured, called as the runner does without `setup`, and where its points will be."""
     from cpbench.solvers import Budget, solvers
 
     solver = solvers.get(name)
     options = solver.spec.options()
-    budget = Budget(tolerance=TOLERANCE, iterations=OURS[name] or None)
+    budget = Budget(tolerance=TOLERANCE, iterations=iterations or None)
     prepared = [solver.setup(p, budget, options) for p in problems]
     found: list = []
 
     def solve_all() -> None:
         found[:] = [solver.solve(p, budget, options).point for p in prepared]
 
+    return lambda repeats: loop(solve_all, len(problems), repeats), found
+
+
+def native(name: str, problems: list) -> Side:
+    """One of OURS."""
+    import numpy as np
+
+    measure, found = registered(name, problems, OURS[name])
+
     def answers() -> Any:
         return [np.full(p.q.size, math.nan) if z is None else z.z for z, p in zip(found, problems, strict=True)]
 
-    return Side(name, lambda repeats: loop(solve_all, len(problems), repeats), answers)
+    return Side(name, measure, answers)
 
 
 def kernel(problems: list) -> Side:

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
-from against_siconos import TOLERANCE, Row, Side, loop
+from against_siconos import TOLERANCE, Row, Side, loop, registered
 
 SWEEPS = 2_000
 SICONOS = {
@@ -213,19 +213,10 @@ class Siconos:
 
 
 def native(name: str, problems: list) -> MixedSide:
-    """The registered solver as the runner calls it, without `setup`."""
+    """One of OURS."""
     import numpy as np
 
-    from cpbench.solvers import Budget, solvers
-
-    solver = solvers.get(name)
-    options = solver.spec.options()
-    budget = Budget(tolerance=TOLERANCE, iterations=OURS[name] or None)
-    prepared = [solver.setup(p, budget, options) for p in problems]
-    found: list = []
-
-    def solve_all() -> None:
-        found[:] = [solver.solve(p, budget, options).point for p in prepared]
+    measure, found = registered(name, problems, OURS[name])
 
     def answers() -> Any:
         return [
@@ -233,7 +224,7 @@ def native(name: str, problems: list) -> MixedSide:
             for x, p in zip(found, problems, strict=True)
         ]
 
-    return MixedSide(name, lambda repeats: loop(solve_all, len(problems), repeats), answers)
+    return MixedSide(name, measure, answers)
 
 
 def kernel(problems: list) -> MixedSide:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.solvers.adapters.cone_polish import polish
 from cpbench.solvers.adapters.cone_program import ConeProgram
 from cpbench.solvers.adapters.cone_solver import ConeSolver
 from cpbench.solvers.adapters.conic_models import ClarabelModel, ConicModel
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
+from cpbench.solvers.native.cone.cone_polish import polish
 
 
 @dataclass(frozen=True)

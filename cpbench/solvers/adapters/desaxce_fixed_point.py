@@ -36,8 +36,8 @@ from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.matrices import Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.adapters.conic_models import ConicModel
-from cpbench.solvers.adapters.lorentz_rows import lorentz_rows
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.solvers.native.cone.lorentz_rows import lorentz_rows
 from cpbench.solvers.native.progress import Progress
 
 ASYMMETRY, INDEFINITE = 1e-2, 1e-5

@@ -32,7 +32,6 @@ from cpbench.solvers.kernels.gauss_seidel import (
 COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = 4, 5, 6, 7
 """Places in `state` behind those of the sweeps: columns ever made since the last were forgotten; 1 where g and f are
 those of the iterate before; 1 where r was extrapolated; how many extrapolations were not followed."""
-STATE = 8
 PACE, RESIDUAL = 0, 1
 """Places in `measured`: as `pace` of the sweeps; ‖f‖² of the iterate before."""
 PERIOD = 2

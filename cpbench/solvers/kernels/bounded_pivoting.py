@@ -8,7 +8,7 @@ both are then at least 0 again, and the path goes on as Lemke's. Columns and piv
 import numpy as np
 from numba import njit
 
-from cpbench.solvers.kernels.pivoting import _update as update
+from cpbench.solvers.kernels.pivoting import update
 from cpbench.solvers.kernels.tableau import COMPLEMENTARY, LIMIT, NOT_FINITE, RAY, finite
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from cpbench.solvers.kernels.contact_newton import projections
-from cpbench.solvers.kernels.gauss_seidel import _natural_step
+from cpbench.solvers.kernels.gauss_seidel import natural_step
 
 EPS = 1e-15
 NEWTON_STEPS, HALVINGS = 25, 10
@@ -45,7 +45,7 @@ def _velocity(D, w, r, u):
 def project(D, w, mu, rho, r, u):
     """One step of the natural map from r, in place."""
     _velocity(D, w, r, u)
-    r[0], r[1], r[2] = _natural_step(r[0], r[1], r[2], u[0], u[1], u[2], mu, rho)
+    r[0], r[1], r[2] = natural_step(r[0], r[1], r[2], u[0], u[1], u[2], mu, rho)
 
 
 @njit(error_model="numpy")
@@ -57,7 +57,7 @@ def project_often(D, w, mu, rho, r, room):
         hat = u[0] + mu * np.sqrt(u[1] * u[1] + u[2] * u[2])
         ratio = change = size = 0.0
         for _ in range(HALVINGS):
-            y[0], y[1], y[2] = _natural_step(r[0], r[1], r[2], u[0], u[1], u[2], mu, rho)
+            y[0], y[1], y[2] = natural_step(r[0], r[1], r[2], u[0], u[1], u[2], mu, rho)
             _velocity(D, w, y, uy)
             hat_y = uy[0] + mu * np.sqrt(uy[1] * uy[1] + uy[2] * uy[2])
             change = (y[0] - r[0]) ** 2 + (y[1] - r[1]) ** 2 + (y[2] - r[2]) ** 2

@@ -10,23 +10,21 @@ from cpbench.solvers.kernels.contact_local import enumerate_modes, newton, proje
 from cpbench.solvers.kernels.gauss_seidel import (
     COLUMN,
     CONTINUE,
-    CONVERGED,
     DATA,
     DATA_2D,
     ITERATION,
     LOGGED,
-    NOT_FINITE,
     PROJECT,
     START,
     VECTOR,
-    _one_contact_2d,
-    _one_contact_3d,
-    _shuffled,
-    _velocity_2d,
-    _velocity_3d,
     checked,
     due,
     judged,
+    one_contact_2d,
+    one_contact_3d,
+    shuffled,
+    velocity_2d,
+    velocity_3d,
 )
 
 EXACT, NEWTON, PROJECTION, PROJECTIONS, QUARTIC = range(5)
@@ -124,7 +122,7 @@ def relax(
     d = dimension
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
-            _shuffled(order, state)
+            shuffled(order, state)
         backwards = symmetric and state[ITERATION] % 2 == 1
         if simultaneous:
             old[:] = r
@@ -133,9 +131,9 @@ def relax(
             i = order[order.size - 1 - place] if backwards else order[place]
             others = old if simultaneous else r
             if d == 3:
-                w[0], w[1], w[2] = _velocity_3d(start, column, blocks, q, others, i)
+                w[0], w[1], w[2] = velocity_3d(start, column, blocks, q, others, i)
             else:
-                w[0], w[1] = _velocity_2d(start, column, blocks, q, others, i)
+                w[0], w[1] = velocity_2d(start, column, blocks, q, others, i)
             for k in range(d):
                 x[k] = r[d * i + k]
             found = True
@@ -143,12 +141,12 @@ def relax(
             if method == EXACT:
                 found = False
                 if d == 2:
-                    found, y0, y1 = _one_contact_2d(
+                    found, y0, y1 = one_contact_2d(
                         diagonal[i, 0], diagonal[i, 1], diagonal[i, 2], diagonal[i, 3], w[0], w[1], mu[i]
                     )
                     y2 = 0.0
                 elif local[i, PROJECT] == 0.0:
-                    found, y0, y1, y2, lam[i] = _one_contact_3d(local, i, w[0], w[1], w[2], mu[i], lam[i])
+                    found, y0, y1, y2, lam[i] = one_contact_3d(local, i, w[0], w[1], w[2], mu[i], lam[i])
                 if found:
                     x[0], x[1], x[2] = y0, y1, y2
             else:
@@ -181,11 +179,9 @@ def relax(
                     omega[0] *= 0.5
                     omega[1] = 0.0
                     error = least[0]
-            checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
-            if error <= tolerance:
-                return CONVERGED
-            if not np.isfinite(error):
-                return NOT_FINITE
+            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            if outcome != CONTINUE:
+                return outcome
     return CONTINUE
 
 

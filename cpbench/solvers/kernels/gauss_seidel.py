@@ -51,14 +51,14 @@ def _projected(x0, x1, x2, mu):
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _natural_step(r0, r1, r2, u0, u1, u2, mu, rho):
+def natural_step(r0, r1, r2, u0, u1, u2, mu, rho):
     """P_K(r - ρ û): a fixed point is a solution, whatever the block is like."""
     hat = u0 + mu * np.sqrt(u1 * u1 + u2 * u2)
     return _projected(r0 - rho * hat, r1 - rho * u1, r2 - rho * u2, mu)
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _one_contact_3d(local, i, v0, v1, v2, mu, lam):
+def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     """(found, r_N, r_T1, r_T2, λ) of u = D r + v; not found only for indefinite blocks."""
     if v0 >= 0.0:
         return True, 0.0, 0.0, 0.0, lam
@@ -125,7 +125,7 @@ def _one_contact_3d(local, i, v0, v1, v2, mu, lam):
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _one_contact_2d(a, h, g, c, v0, v1, mu):
+def one_contact_2d(a, h, g, c, v0, v1, mu):
     """(found, r_N, r_T) for D = [[a, h], [g, c]]: separation, sticking, and sliding to either side."""
     if v0 >= 0.0:
         return True, 0.0, 0.0
@@ -154,7 +154,7 @@ def _one_contact_2d(a, h, g, c, v0, v1, mu):
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _velocity_3d(start, column, blocks, q, r, i):
+def velocity_3d(start, column, blocks, q, r, i):
     one, two = np.uint64(1), np.uint64(2)
     i3 = np.uint64(3) * np.uint64(i)
     u0, u1, u2 = row_product(start[i], start[i + 1], column, blocks, r)
@@ -162,7 +162,7 @@ def _velocity_3d(start, column, blocks, q, r, i):
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _velocity_2d(start, column, blocks, q, r, i):
+def velocity_2d(start, column, blocks, q, r, i):
     one, two = np.uint64(1), np.uint64(2)
     i2 = two * np.uint64(i)
     u0, u1 = q[i2], q[i2 + one]
@@ -187,24 +187,24 @@ def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
     rr = uu = qq = rr_e = uu_e = qq_e = 0.0
     for i in range(mu.size):
         if dimension == 3:
-            u0, u1, u2 = _velocity_3d(start, column, blocks, q, r, i)
+            u0, u1, u2 = velocity_3d(start, column, blocks, q, r, i)
             r0, r1, r2 = r[3 * i], r[3 * i + 1], r[3 * i + 2]
             q0, q1, q2 = q[3 * i], q[3 * i + 1], q[3 * i + 2]
             u0 += diagonal[i, 0] * r0 + diagonal[i, 1] * r1 + diagonal[i, 2] * r2
             u1 += diagonal[i, 3] * r0 + diagonal[i, 4] * r1 + diagonal[i, 5] * r2
             u2 += diagonal[i, 6] * r0 + diagonal[i, 7] * r1 + diagonal[i, 8] * r2
         else:
-            u0, u1 = _velocity_2d(start, column, blocks, q, r, i)
+            u0, u1 = velocity_2d(start, column, blocks, q, r, i)
             u2 = r2 = q2 = 0.0
             r0, r1 = r[2 * i], r[2 * i + 1]
             q0, q1 = q[2 * i], q[2 * i + 1]
             u0 += diagonal[i, 0] * r0 + diagonal[i, 1] * r1
             u1 += diagonal[i, 2] * r0 + diagonal[i, 3] * r1
-        p0, p1, p2 = _natural_step(r0, r1, r2, u0, u1, u2, mu[i], 1.0)
+        p0, p1, p2 = natural_step(r0, r1, r2, u0, u1, u2, mu[i], 1.0)
         natural += (r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2
-        p0, p1, p2 = _natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
+        p0, p1, p2 = natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
         energy += ((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2) / rho[i]
-        p0, p1, p2 = _natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
+        p0, p1, p2 = natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
         opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)
         square = r0 * r0 + r1 * r1 + r2 * r2
         rr += square
@@ -229,17 +229,17 @@ def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, 
     change = 0.0
     for place in range(order.size):
         i = order[place]
-        v0, v1, v2 = _velocity_3d(start, column, blocks, q, r, i)
+        v0, v1, v2 = velocity_3d(start, column, blocks, q, r, i)
         found = False
         x0 = x1 = x2 = 0.0
         if local[i, PROJECT] == 0.0:
-            found, x0, x1, x2, lam[i] = _one_contact_3d(local, i, v0, v1, v2, mu[i], lam[i])
+            found, x0, x1, x2, lam[i] = one_contact_3d(local, i, v0, v1, v2, mu[i], lam[i])
         old0, old1, old2 = r[3 * i], r[3 * i + 1], r[3 * i + 2]
         if not found:
             v0 += diagonal[i, 0] * old0 + diagonal[i, 1] * old1 + diagonal[i, 2] * old2
             v1 += diagonal[i, 3] * old0 + diagonal[i, 4] * old1 + diagonal[i, 5] * old2
             v2 += diagonal[i, 6] * old0 + diagonal[i, 7] * old1 + diagonal[i, 8] * old2
-            x0, x1, x2 = _natural_step(old0, old1, old2, v0, v1, v2, mu[i], rho[i])
+            x0, x1, x2 = natural_step(old0, old1, old2, v0, v1, v2, mu[i], rho[i])
         change += ((x0 - old0) ** 2 + (x1 - old1) ** 2 + (x2 - old2) ** 2) / rho[i]
         r[3 * i] = old0 + omega * (x0 - old0)
         r[3 * i + 1] = old1 + omega * (x1 - old1)
@@ -253,14 +253,14 @@ def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
     change = 0.0
     for place in range(order.size):
         i = order[place]
-        v0, v1 = _velocity_2d(start, column, blocks, q, r, i)
+        v0, v1 = velocity_2d(start, column, blocks, q, r, i)
         a, h, g, c = diagonal[i, 0], diagonal[i, 1], diagonal[i, 2], diagonal[i, 3]
-        found, x0, x1 = _one_contact_2d(a, h, g, c, v0, v1, mu[i])
+        found, x0, x1 = one_contact_2d(a, h, g, c, v0, v1, mu[i])
         old0, old1 = r[2 * i], r[2 * i + 1]
         if not found:
             u0 = v0 + a * old0 + h * old1
             u1 = v1 + g * old0 + c * old1
-            x0, x1, _ = _natural_step(old0, old1, 0.0, u0, u1, 0.0, mu[i], rho[i])
+            x0, x1, _ = natural_step(old0, old1, 0.0, u0, u1, 0.0, mu[i], rho[i])
         change += ((x0 - old0) ** 2 + (x1 - old1) ** 2) / rho[i]
         r[2 * i] = old0 + omega * (x0 - old0)
         r[2 * i + 1] = old1 + omega * (x1 - old1)
@@ -268,7 +268,7 @@ def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
 
 
 @njit(error_model="numpy")
-def _shuffled(order, state):
+def shuffled(order, state):
     """Fisher–Yates in place, with the 64-bit linear congruential generator of Knuth (MMIX)."""
     x = np.uint64(state[RANDOM])
     for k in range(order.size - 1, 0, -1):
@@ -288,7 +288,7 @@ def due(state, until, change, tolerance, pace):
 @njit(error_model="numpy")
 def checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best):
     """Log the error, keep the best r, and set the next check: where the last two foretell the tolerance, a quarter
-    ahead at most."""
+    ahead at most. Whether that was the end: CONVERGED, NOT_FINITE, else CONTINUE."""
     if error < least[0]:
         least[0] = error
         best[:] = r
@@ -303,6 +303,9 @@ def checked(state, error, change, tolerance, pace, log_iteration, log_error, r, 
     state[LOGGED] = logged + 1
     state[NEXT_CHECK] = it + int(step)
     pace[0] = error * error / change if change > 0.0 else 0.0
+    if error <= tolerance:
+        return CONVERGED
+    return CONTINUE if np.isfinite(error) else NOT_FINITE
 
 
 _ARGUMENTS = (
@@ -365,16 +368,14 @@ def sweeps_3d(
     """
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
-            _shuffled(order, state)
+            shuffled(order, state)
         change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
         state[ITERATION] += 1
         if due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 3)
-            checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
-            if error <= tolerance:
-                return CONVERGED
-            if not np.isfinite(error):
-                return NOT_FINITE
+            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            if outcome != CONTINUE:
+                return outcome
     return CONTINUE
 
 
@@ -405,16 +406,14 @@ def sweeps_2d(
     """As `sweeps_3d`, 4 numbers a block."""
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
-            _shuffled(order, state)
+            shuffled(order, state)
         change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
         state[ITERATION] += 1
         if due(state, until, change, tolerance, pace):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 2)
-            checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
-            if error <= tolerance:
-                return CONVERGED
-            if not np.isfinite(error):
-                return NOT_FINITE
+            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            if outcome != CONTINUE:
+                return outcome
     return CONTINUE
 
 

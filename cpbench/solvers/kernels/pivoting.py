@@ -38,7 +38,7 @@ WHOLE = 16
     error_model="numpy",
     nogil=True,
 )
-def _update(M, factor, C, age, slot, E, rows, end):
+def update(M, factor, C, age, slot, E, rows, end):
     """Bring a column to `end` pivots, from M where it was never used (age -1).
 
     A pivot in row r makes c_r t = c_r/e_r and every other c_i less by e_i t; E holds 1/e_r in the place of e_r. Row r
@@ -106,7 +106,7 @@ def advance(
         if k - age[s] > far:
             return BEHIND
         col = C[s]
-        _update(M, factor, C, age, s, E, rows, k)
+        update(M, factor, C, age, s, E, rows, k)
         if state[2] == 0:
             r = state[3]
         else:
@@ -123,7 +123,7 @@ def advance(
                     j = state[3] if place == n - 1 else (place if place < state[3] else place + 1)
                     slot = where[j]
                     if slot >= 0:
-                        _update(M, factor, C, age, slot, E, rows, k)
+                        update(M, factor, C, age, slot, E, rows, k)
                     count = kept(C[max(slot, 0)], col, ties, count, value, -slot - 1, tie_tolerance)
                 r = largest(col, ties, count)
         inverse = 1.0 / col[r]
@@ -215,7 +215,7 @@ def _solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_toler
         if outcome != FULL:
             break
         for slot in range(n + 1):
-            _update(M, -1.0 / m, C, age, slot, E, rows, state[0])
+            update(M, -1.0 / m, C, age, slot, E, rows, state[0])
             age[slot] = 0
         state[0] = 0
     for i in range(n):
@@ -274,7 +274,7 @@ def lemke_batch(M, q, z, codes, max_pivots, pivot_tolerance, tie_tolerance):
 def align(M, factor, C, age, slots, E, rows, block):
     """Bring the columns of `slots` to the next multiple of `block` pivots, one after the other."""
     for slot in slots:
-        _update(M, factor, C, age, slot, E, rows, (max(age[slot], 0) + block - 1) // block * block)
+        update(M, factor, C, age, slot, E, rows, (max(age[slot], 0) + block - 1) // block * block)
 
 
 @njit(

@@ -23,11 +23,11 @@ from cpbench.factorization import Factorization
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.soclcp import SOCLCP
 from cpbench.matrices import Matrix, Vector, least_eigenvalue, max_abs
-from cpbench.solvers.adapters.cone_polish import polish
-from cpbench.solvers.adapters.lorentz_rows import lorentz_rows
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register, solvers
+from cpbench.solvers.native.cone.cone_polish import polish
 from cpbench.solvers.native.cone.conic_form import ConicForm
 from cpbench.solvers.native.cone.conic_run import ConicSolver, Iterates
+from cpbench.solvers.native.cone.lorentz_rows import lorentz_rows
 from cpbench.solvers.native.cone.lorentz_scaling import LorentzCones, Scaling
 from cpbench.solvers.options import fixed, searched
 

@@ -34,7 +34,12 @@ class AutoLCP(AutomaticChoice):
         "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure"
     )
     members: ClassVar[tuple[str, ...]] = (
-        *("lemke", "bpp", "projected-cg", "newton-min", "newton-fb", "newton-pfb"),
+        "lemke",
+        "bpp",
+        "projected-cg",
+        "newton-min",
+        "newton-fb",
+        "newton-pfb",
         "lcp-enumeration",
     )
 

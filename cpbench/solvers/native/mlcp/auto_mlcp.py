@@ -23,7 +23,10 @@ class AutoMLCP(AutomaticChoice):
 
     spec: ClassVar[SolverSpec] = automatic_spec("mlcp", "auto-mlcp", "Lemke, Newton or interior point, by size")
     members: ClassVar[tuple[str, ...]] = (
-        *("lemke-mlcp", "newton-min-mlcp", "newton-fb-mlcp", "interior-point-mlcp"),
+        "lemke-mlcp",
+        "newton-min-mlcp",
+        "newton-fb-mlcp",
+        "interior-point-mlcp",
         "mlcp-enumeration",
     )
 

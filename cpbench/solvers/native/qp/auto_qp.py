@@ -25,7 +25,10 @@ class AutoQP(AutomaticChoice):
 
     spec: ClassVar[SolverSpec] = automatic_spec("qp", "auto-qp", "active set or interior point, by size")
     members: ClassVar[tuple[str, ...]] = (
-        *("qp-dual-active-set", "qp-proximal-active-set", "qp-interior-point", "mprgp-qp"),
+        "qp-dual-active-set",
+        "qp-proximal-active-set",
+        "qp-interior-point",
+        "mprgp-qp",
         "qp-augmented-lagrangian",
     )
 
