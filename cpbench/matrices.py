@@ -16,6 +16,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 
+from cpbench.definite import is_definite, on_diagonal
 from cpbench.errors import ProblemError
 
 Vector: TypeAlias = NDArray[np.float64]
@@ -239,11 +240,7 @@ def is_psd(M: Matrix, tolerance: float = PSD_TOLERANCE) -> bool:
     shift = max(tolerance, 4 * n * np.finfo(float).eps) * top
     if sp.issparse(M) and n > 300:
         shifted = sp.csc_array((M + M.T) * 0.5 + shift * sp.eye_array(n))
-        try:
-            lu = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        except RuntimeError:
-            return False
-        return bool((lu.perm_r == lu.perm_c).all() and (lu.U.diagonal() > 0).all())
+        return is_definite(on_diagonal(shifted))
     D = dense(M)
     S = (D + D.T) * 0.5
     S[np.diag_indices(n)] += shift

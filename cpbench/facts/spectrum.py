@@ -14,9 +14,9 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
-import scipy.sparse.linalg as spla
 
 from cpbench import matrices
+from cpbench.definite import is_definite, on_diagonal
 from cpbench.facts.components import EIGEN_LIMIT, eigenvalues, singular_values
 from cpbench.facts.fact import Fact, How, undecided
 from cpbench.matrices import PSD_TOLERANCE, SYMMETRY_TOLERANCE, Matrix, Vector
@@ -147,19 +147,15 @@ def affordable(S: Matrix) -> bool:
 
 
 def _symmetric_lu(S: Matrix, shift: float) -> Any | None:
-    shifted = sp.csc_array(S + shift * sp.eye_array(S.shape[0]))
-    try:
-        lu = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError:  # an exactly zero pivot
-        return None
-    return lu if (lu.perm_r == lu.perm_c).all() else None
+    lu = on_diagonal(S + shift * sp.eye_array(S.shape[0]))
+    return lu if lu is not None and (lu.perm_r == lu.perm_c).all() else None
 
 
 def _positive_factor(S: Matrix, shift: float) -> Callable[[Vector], Vector] | None:
     """x ↦ (S + shift·I)⁻¹x where S + shift·I is positive definite, else None."""
     if matrices.is_sparse(S):
         lu = _symmetric_lu(S, shift)
-        return lu.solve if lu is not None and bool((lu.U.diagonal() > 0).all()) else None
+        return lu.solve if lu is not None and is_definite(lu) else None
     try:
         factor = sla.cho_factor(matrices.dense(S) + shift * np.eye(S.shape[0]), lower=True, check_finite=False)
     except sla.LinAlgError:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
+from cpbench.definite import By, Factors, definite_factors
+from cpbench.errors import NotApplicable
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Matrix, Vector
+from cpbench.matrices import Matrix, Vector, is_symmetric
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.contact_sweeps import ScaledContacts, conclude, kernel, scaled_contacts
 from cpbench.solvers.native.progress import Progress
@@ -33,11 +33,13 @@ TINY = 1e-300
 @dataclass(frozen=True)
 class ADMMContactOptions:
     """`rho` : the first penalty, in units where every W_cc has mean diagonal 1. `alpha` : over-relaxation.
-    `balance` : adapt ρ to the residuals. `stall_window` : iterations without gain after which it gives up."""
+    `balance` : adapt ρ to the residuals. `factors` : of sparse W + ρI; CHOLMOD and QDLDL take W for symmetric.
+    `stall_window` : iterations without gain after which it gives up."""
 
     rho: float = searched(0.1, low=1e-4, high=10.0, log=True)
     alpha: float = searched(1.0, low=1.0, high=1.9)
     balance: bool = True
+    factors: Literal["superlu", "cholmod", "qdldl"] = "superlu"
     max_iterations: int = fixed(20_000)
     stall_window: int = fixed(2_000)
 
@@ -61,6 +63,8 @@ class ADMMContact(Solver):
     )
 
     def setup(self, problem: FrictionContact, budget: Budget, options: ADMMContactOptions) -> ScaledContacts:
+        if options.factors != "superlu" and not is_symmetric(problem.W):
+            raise NotApplicable(self.spec.name, f"W is not symmetric, and {options.factors} reads a triangle of it")
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
@@ -139,13 +143,13 @@ class Splitting:
 
     @property
     def entries(self) -> int:
-        """Of the factors, 0 before the first step and where ρ has just changed."""
-        return 0 if self._factors is None else self._factors.entries
+        """Of the factors; 0 before the first step, where ρ has just changed, and where it is not known."""
+        return 0 if self._factors is None else self._factors.entries or 0
 
     def step(self) -> bool:
         """One iteration; False where the linear system has no solution."""
         if self._factors is None:
-            self._factors = _factors(self._contacts.W, self.rho)
+            self._factors = _factors(self._contacts.W, self.rho, self._options.factors)
             self.factorizations += 1
             if self._factors is None:
                 return False
@@ -173,27 +177,9 @@ class Splitting:
         self._rest, self._since = LONGER * self._rest, 0
 
 
-@dataclass(frozen=True)
-class Factors:
-    """Of W + ρI: what solves with them, and how many entries they have."""
-
-    solve: Callable[[Vector], Vector]
-    entries: int
-
-
-def _factors(W: Matrix, rho: float) -> Factors | None:
-    """None where W + ρI is exactly singular, which no monotone W is.
-
-    For W ⪰ 0, symmetric or not, the diagonal can be pivoted upon in any order: SuperLU orders the symmetric structure,
-    which is two to four times as fast as with the pivoting by columns, and leaves half to three quarters of the fill.
-    """
-    if not sp.issparse(W):
-        lu, pivots, info = cast(Any, lapack.dgetrf)(W + rho * np.eye(W.shape[0]), overwrite_a=True)
-        return None if info > 0 else Factors(lambda b: cast(Any, lapack.dgetrs)(lu, pivots, b)[0], W.size)
-    shifted = sp.csc_array(W + rho * sp.eye_array(W.shape[0], format="csr"))
-    options = {"SymmetricMode": True}
-    try:
-        superlu: Any = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    except RuntimeError:  # a pivot that is exactly 0
-        return None
-    return Factors(superlu.solve, int(superlu.nnz))
+def _factors(W: Matrix, rho: float, by: By) -> Factors | None:
+    """Of W + ρI; None where it is exactly singular, which no monotone W is."""
+    if sp.issparse(W):
+        return definite_factors(W + rho * sp.eye_array(W.shape[0], format="csr"), by)
+    lu, pivots, info = cast(Any, lapack.dgetrf)(W + rho * np.eye(W.shape[0]), overwrite_a=True)
+    return None if info > 0 else Factors(lambda b: cast(Any, lapack.dgetrs)(lu, pivots, b)[0], W.size)

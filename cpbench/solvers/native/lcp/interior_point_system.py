@@ -11,6 +11,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from cpbench import matrices
+from cpbench.definite import on_diagonal
 from cpbench.matrices import Matrix, Vector, max_abs
 
 REGULARISATION = 1e-11
@@ -63,17 +64,16 @@ class ShiftedSystem:
         shift = np.where(np.arange(self._theta.size) < self._free, REGULARISATION, self._theta)
         np.copyto(self._sum.data, self._base)
         self._sum.data[self._diagonal] += shift
-        # without free unknowns the symmetric part is positive definite: no pivoting, less fill
-        how: Any = (
-            {}
-            if self._free
-            else {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-        )
-        try:
-            self._apply = spla.splu(self._sum, **how).solve
-            self._shifted = True
-        except RuntimeError:
+        if self._free:
+            try:
+                lu: Any = spla.splu(self._sum)
+            except RuntimeError:
+                return False
+        else:  # the symmetric part is positive definite
+            lu = on_diagonal(self._sum)
+        if lu is None:
             return False
+        self._apply, self._shifted = lu.solve, True
         return True
 
     def solve(self, b: Vector) -> Vector:
