@@ -9,13 +9,14 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
-    "errors", "matrices", "transversal", "factorization", "cones", "product_cones", "registry", "kernel_cache",
-    "toml_text", "expressions",
+    "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
+    "kernel_cache", "toml_text", "expressions",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
-    "matrices": {"errors"},
+    "definite": {"errors"},
+    "matrices": {"errors", "definite"},
     "transversal": {"matrices"},
     "factorization": {"errors", "matrices", "transversal"},
     "cones": {"matrices"},
