@@ -19,6 +19,7 @@ from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Address, Counts, force_option, format_option, limit_options, number, tolerance_option
 from cpbench.errors import CpbenchError, NoRoute
+from cpbench.verification import VERIFIED, Status
 
 
 @click.command()
@@ -38,6 +39,7 @@ from cpbench.errors import CpbenchError, NoRoute
 @limit_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the answer (.h5, .npy, .csv).")
 @click.option("--json", "as_json", is_flag=True, help="Print the row as JSON.")
+@click.option("--strict", is_flag=True, help="Exit with 1 unless the answer is verified, or the lack of one proved.")
 @format_option
 @force_option
 def command(
@@ -53,6 +55,7 @@ def command(
     threads: int,
     output: Path | None,
     as_json: bool,
+    strict: bool,
     file_format: str | None,
     force: bool,
 ) -> None:
@@ -94,6 +97,8 @@ def command(
         click.echo(f"answer: {output}", err=as_json)
     elif output is not None:
         click.echo("no answer to write", err=True)
+        sys.exit(1)
+    if strict and row["status"] not in (*VERIFIED, str(Status.INFEASIBLE)):
         sys.exit(1)
 
 

@@ -183,6 +183,12 @@ def test_verify_takes_plain_vectors(monkeypatch, capsys, lcp, tmp_path) -> None:
     assert "3 numbers, expected 2" in capsys.readouterr().err
 
 
+def test_strict_solve_ends_with_what_was_measured(monkeypatch, lcp) -> None:
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke", "--strict") == 0
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]", "--strict") == 1
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]") == 0
+
+
 def test_existing_output_needs_force(monkeypatch, capsys, lcp, tmp_path) -> None:
     out = tmp_path / "out.h5"
     assert cpbench(monkeypatch, "convert", lcp, out, "--to", "mlcp") == 0
