@@ -165,8 +165,24 @@ def test_the_natural_step_projects_like_the_reference(rng: np.random.Generator, 
         solver = solvers.get(SOLVER)
         prepared = solver.setup(problem, Budget(), solver.spec.options())
         own = r / L
-        assert kernel.sweeps(*prepared.kernel, own, np.zeros((1, 2)), np.arange(1), 1.0, 1) == 1
+        state, iterate = np.zeros(4, np.int64), (own, own.copy(), np.zeros((1, 2)), np.arange(1), 1.0, False)
+        kernel.sweeps(*prepared.kernel, *iterate, 0.0, 1, state, np.zeros(2), False)
+        assert (state[kernel.ITERATION], state[kernel.HARD]) == (1, 1)
         np.testing.assert_allclose(L * own, expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("d", [3, 5])
+def test_the_compiled_error_is_that_of_the_residuals(rng: np.random.Generator, d: int, sparse: bool) -> None:
+    kernel = kernel_cache.load("cpbench.solvers.kernels.rolling_gauss_seidel")
+    solver = solvers.get(SOLVER)
+    for nc in (1, 2, 7):
+        problem, point = planted_contact.rfc(rng, nc, d, sparse=sparse)
+        prepared = solver.setup(problem, Budget(), solver.spec.options())
+        for size in (0.0, 1e-6, 1.0, 1e3):
+            r = point.r + size * rng.standard_normal(nc * d)
+            measured = kernel.judged(*prepared.kernel[:9], r / prepared.lengths)
+            assert measured == pytest.approx(problem.residuals(FCPoint(r)).error, rel=1e-9, abs=1e-14)
 
 
 def test_it_never_claims_what_it_has_not_reached() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Matrix, Vector, scaled_both
@@ -182,7 +182,7 @@ def scaled_contacts(problem: FrictionContact) -> ScaledContacts:
 
 
 def conclude(
-    problem: FrictionContact,
+    problem: LocalContact,
     r: Vector,
     error: float,
     budget: Budget,

@@ -13,20 +13,21 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Dense, Vector, freeze
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import SHARE, Progress
+from cpbench.solvers.native.contact.contact_sweeps import conclude, kernel
+from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
 
 SINGULAR = 1e-12
 """Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
 SHIFT = 1e-7
 """Added to a singular S, over the same."""
-HARD_A_CALL = 500
-"""Contacts that Newton does not solve cost about 1 ms each: as many are risked between two looks at the clock."""
+BLOCKS_A_CALL = 400_000
+"""Blocks, and contacts, between two looks at the clock."""
 
 
 @dataclass(frozen=True)
 class NSGSRollingOptions:
-    """`omega` : relaxation of every contact's change. `shuffle` : a new random order after each measurement.
+    """`omega` : relaxation of every contact's change. `shuffle` : a new random order in every sweep.
     `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
     omega: float = searched(1.0, low=0.5, high=1.9)
@@ -79,8 +80,9 @@ class NSGSRolling(Solver):
             np.ascontiguousarray(W.data[off]).ravel(),
             np.ascontiguousarray(D.reshape(nc, d * d)),
         )
-        law = (lengths * problem.q, problem.mu, problem.mu_r / problem.lengths[:, -1], problem.rho)
-        return RollingBlocks(problem, lengths, (*matrix, *_local(D), *law))
+        unit = np.ascontiguousarray(problem.lengths[:, -1])
+        law = (lengths * problem.q, problem.mu, problem.mu_r / unit, problem.rho, unit)
+        return RollingBlocks(problem, lengths, (*matrix, *law, *_local(D)))
 
     def warmup(self) -> None:
         for d in (3, 5):
@@ -99,45 +101,29 @@ class NSGSRolling(Solver):
         r = np.zeros(problem.q.size) if start is None else start.r / lengths
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
-        from cpbench.kernel_cache import load
-
-        kernel = load("cpbench.solvers.kernels.rolling_gauss_seidel")
+        sweeps = kernel("rolling_gauss_seidel").sweeps
         limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
-        warm, order = np.zeros((problem.nc, 2)), np.arange(problem.nc)
-        rng = np.random.default_rng(budget.seed)
-        progress, done, hard = Progress(options.stall_window), 0, 0
-        error = _error(problem, lengths * r, budget.tolerance)
-        if record is not None:
-            record(0, error, lambda: FCPoint(lengths * r))
-        best, best_error = r.copy(), error
+        best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed]), np.full(2, np.inf)
+        iterate = (r, best, np.zeros((problem.nc, 2)), np.arange(problem.nc), options.omega, options.shuffle)
+        progress, done = Progress(options.stall_window), 0
+        piece = max(50, BLOCKS_A_CALL // (prepared.kernel[1].size + 10 * problem.nc))
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
-        while best_error > budget.tolerance and done < limit:
-            many = min(1 + done // SHARE, limit - done, max(1, HARD_A_CALL // hard) if hard else limit)
-            if options.shuffle:
-                rng.shuffle(order)
-            hard = kernel.sweeps(*prepared.kernel, r, warm, order, options.omega, many)
-            done += many
-            error = _error(problem, lengths * r, budget.tolerance)
+        while True:
+            until = min(limit, done + piece)
+            sweeps(*prepared.kernel, *iterate, budget.tolerance, until, state, measured, record is not None)
+            done, error = int(state[0]), float(measured[0])
             if record is not None:
                 record(done, error, lambda: FCPoint(lengths * r))
-            if error < best_error:
-                best, best_error = r.copy(), error
+            if measured[1] <= budget.tolerance or done >= limit:
+                break
             why = progress.trouble(done, error)
             if why is None and time.monotonic() > deadline:
                 why = f"out of time after {done} sweeps"
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
-        counters = {"iterations": done, "projections": done * problem.nc, "hard_contacts": hard}
-        point = FCPoint(lengths * best)
-        if best_error <= budget.tolerance:
-            return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
-        return SolverOutput(claim=claim, point=point, counters=counters, message=f"{message}, error {best_error:.1e}")
-
-
-def _error(problem: RollingFrictionContact, r: Vector, tolerance: float) -> float:
-    """The judged error, NaN for reactions that are not finite."""
-    return problem.residuals(FCPoint(r), tolerance).error if np.isfinite(r).all() else float("nan")
+        counters = {"iterations": done, "projections": done * problem.nc, "hard_contacts": int(state[2])}
+        return conclude(problem, lengths * best, float(measured[1]), budget, claim, message, counters)
 
 
 def _local(D: Dense) -> tuple[Dense, Dense, Dense, Dense]:
