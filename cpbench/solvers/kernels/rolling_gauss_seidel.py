@@ -14,8 +14,8 @@ DATA_2D = types.Array(float64, 2, "C", readonly=True)
 INDEX = types.Array(int64, 1, "C", readonly=True)
 VECTOR = float64[::1]
 
-HARD = 2
-"""Place in `state`: contacts that the last sweep solved without Newton."""
+HARD, RISKED = 2, 4
+"""Places in `state`: contacts that the last sweep solved without Newton, and as many since the caller put it to 0."""
 HARD_A_CALL = 500
 """These cost about 1 ms each: when there were as many, the caller looks at the clock."""
 ERROR, LEAST = 0, 1
@@ -127,7 +127,6 @@ def sweeps(
     n = d - 1
     u, v, x, dx, b = np.empty(d), np.empty(d), np.empty(n), np.empty(n), np.empty(n)
     A, pivots = np.empty((n, n)), np.empty(n, np.int64)
-    met = 0
     if state[NEXT_CHECK] == 0:
         measured[ERROR] = measured[LEAST] = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r)
         best[:] = r
@@ -163,7 +162,7 @@ def sweeps(
                 own[1 + i] += omega * (x[i] - own[1 + i])
         state[ITERATION] += 1
         state[HARD] = hard
-        met += hard
+        state[RISKED] += hard
         it = state[ITERATION]
         if it >= state[NEXT_CHECK] or it == until:
             state[NEXT_CHECK] = it + 1 + it // SHARE
@@ -174,7 +173,7 @@ def sweeps(
                 best[:] = r
             if watched or error <= tolerance or not np.isfinite(error):
                 return
-        if met >= HARD_A_CALL:
+        if state[RISKED] >= HARD_A_CALL:
             return
 
 

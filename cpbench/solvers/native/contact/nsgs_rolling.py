@@ -101,19 +101,23 @@ class NSGSRolling(Solver):
         r = np.zeros(problem.q.size) if start is None else start.r / lengths
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
-        sweeps = kernel("rolling_gauss_seidel").sweeps
+        rolling = kernel("rolling_gauss_seidel")
         limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
-        best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed]), np.full(2, np.inf)
+        best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed, 0]), np.full(2, np.inf)
         iterate = (r, best, np.zeros((problem.nc, 2)), np.arange(problem.nc), options.omega, options.shuffle)
         progress, done = Progress(options.stall_window), 0
         piece = max(50, BLOCKS_A_CALL // (prepared.kernel[1].size + 10 * problem.nc))
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         while True:
-            until = min(limit, done + piece)
-            sweeps(*prepared.kernel, *iterate, budget.tolerance, until, state, measured, record is not None)
-            done, error = int(state[0]), float(measured[0])
-            if record is not None:
-                record(done, error, lambda: FCPoint(lengths * r))
+            until, state[rolling.RISKED] = min(limit, done + piece), 0
+            going = True
+            while going:  # who watches sees every evaluation, and changes nothing
+                rolling.sweeps(*prepared.kernel, *iterate, budget.tolerance, until, state, measured, record is not None)
+                done, error = int(state[0]), float(measured[0])
+                ended = error <= budget.tolerance or not np.isfinite(error)
+                going = not ended and done < until and state[rolling.RISKED] < rolling.HARD_A_CALL
+                if record is not None:
+                    record(done, error, lambda: FCPoint(lengths * r))
             if measured[1] <= budget.tolerance or done >= limit:
                 break
             why = progress.trouble(done, error)
