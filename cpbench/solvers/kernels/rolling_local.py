@@ -109,6 +109,17 @@ def _misfit(length, bound):
 
 
 @njit(error_model="numpy")
+def _far(S, b, bound_t, bound_m, n):
+    """λ and κ from ‖b_T‖ = (s + λ)·bound with s the mean of the diagonal of S, 0 where that is negative."""
+    t, m = norms(b, n // 2)
+    s_t = s_m = 0.0
+    for i in range(n // 2):
+        s_t += S[(n + 1) * i]
+        s_m += S[(n + 1) * (n // 2 + i)]
+    return max(t / bound_t - 2.0 * s_t / n, 0.0), max(m / bound_m - 2.0 * s_m / n, 0.0)
+
+
+@njit(error_model="numpy")
 def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
     """(found, r_N, λ, κ) from λ, κ = `warm` unless both groups stick."""
     n = x.size
@@ -127,6 +138,11 @@ def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
         if attempt == 0 and (warm[0] > 0.0 or warm[1] > 0.0):
             lam, kap = warm[0], warm[1]
             continue
+        if attempt == 0 and slides and rolls and free > 0.0:
+            # exact for Λ ≫ S: without it a step from 0 takes one of both far and the other back, for ever
+            lam, kap = _far(S, b, mu * free, mu_r * free, n)
+            if lam > 0.0 or kap > 0.0:
+                continue
         # the equations g = 0 of what slides and rolls, their derivatives by λ (first column) and κ
         J11, J12, J21, J22 = 1.0, 0.0, 0.0, 1.0
         for column in range(2):
