@@ -7,7 +7,7 @@ that lets ‖f‖ grow is not followed and its columns are forgotten. Answers ar
 """
 
 import numpy as np
-from numba import float64, int64, njit
+from numba import boolean, float64, int64, njit
 
 from cpbench.solvers.kernels.gauss_seidel import (
     COLUMN,
@@ -17,7 +17,7 @@ from cpbench.solvers.kernels.gauss_seidel import (
     DATA_2D,
     FAST,
     ITERATION,
-    LOGGED,
+    LEAST,
     NEXT_CHECK,
     NOT_FINITE,
     START,
@@ -29,11 +29,12 @@ from cpbench.solvers.kernels.gauss_seidel import (
     sweep_3d,
 )
 
-COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = 4, 5, 6, 7
+COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED, WARM, PLACES = range(5, 11)
 """Places in `state` behind those of the sweeps: columns ever made since the last were forgotten; 1 where g and f are
-those of the iterate before; 1 where r was extrapolated; how many extrapolations were not followed."""
-PACE, RESIDUAL = 0, 1
-"""Places in `measured`: as `pace` of the sweeps; ‖f‖² of the iterate before."""
+those of the iterate before; 1 where r was extrapolated; how many extrapolations were not followed; 1 where `best` is
+a start. How many places there are."""
+RESIDUAL, NUMBERS = 3, 4
+"""Place in `measured` behind those of the sweeps: ‖f‖² of the iterate before. How many places there are."""
 PERIOD = 2
 WORSE = 4.0
 """‖f‖² may grow by this in an extrapolation."""
@@ -83,11 +84,24 @@ def _least_squares(gram, count, last, L, diagonal, gamma):
                 gamma[j] -= L[k, j] * gamma[k]
 
 
+@njit(error_model="numpy")
+def _no_contact_closes(q, dimension):
+    """Whether the error of r = 0 is exactly 0: no free velocity is towards the obstacle, so that every û is in K*."""
+    for k in range(0, q.size, dimension):
+        if q[k] < 0.0:
+            return False
+    return True
+
+
+def work_size(n, contacts, memory):
+    """Numbers in `work` of `accelerated`."""
+    return NUMBERS + 7 * n + contacts + 2 * memory * (n + memory + 1)
+
+
 @njit(
     int64(
-        *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA),
-        *(VECTOR, VECTOR, int64[::1]),
-        *(MATRIX, MATRIX, MATRIX, int64, float64, int64, int64[::1], VECTOR, int64[::1], VECTOR, VECTOR, VECTOR),
+        *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, int64[::1]),
+        *(VECTOR, int64[::1], int64, int64, float64, int64, boolean),
     ),
     cache=True,
     fastmath=FAST,
@@ -102,87 +116,102 @@ def accelerated(
     q,
     mu,
     rho,
-    r,
-    lam,
     order,
     work,
-    moves,
-    changes,
+    state,
+    memory,
     dimension,
     tolerance,
     until,
-    state,
-    measured,
-    log_iteration,
-    log_error,
-    least,
-    best,
+    watched,
 ):
     """Sweep until the judged error of an answer is at most `tolerance` or `until` sweeps are done, from where it was.
 
     Parameters
     ----------
-    As those of `sweeps_3d`, and: r : the next iterate, not an answer; `best` is one.
-    work : (2, n) g and f of the iterate before. moves, changes : (m, n) the columns Δg and Δf;
-    with m = 0 the sweeps are plain ones.
+    As those of `sweeps_3d`, and: work : all numbers, the first of them `measured` and `best`, which is the start when
+    `state` says so; `state` is 0 before the first call. memory : columns; with 0 the sweeps are plain ones.
+    watched : come back after every evaluation of the error.
     """
-    n, memory = r.size, moves.shape[0]
-    g, f = np.empty(n), np.empty(n)
-    gram, L = np.empty((memory, memory)), np.empty((memory, memory))
-    pivots, gamma = np.empty(memory), np.empty(memory)
-    for a in range(min(state[COLUMNS], memory)):
-        for b in range(a + 1):
-            gram[a, b] = gram[b, a] = _dot(changes[a], changes[b])
-    root = 1.0 / np.sqrt(rho)
-    while state[ITERATION] < until and state[LOGGED] < log_error.size:
+    n, end = q.size, NUMBERS + 7 * q.size + mu.size
+    measured, vectors = work[:NUMBERS], work[NUMBERS : NUMBERS + 7 * n].reshape((7, n))
+    best, r, g, f, g_old, f_old, root = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], vectors[5], vectors[6]
+    lam = work[NUMBERS + 7 * n : end]
+    columns = work[end : end + 2 * memory * n].reshape((2, memory, n))
+    moves, changes = columns[0], columns[1]
+    end += 2 * memory * n
+    squares = work[end : end + 2 * memory * memory].reshape((2, memory, memory))
+    gram, L = squares[0], squares[1]
+    end += 2 * memory * memory
+    pivots, gamma = work[end : end + memory], work[end + memory : end + 2 * memory]
+    if state[NEXT_CHECK] == 0:
+        state[NEXT_CHECK] = 1
+        measured[:] = np.inf
+        error = np.inf
+        if state[WARM] == 1:
+            error = judged(start, column, blocks, diagonal, q, mu, rho, best, dimension)
+        else:
+            best[:] = 0.0
+            if _no_contact_closes(q, dimension):
+                error = 0.0
+        if error < np.inf:
+            measured[LEAST] = error
+        if error <= tolerance:
+            return CONVERGED
+        r[:] = best
+        lam[:] = 0.0
+        for i in range(mu.size):
+            for k in range(dimension * i, dimension * (i + 1)):
+                root[k] = 1.0 / np.sqrt(rho[i])
+    while state[ITERATION] < until:
         g[:] = r
         if dimension == 3:
             residual = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, g, lam, order, 1.0)
         else:
             residual = sweep_2d(start, column, blocks, diagonal, q, mu, rho, g, order, 1.0)
         state[ITERATION] += 1
-        if due(state, until, residual, tolerance, measured):
+        evaluate = due(state, until, residual, tolerance, measured)
+        if evaluate:
             error = judged(start, column, blocks, diagonal, q, mu, rho, g, dimension)
-            if not np.isfinite(error):
-                return NOT_FINITE
-            checked(state, error, residual, tolerance, measured, log_iteration, log_error, g, least, best)
+            outcome = checked(state, error, residual, tolerance, measured, g, best)
+            if outcome != CONTINUE:
+                return outcome
             state[NEXT_CHECK] = min(state[NEXT_CHECK], state[ITERATION] + RARELY)
-            if error <= tolerance:
-                return CONVERGED
         if state[EXTRAPOLATED] == 1 and residual > WORSE * measured[RESIDUAL]:
             state[REJECTED] += 1
             state[COLUMNS] = state[FOLLOWS] = state[EXTRAPOLATED] = 0
-            measured[RESIDUAL] = residual
             r[:] = g
-            continue
-        for k in range(n):
-            f[k] = (g[k] - r[k]) * root[k // dimension]
-        if state[FOLLOWS] == 1:
-            last = state[COLUMNS] % memory
+        else:
             for k in range(n):
-                moves[last, k] = g[k] - work[0, k]
-                changes[last, k] = f[k] - work[1, k]
-            state[COLUMNS] += 1
-            for a in range(min(state[COLUMNS], memory)):
-                gram[a, last] = gram[last, a] = _dot(changes[a], changes[last])
-        r[:] = g
-        count = min(state[COLUMNS], memory)
-        state[EXTRAPOLATED] = 0
-        if count > 0 and state[ITERATION] % PERIOD == 0:
-            last = (state[COLUMNS] - 1) % memory
-            for j in range(count):
-                gamma[j] = _dot(changes[(last - j) % memory], f)
-            _least_squares(gram, count, last, L, pivots, gamma)
-            for j in range(count):
-                if gamma[j] != 0.0:
-                    at = (last - j) % memory
-                    for k in range(n):
-                        r[k] -= gamma[j] * moves[at, k]
-            state[EXTRAPOLATED] = 1
-        work[0] = g
-        work[1] = f
-        state[FOLLOWS] = 1 if memory > 0 else 0
+                f[k] = (g[k] - r[k]) * root[k]
+            if state[FOLLOWS] == 1:
+                last = state[COLUMNS] % memory
+                for k in range(n):
+                    moves[last, k] = g[k] - g_old[k]
+                    changes[last, k] = f[k] - f_old[k]
+                state[COLUMNS] += 1
+                for a in range(min(state[COLUMNS], memory)):
+                    gram[a, last] = gram[last, a] = _dot(changes[a], changes[last])
+            r[:] = g
+            count = min(state[COLUMNS], memory)
+            state[EXTRAPOLATED] = 0
+            if count > 0 and state[ITERATION] % PERIOD == 0:
+                last = (state[COLUMNS] - 1) % memory
+                for j in range(count):
+                    gamma[j] = _dot(changes[(last - j) % memory], f)
+                _least_squares(gram, count, last, L, pivots, gamma)
+                for j in range(count):
+                    if gamma[j] != 0.0:
+                        at = (last - j) % memory
+                        for k in range(n):
+                            r[k] -= gamma[j] * moves[at, k]
+                state[EXTRAPOLATED] = 1
+            g_old[:] = g
+            f_old[:] = f
+            state[FOLLOWS] = 1 if memory > 0 else 0
         measured[RESIDUAL] = residual
+        if evaluate and watched:
+            break
     return CONTINUE
 
 

@@ -23,8 +23,11 @@ VECTOR = float64[::1]
 CONTINUE, CONVERGED, NOT_FINITE = 0, 1, 2
 """What the sweeps return: they have come to `until` or the log is full; the error is small enough; NaN."""
 
-ITERATION, NEXT_CHECK, LOGGED, RANDOM = 0, 1, 2, 3
-"""Places in `state`."""
+ITERATION, NEXT_CHECK, LOGGED, RANDOM, LAST_CHECK = range(5)
+"""Places in `state`; LOGGED counts the evaluations of the error."""
+PACE, LAST_ERROR, LEAST = range(3)
+"""Places in `measured`: the square of the error over that of the change, and the error, from the last evaluation; the
+least error so far."""
 
 PROJECT, INVERSE_NN, S11, S12, S21, S22, TN1, TN2, NT1, NT2, FLOOR, INDEFINITE = range(12)
 """Columns of `local`: 1 where the normal equation cannot be solved for r_N; 1/W_NN; S; W_TN/W_NN; W_NT/W_NN; the
@@ -279,33 +282,35 @@ def shuffled(order, state):
 
 
 @njit(error_model="numpy")
-def due(state, until, change, tolerance, pace):
+def due(state, until, change, tolerance, measured):
     """Whether the error is to be evaluated: it is time, or the change in this sweep says that it is small enough."""
     it = state[ITERATION]
-    return it >= state[NEXT_CHECK] or it == until or pace[0] * change <= tolerance * tolerance
+    return it >= state[NEXT_CHECK] or it == until or measured[PACE] * change <= tolerance * tolerance
 
 
 @njit(error_model="numpy")
-def checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best):
-    """Log the error, keep the best r, and set the next check: where the last two foretell the tolerance, a quarter
-    ahead at most. Whether that was the end: CONVERGED, NOT_FINITE, else CONTINUE."""
-    if error < least[0]:
-        least[0] = error
+def checked(state, error, change, tolerance, measured, r, best):
+    """Keep the error, the best r, and set the next check: where the last two foretell the tolerance, a quarter ahead
+    at most. Whether that was the end: CONVERGED, NOT_FINITE, else CONTINUE."""
+    if error < measured[LEAST]:
+        measured[LEAST] = error
         best[:] = r
-    it = state[ITERATION]
-    logged = state[LOGGED]
-    step = max(it // 4, min(it, 4), 1)
-    if logged > 0 and error < log_error[logged - 1] and it > log_iteration[logged - 1]:
-        rate = np.log(error / log_error[logged - 1]) / (it - log_iteration[logged - 1])
-        step = min(step, max(1.0, 0.9 * np.log(tolerance / error) / rate))
-    log_iteration[logged] = it
-    log_error[logged] = error
-    state[LOGGED] = logged + 1
-    state[NEXT_CHECK] = it + int(step)
-    pace[0] = error * error / change if change > 0.0 else 0.0
+    state[LOGGED] += 1
     if error <= tolerance:
         return CONVERGED
-    return CONTINUE if np.isfinite(error) else NOT_FINITE
+    if not np.isfinite(error):
+        return NOT_FINITE
+    it, last = state[ITERATION], measured[LAST_ERROR]
+    step = max(it // 4, min(it, 4), 1)
+    if error < last < np.inf and it > state[LAST_CHECK]:
+        rate = np.log(error / last) / (it - state[LAST_CHECK])
+        step = min(step, max(1.0, 0.9 * np.log(tolerance / error) / rate))
+    state[LAST_CHECK] = it
+    state[NEXT_CHECK] = it + int(step)
+    measured[LAST_ERROR] = error
+    # where a sweep changes nothing there is no pace, and nothing to be seen before it is time: 0·∞ and ∞ are not small
+    measured[PACE] = error * error / change if change > 0.0 else np.inf
+    return CONTINUE
 
 
 _ARGUMENTS = (
@@ -329,7 +334,6 @@ _ARGUMENTS = (
     int64[::1],
     VECTOR,
     VECTOR,
-    VECTOR,
 )
 
 
@@ -351,10 +355,9 @@ def sweeps_3d(
     tolerance,
     until,
     state,
-    pace,
+    measured,
     log_iteration,
     log_error,
-    least,
     best,
 ):
     """Sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
@@ -363,17 +366,18 @@ def sweeps_3d(
     ----------
     start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, 9).
     local : (nc, 12), see the names of its columns. lam : (nc,) last λ. order : (nc,) contacts in sweep order.
-    pace : (1,) the square of the error over that of the change, from the last evaluation. log_iteration, log_error :
-    the errors that were evaluated; `state` tells how many. least, best : (1,) the least of them so far, and its r.
+    state : (5,), measured : (3,), see the names of their places. log_iteration, log_error : the errors that were
+    evaluated; `state` tells how many. best : the r with the least of them.
     """
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             shuffled(order, state)
         change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
         state[ITERATION] += 1
-        if due(state, until, change, tolerance, pace):
+        if due(state, until, change, tolerance, measured):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 3)
-            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
+            outcome = checked(state, error, change, tolerance, measured, r, best)
             if outcome != CONTINUE:
                 return outcome
     return CONTINUE
@@ -397,10 +401,9 @@ def sweeps_2d(
     tolerance,
     until,
     state,
-    pace,
+    measured,
     log_iteration,
     log_error,
-    least,
     best,
 ):
     """As `sweeps_3d`, 4 numbers a block."""
@@ -409,9 +412,10 @@ def sweeps_2d(
             shuffled(order, state)
         change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
         state[ITERATION] += 1
-        if due(state, until, change, tolerance, pace):
+        if due(state, until, change, tolerance, measured):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 2)
-            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
+            outcome = checked(state, error, change, tolerance, measured, r, best)
             if outcome != CONTINUE:
                 return outcome
     return CONTINUE

@@ -68,8 +68,6 @@ def _exact(prepared: BlockRows, options: NSGSOptions, r: Vector) -> Advance:
     """The fast sweeps."""
     problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
     sweeps = gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d
-    matrix = (prepared.start, prepared.column, prepared.blocks, prepared.diagonal, prepared.local)
-    law = (problem.q, problem.mu, problem.rho)
     iterate = (r, np.zeros(problem.nc), np.arange(problem.nc))
     relaxed = (options.omega, options.shuffle)
-    return lambda tolerance, until, *progress: sweeps(*matrix, *law, *iterate, *relaxed, tolerance, until, *progress)
+    return lambda tolerance, until, *progress: sweeps(*prepared.law, *iterate, *relaxed, tolerance, until, *progress)
