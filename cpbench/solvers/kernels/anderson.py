@@ -7,7 +7,7 @@ that lets ‖f‖ grow is not followed and its columns are forgotten. Answers ar
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit
+from numba import boolean, float64, int64, njit, types
 
 from cpbench.solvers.kernels.gauss_seidel import (
     COLUMN,
@@ -17,9 +17,10 @@ from cpbench.solvers.kernels.gauss_seidel import (
     DATA_2D,
     FAST,
     ITERATION,
+    LAST_ERROR,
     LEAST,
     NEXT_CHECK,
-    NOT_FINITE,
+    PACE,
     START,
     VECTOR,
     checked,
@@ -29,12 +30,13 @@ from cpbench.solvers.kernels.gauss_seidel import (
     sweep_3d,
 )
 
-COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED, WARM, PLACES = range(5, 11)
+COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = range(5, 9)
 """Places in `state` behind those of the sweeps: columns ever made since the last were forgotten; 1 where g and f are
-those of the iterate before; 1 where r was extrapolated; how many extrapolations were not followed; 1 where `best` is
-a start. How many places there are."""
-RESIDUAL, NUMBERS = 3, 4
-"""Place in `measured` behind those of the sweeps: ‖f‖² of the iterate before. How many places there are."""
+those of the iterate before; 1 where r was extrapolated; how many extrapolations were not followed."""
+RESIDUAL = 3
+"""Place in `measured` behind those of the sweeps: ‖f‖² of the iterate before."""
+MEASURED, ANSWER = 10, 14
+"""Where `measured` and the best answer begin in `work`, behind `state`."""
 PERIOD = 2
 WORSE = 4.0
 """‖f‖² may grow by this in an extrapolation."""
@@ -84,6 +86,53 @@ def _least_squares(gram, count, last, L, diagonal, gamma):
                 gamma[j] -= L[k, j] * gamma[k]
 
 
+@njit(fastmath=FAST, error_model="numpy")
+def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table):
+    """Put the next iterate into r: what the sweep made of it, g, or an extrapolation. Then g and f are the old ones.
+
+    before : ‖f‖² of the iterate before. table : Δg and Δf, their Gram matrix, and what its factors take.
+    """
+    n = r.size
+    extrapolated = state[EXTRAPOLATED] == 1
+    state[EXTRAPOLATED] = 0
+    if memory == 0 or (extrapolated and residual > WORSE * before):
+        state[REJECTED] += extrapolated
+        state[COLUMNS] = state[FOLLOWS] = 0
+        for k in range(n):
+            r[k] = g[k]
+        return
+    columns = table[: 2 * memory * n].reshape((2, memory, n))
+    squares = table[2 * memory * n :][: 2 * memory * memory].reshape((2, memory, memory))
+    pivots, gamma = table[2 * memory * (n + memory) :][:memory], table[2 * memory * (n + memory) + memory :]
+    (moves, changes), (gram, L) = (columns[0], columns[1]), (squares[0], squares[1])
+    for k in range(n):
+        f[k] = (g[k] - r[k]) * root[k]
+    if state[FOLLOWS] == 1:
+        last = state[COLUMNS] % memory
+        for k in range(n):
+            moves[last, k] = g[k] - g_old[k]
+            changes[last, k] = f[k] - f_old[k]
+        state[COLUMNS] += 1
+        for a in range(min(state[COLUMNS], memory)):
+            gram[a, last] = gram[last, a] = _dot(changes[a], changes[last])
+    for k in range(n):
+        r[k] = g_old[k] = g[k]
+        f_old[k] = f[k]
+    state[FOLLOWS] = 1
+    count = min(state[COLUMNS], memory)
+    if count > 0 and state[ITERATION] % PERIOD == 0:
+        last = (state[COLUMNS] - 1) % memory
+        for j in range(count):
+            gamma[j] = _dot(changes[(last - j) % memory], f)
+        _least_squares(gram, count, last, L, pivots, gamma)
+        for j in range(count):
+            if gamma[j] != 0.0:
+                at = (last - j) % memory
+                for k in range(n):
+                    r[k] -= gamma[j] * moves[at, k]
+        state[EXTRAPOLATED] = 1
+
+
 @njit(error_model="numpy")
 def _no_contact_closes(q, dimension):
     """Whether the error of r = 0 is exactly 0: no free velocity is towards the obstacle, so that every û is in K*."""
@@ -95,13 +144,13 @@ def _no_contact_closes(q, dimension):
 
 def work_size(n, contacts, memory):
     """Numbers in `work` of `accelerated`."""
-    return NUMBERS + 7 * n + contacts + 2 * memory * (n + memory + 1)
+    return ANSWER + 7 * n + contacts + 2 * memory * (n + memory + 1)
 
 
 @njit(
-    int64(
+    types.Tuple((int64, int64, float64))(
         *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, int64[::1]),
-        *(VECTOR, int64[::1], int64, int64, float64, int64, boolean),
+        *(VECTOR, int64, int64, float64, int64, boolean),
     ),
     cache=True,
     fastmath=FAST,
@@ -118,7 +167,6 @@ def accelerated(
     rho,
     order,
     work,
-    state,
     memory,
     dimension,
     tolerance,
@@ -129,90 +177,53 @@ def accelerated(
 
     Parameters
     ----------
-    As those of `sweeps_3d`, and: work : all numbers, the first of them `measured` and `best`, which is the start when
-    `state` says so; `state` is 0 before the first call. memory : columns; with 0 the sweeps are plain ones.
-    watched : come back after every evaluation of the error.
+    As those of `sweeps_3d`, and: work : all that is remembered, 0 before the first call but for a start, which lies at
+    ANSWER when the first number is 1. memory : columns; with 0 the sweeps are plain ones. watched : come back after
+    every evaluation of the error.
+
+    Returns
+    -------
+    outcome, sweeps done, error of the answer at ANSWER (∞ where there is none).
     """
-    n, end = q.size, NUMBERS + 7 * q.size + mu.size
-    measured, vectors = work[:NUMBERS], work[NUMBERS : NUMBERS + 7 * n].reshape((7, n))
-    best, r, g, f, g_old, f_old, root = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], vectors[5], vectors[6]
-    lam = work[NUMBERS + 7 * n : end]
-    columns = work[end : end + 2 * memory * n].reshape((2, memory, n))
-    moves, changes = columns[0], columns[1]
-    end += 2 * memory * n
-    squares = work[end : end + 2 * memory * memory].reshape((2, memory, memory))
-    gram, L = squares[0], squares[1]
-    end += 2 * memory * memory
-    pivots, gamma = work[end : end + memory], work[end + memory : end + 2 * memory]
+    n, contacts = q.size, mu.size
+    state, measured = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER]
+    best, r, g = work[ANSWER:][:n], work[ANSWER + n :][:n], work[ANSWER + 2 * n :][:n]
+    f, g_old, f_old = work[ANSWER + 3 * n :][:n], work[ANSWER + 4 * n :][:n], work[ANSWER + 5 * n :][:n]
+    root, lam, table = work[ANSWER + 6 * n :][:n], work[ANSWER + 7 * n :][:contacts], work[ANSWER + 7 * n + contacts :]
     if state[NEXT_CHECK] == 0:
         state[NEXT_CHECK] = 1
-        measured[:] = np.inf
         error = np.inf
-        if state[WARM] == 1:
+        if work[0] == 1.0:
             error = judged(start, column, blocks, diagonal, q, mu, rho, best, dimension)
-        else:
-            best[:] = 0.0
-            if _no_contact_closes(q, dimension):
-                error = 0.0
-        if error < np.inf:
-            measured[LEAST] = error
+        elif _no_contact_closes(q, dimension):
+            error = 0.0
+        measured[PACE] = measured[LAST_ERROR] = np.inf
+        measured[LEAST] = error if error < np.inf else np.inf
         if error <= tolerance:
-            return CONVERGED
-        r[:] = best
-        lam[:] = 0.0
-        for i in range(mu.size):
-            for k in range(dimension * i, dimension * (i + 1)):
-                root[k] = 1.0 / np.sqrt(rho[i])
+            return CONVERGED, 0, error
+        for k in range(n):
+            r[k] = best[k]
+            root[k] = 1.0 / np.sqrt(rho[k // dimension])
     while state[ITERATION] < until:
-        g[:] = r
+        for k in range(n):
+            g[k] = r[k]
         if dimension == 3:
             residual = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, g, lam, order, 1.0)
         else:
             residual = sweep_2d(start, column, blocks, diagonal, q, mu, rho, g, order, 1.0)
         state[ITERATION] += 1
-        evaluate = due(state, until, residual, tolerance, measured)
-        if evaluate:
+        evaluated = due(state, until, residual, tolerance, measured)
+        if evaluated:
             error = judged(start, column, blocks, diagonal, q, mu, rho, g, dimension)
             outcome = checked(state, error, residual, tolerance, measured, g, best)
             if outcome != CONTINUE:
-                return outcome
+                return outcome, state[ITERATION], measured[LEAST]
             state[NEXT_CHECK] = min(state[NEXT_CHECK], state[ITERATION] + RARELY)
-        if state[EXTRAPOLATED] == 1 and residual > WORSE * measured[RESIDUAL]:
-            state[REJECTED] += 1
-            state[COLUMNS] = state[FOLLOWS] = state[EXTRAPOLATED] = 0
-            r[:] = g
-        else:
-            for k in range(n):
-                f[k] = (g[k] - r[k]) * root[k]
-            if state[FOLLOWS] == 1:
-                last = state[COLUMNS] % memory
-                for k in range(n):
-                    moves[last, k] = g[k] - g_old[k]
-                    changes[last, k] = f[k] - f_old[k]
-                state[COLUMNS] += 1
-                for a in range(min(state[COLUMNS], memory)):
-                    gram[a, last] = gram[last, a] = _dot(changes[a], changes[last])
-            r[:] = g
-            count = min(state[COLUMNS], memory)
-            state[EXTRAPOLATED] = 0
-            if count > 0 and state[ITERATION] % PERIOD == 0:
-                last = (state[COLUMNS] - 1) % memory
-                for j in range(count):
-                    gamma[j] = _dot(changes[(last - j) % memory], f)
-                _least_squares(gram, count, last, L, pivots, gamma)
-                for j in range(count):
-                    if gamma[j] != 0.0:
-                        at = (last - j) % memory
-                        for k in range(n):
-                            r[k] -= gamma[j] * moves[at, k]
-                state[EXTRAPOLATED] = 1
-            g_old[:] = g
-            f_old[:] = f
-            state[FOLLOWS] = 1 if memory > 0 else 0
+        _follow(state, residual, measured[RESIDUAL], memory, r, g, f, g_old, f_old, root, table)
         measured[RESIDUAL] = residual
-        if evaluate and watched:
+        if evaluated and watched:
             break
-    return CONTINUE
+    return CONTINUE, state[ITERATION], measured[LEAST]
 
 
 READY = True

@@ -112,16 +112,13 @@ class AcceleratedSweeps:
         memory: int = MEMORY,
     ) -> None:
         anderson, problem = kernel("anderson"), rows.problem
-        n = problem.q.size
+        n, at = problem.q.size, anderson.ANSWER
         memory = min(memory, n)
-        state = np.zeros(anderson.PLACES, np.int64)
-        self._work = work = np.empty(anderson.work_size(n, problem.mu.size, memory))
-        self.best = work[anderson.NUMBERS : anderson.NUMBERS + n]
+        work = np.zeros(anderson.work_size(n, problem.mu.size, memory))
+        self._sweeps, self.best = compiled(anderson.accelerated), work[at : at + n]
         if start is not None:
-            self.best[:] = start
-            state[anderson.WARM] = 1
-        self._sweeps, self._state = compiled(anderson.accelerated), state
-        self._arguments = (*rows.law, rows.order if order is None else order, work, state, memory, problem.dimension)
+            work[0], self.best[:] = 1.0, start
+        self._arguments = (*rows.law, rows.order if order is None else order, work, memory, problem.dimension)
         self.done, self.error = 0, math.inf
         """Sweeps, and the judged error of `best`, ∞ before the first."""
 
@@ -130,15 +127,15 @@ class AcceleratedSweeps:
 
         `look` is called when a better answer was found, and changes nothing in the sweeps.
         """
-        until, seen = self.done + count, self.error
-        while True:
-            status = self._sweeps(*self._arguments, tolerance, until, look is not None)
-            self.done, self.error = int(self._state[ITERATION]), float(self._work[LEAST])
+        until, status = self.done + count, CONTINUE
+        while status == CONTINUE:
+            seen = self.error
+            status, self.done, self.error = self._sweeps(*self._arguments, tolerance, until, look is not None)
             if look is not None and self.error < seen and self.done > 0:
-                seen = self.error
                 look()
-            if status != CONTINUE or self.done == until:
-                return status != NOT_FINITE
+            if self.done >= until:
+                break
+        return status != NOT_FINITE
 
 
 def block_rows(problem: FrictionContact) -> BlockRows:
