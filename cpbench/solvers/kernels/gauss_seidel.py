@@ -74,14 +74,15 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     b2 = v2 - local[i, TN2] * v0
     h1, h2 = local[i, NT1], local[i, NT2]
     floor = local[i, FLOOR]
+    # with the adjugate, x = y/det: quotients take longer than all the rest
     stick = 0.0 if local[i, INDEFINITE] != 0.0 else floor
     al, dl = a + stick, d + stick
-    inverse = 1.0 / (al * dl - b * c)
-    x1 = (b * b2 - dl * b1) * inverse
-    x2 = (c * b1 - al * b2) * inverse
-    rn = free - h1 * x1 - h2 * x2
-    if rn >= 0.0 and x1 * x1 + x2 * x2 <= mu * mu * rn * rn:
-        return True, rn, x1, x2, lam
+    det = al * dl - b * c
+    y1, y2 = b * b2 - dl * b1, c * b1 - al * b2
+    normal = free * det - h1 * y1 - h2 * y2
+    if normal * det > 0.0 and y1 * y1 + y2 * y2 <= mu * mu * normal * normal:
+        inverse = 1.0 / det
+        return True, normal * inverse, y1 * inverse, y2 * inverse, lam
     if not lam > floor:  # exact for S = sI without coupling to the normal
         lam = np.sqrt(b1 * b1 + b2 * b2) / (mu * free) - 0.5 * (a + d)
         if not lam > floor:
@@ -89,42 +90,41 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     low, high = floor, np.inf
     for _ in range(NEWTON):
         al, dl = a + lam, d + lam
-        inverse = 1.0 / (al * dl - b * c)
-        x1 = (b * b2 - dl * b1) * inverse
-        x2 = (c * b1 - al * b2) * inverse
-        rn = free - h1 * x1 - h2 * x2
-        t = np.sqrt(x1 * x1 + x2 * x2)
-        m = mu * rn
+        det = al * dl - b * c
+        y1, y2 = b * b2 - dl * b1, c * b1 - al * b2
+        t = np.sqrt(y1 * y1 + y2 * y2)
+        m = mu * (free * det - h1 * y1 - h2 * y2)
         excess = t - m
         if abs(excess) <= SMALL * (t + abs(m)):
-            return True, rn, x1, x2, lam
+            inverse = 1.0 / det
+            return True, m / mu * inverse, y1 * inverse, y2 * inverse, lam
         if excess > 0.0:
             low = lam
         else:
             high = lam
-        dx1 = (b * x2 - dl * x1) * inverse
-        dx2 = (c * x1 - al * x2) * inverse
-        dt = (x1 * dx1 + x2 * dx2) / t
-        dm = -mu * (h1 * dx1 + h2 * dx2)
-        if rn > 0.0:
-            new = lam - excess * t * m / (dt * m * m - dm * t * t)
-            if new > low and (new - lam) ** 2 * (dx1 * dx1 + dx2 * dx2) <= LINEAR * t * t:
-                x1 += (new - lam) * dx1
-                x2 += (new - lam) * dx2
-                rn = free - h1 * x1 - h2 * x2
+        z1, z2 = dl * y1 - b * y2, al * y2 - c * y1  # dx/dλ = -z/det²
+        yz, hz = y1 * z1 + y2 * z2, mu * (h1 * z1 + h2 * z2)
+        if m > 0.0:
+            step = excess * t * t * m * det / (yz * m * m + hz * t * t * t)
+            new = lam + step
+            if new > low and step * step * (z1 * z1 + z2 * z2) <= LINEAR * det * det * t * t:
+                x1, x2 = y1 * det - step * z1, y2 * det - step * z2
+                inverse = 1.0 / (det * det)
+                rn = free - (h1 * x1 + h2 * x2) * inverse
                 m = mu * rn / np.sqrt(x1 * x1 + x2 * x2)
                 return True, rn, m * x1, m * x2, new
         else:
-            new = lam - excess / (dt - dm)
+            new = lam + excess * t * det / (yz + hz * t)
         if not (new > low and new < high):
             new = 0.5 * (low + high) if high < np.inf else 4.0 * lam + SMALL * (abs(a) + abs(d))
         if abs(new - lam) <= 1e-16 * lam:
             break
         lam = new
     # rounding leaves r_T off the cone by a little where t cancels; off by more there is no root in the bracket
-    if not (abs(excess) <= 1e-6 * (t + abs(m)) and rn > 0.0):
+    if not (abs(excess) <= 1e-6 * (t + abs(m)) and m > 0.0):
         return False, 0.0, 0.0, 0.0, 0.0
-    return True, rn, x1 * m / t, x2 * m / t, lam
+    inverse, m = 1.0 / det, m / t
+    return True, m * t / mu * inverse, y1 * m * inverse, y2 * m * inverse, lam
 
 
 @njit(fastmath=FAST, error_model="numpy")
@@ -207,8 +207,9 @@ def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
         natural += (r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2
         p0, p1, p2 = natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
         energy += ((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2) / rho[i]
-        p0, p1, p2 = natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
-        opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)
+        if not u0 >= 0.0:  # else û is in K*
+            p0, p1, p2 = natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
+            opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)
         square = r0 * r0 + r1 * r1 + r2 * r2
         rr += square
         rr_e += square / rho[i]
