@@ -13,9 +13,10 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
-from cpbench.solvers.native.contact.contact_sweeps import LEAST, BlockRows, block_rows, conclude, kernel
+from cpbench.solvers.native.contact.contact_sweeps import CONTINUE, LEAST, BlockRows, block_rows, conclude, kernel
 from cpbench.solvers.native.progress import Progress
 
 BLOCKS_A_CALL = 4_000_000
@@ -52,7 +53,7 @@ class Shape:
 
 def general(prepared: BlockRows, shape: Shape, r: Vector) -> Advance:
     """Sweeps of any shape, in place on r."""
-    problem, relax = prepared.problem, kernel("contact_relaxation").relax
+    problem, relax = prepared.problem, compiled(kernel("contact_relaxation").relax)
     nc = problem.nc
     iterate = (r, np.zeros(nc), _lengths(problem), np.arange(nc), np.array([shape.omega, 0.0]))
     method = list(Local).index(shape.local)
@@ -97,7 +98,6 @@ class Relaxation(Solver):
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
         sweeps = self.advance(prepared, budget, options, r)
-        going = kernel("gauss_seidel").CONTINUE
         limit = budget.iterations or options.max_iterations
         call = max(50, BLOCKS_A_CALL // (prepared.column.size + 10 * problem.nc))
         state = np.array([0, 1, 0, budget.seed, 0])
@@ -118,7 +118,7 @@ class Relaxation(Solver):
                 status = sweeps(budget.tolerance, until, state, measured, *log, best)
                 if record is not None:
                     record(int(state[0]), float(log_error[room - 1]), lambda: FCPoint(r))
-                if record is None or status != going or state[0] == until or room == LOG:
+                if record is None or status != CONTINUE or state[0] == until or room == LOG:
                     break
             why = None
             for k in range(int(state[2])):

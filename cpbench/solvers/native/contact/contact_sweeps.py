@@ -73,7 +73,14 @@ class BlockRows:
     def judged(self, r: Vector) -> float:
         """The error that `residuals` judges r by."""
         *matrix, _, q, mu, rho = self.law
-        return kernel("gauss_seidel").judged(*matrix, q, mu, rho, r, self.problem.dimension)
+        return compiled(kernel("gauss_seidel").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
+
+    @cached_property
+    def accelerated(self) -> tuple[Any, ...]:
+        """The kernel of accelerated sweeps, numbers it remembers, and where its answer begins and ends in these."""
+        anderson, n = kernel("anderson"), self.problem.q.size
+        size = anderson.work_size(n, self.problem.nc, min(MEMORY, n))
+        return compiled(anderson.accelerated), size, anderson.ANSWER, anderson.ANSWER + n
 
 
 class Sweeps:
@@ -82,7 +89,7 @@ class Sweeps:
     def __init__(self, rows: BlockRows) -> None:
         self._rows = rows
         problem, gauss_seidel = rows.problem, kernel("gauss_seidel")
-        self._sweeps = gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d
+        self._sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
         self._lam = np.zeros(problem.nc)
         self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
         # no error is below 0: nothing is kept
@@ -93,12 +100,11 @@ class Sweeps:
     def sweep(self, r: Vector, count: int, tolerance: float) -> float:
         """The judged error of r, changed in place, after `count` sweeps or as soon as it is at most `tolerance`."""
         rows, state = self._rows, np.zeros(5, np.int64)
-        self._sweeps(
-            *rows.law, r, self._lam, rows.order, 1.0, False, tolerance, count, state, self._measured, *self._log, self._best
-        )
-        self.done += int(state[0])
-        self.evaluations += int(state[2])
-        return float(self._log[1][state[2] - 1])
+        iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
+        self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)
+        self.done += int(state[ITERATION])
+        self.evaluations += int(state[LOGGED])
+        return float(self._log[1][state[LOGGED] - 1])
 
 
 class AcceleratedSweeps:
@@ -111,14 +117,13 @@ class AcceleratedSweeps:
         order: NDArray[np.int64] | None = None,
         memory: int = MEMORY,
     ) -> None:
-        anderson, problem = kernel("anderson"), rows.problem
-        n, at = problem.q.size, anderson.ANSWER
-        memory = min(memory, n)
-        work = np.zeros(anderson.work_size(n, problem.mu.size, memory))
-        self._sweeps, self.best = compiled(anderson.accelerated), work[at : at + n]
+        self._sweeps, size, begin, end = rows.accelerated
+        self._work = work = np.zeros(size)
+        self.best = work[begin:end]
         if start is not None:
             work[0], self.best[:] = 1.0, start
-        self._arguments = (*rows.law, rows.order if order is None else order, work, memory, problem.dimension)
+        order = rows.order if order is None else order
+        self._arguments = (*rows.law, order, work, min(memory, end - begin), rows.problem.dimension)
         self.done, self.error = 0, math.inf
         """Sweeps, and the judged error of `best`, ∞ before the first."""
 
