@@ -14,10 +14,11 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parent
@@ -61,6 +62,15 @@ def load(module: str) -> ModuleType:
     with _one_at_a_time(directory / "cpbench-kernels.lock"):
         _drop_stale(module, directory)
         return importlib.import_module(module)
+
+
+@cache
+def compiled(kernel: Any) -> Callable[..., Any]:
+    """The compiled code of a kernel that has one explicit signature, without numba's search for it by the arguments'
+    types, which takes longer than a small problem. Raises TypeError on arguments of other types; that an array is
+    read-only nobody looks at."""
+    (version,) = kernel.overloads.values()
+    return version.entry_point
 
 
 def _drop_stale(module: str, directory: Path) -> None:

@@ -7,7 +7,7 @@ that lets ‖f‖ grow is not followed and its columns are forgotten. Answers ar
 """
 
 import numpy as np
-from numba import float64, int64, njit
+from numba import boolean, float64, int64, njit, types
 
 from cpbench.solvers.kernels.gauss_seidel import (
     COLUMN,
@@ -17,9 +17,10 @@ from cpbench.solvers.kernels.gauss_seidel import (
     DATA_2D,
     FAST,
     ITERATION,
-    LOGGED,
+    LAST_ERROR,
+    LEAST,
     NEXT_CHECK,
-    NOT_FINITE,
+    PACE,
     START,
     VECTOR,
     checked,
@@ -29,11 +30,13 @@ from cpbench.solvers.kernels.gauss_seidel import (
     sweep_3d,
 )
 
-COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = 4, 5, 6, 7
+COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = range(5, 9)
 """Places in `state` behind those of the sweeps: columns ever made since the last were forgotten; 1 where g and f are
 those of the iterate before; 1 where r was extrapolated; how many extrapolations were not followed."""
-PACE, RESIDUAL = 0, 1
-"""Places in `measured`: as `pace` of the sweeps; ‖f‖² of the iterate before."""
+RESIDUAL = 3
+"""Place in `measured` behind those of the sweeps: ‖f‖² of the iterate before."""
+MEASURED, ANSWER = 10, 14
+"""Where `measured` and the best answer begin in `work`, behind `state`."""
 PERIOD = 2
 WORSE = 4.0
 """‖f‖² may grow by this in an extrapolation."""
@@ -83,11 +86,71 @@ def _least_squares(gram, count, last, L, diagonal, gamma):
                 gamma[j] -= L[k, j] * gamma[k]
 
 
+@njit(fastmath=FAST, error_model="numpy")
+def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table):
+    """Put the next iterate into r: what the sweep made of it, g, or an extrapolation. Then g and f are the old ones.
+
+    before : ‖f‖² of the iterate before. table : Δg and Δf, their Gram matrix, and what its factors take.
+    """
+    n = r.size
+    extrapolated = state[EXTRAPOLATED] == 1
+    state[EXTRAPOLATED] = 0
+    if memory == 0 or (extrapolated and residual > WORSE * before):
+        state[REJECTED] += extrapolated
+        state[COLUMNS] = state[FOLLOWS] = 0
+        for k in range(n):
+            r[k] = g[k]
+        return
+    columns = table[: 2 * memory * n].reshape((2, memory, n))
+    squares = table[2 * memory * n :][: 2 * memory * memory].reshape((2, memory, memory))
+    pivots, gamma = table[2 * memory * (n + memory) :][:memory], table[2 * memory * (n + memory) + memory :]
+    (moves, changes), (gram, L) = (columns[0], columns[1]), (squares[0], squares[1])
+    for k in range(n):
+        f[k] = (g[k] - r[k]) * root[k]
+    if state[FOLLOWS] == 1:
+        last = state[COLUMNS] % memory
+        for k in range(n):
+            moves[last, k] = g[k] - g_old[k]
+            changes[last, k] = f[k] - f_old[k]
+        state[COLUMNS] += 1
+        for a in range(min(state[COLUMNS], memory)):
+            gram[a, last] = gram[last, a] = _dot(changes[a], changes[last])
+    for k in range(n):
+        r[k] = g_old[k] = g[k]
+        f_old[k] = f[k]
+    state[FOLLOWS] = 1
+    count = min(state[COLUMNS], memory)
+    if count > 0 and state[ITERATION] % PERIOD == 0:
+        last = (state[COLUMNS] - 1) % memory
+        for j in range(count):
+            gamma[j] = _dot(changes[(last - j) % memory], f)
+        _least_squares(gram, count, last, L, pivots, gamma)
+        for j in range(count):
+            if gamma[j] != 0.0:
+                at = (last - j) % memory
+                for k in range(n):
+                    r[k] -= gamma[j] * moves[at, k]
+        state[EXTRAPOLATED] = 1
+
+
+@njit(error_model="numpy")
+def _no_contact_closes(q, dimension):
+    """Whether the error of r = 0 is exactly 0: no free velocity is towards the obstacle, so that every û is in K*."""
+    for k in range(0, q.size, dimension):
+        if q[k] < 0.0:
+            return False
+    return True
+
+
+def work_size(n, contacts, memory):
+    """Numbers in `work` of `accelerated`."""
+    return ANSWER + 7 * n + contacts + 2 * memory * (n + memory + 1)
+
+
 @njit(
-    int64(
-        *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA),
-        *(VECTOR, VECTOR, int64[::1]),
-        *(MATRIX, MATRIX, MATRIX, int64, float64, int64, int64[::1], VECTOR, int64[::1], VECTOR, VECTOR, VECTOR),
+    types.Tuple((int64, int64, float64))(
+        *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, int64[::1]),
+        *(VECTOR, int64, int64, float64, int64, boolean),
     ),
     cache=True,
     fastmath=FAST,
@@ -102,88 +165,65 @@ def accelerated(
     q,
     mu,
     rho,
-    r,
-    lam,
     order,
     work,
-    moves,
-    changes,
+    memory,
     dimension,
     tolerance,
     until,
-    state,
-    measured,
-    log_iteration,
-    log_error,
-    least,
-    best,
+    watched,
 ):
     """Sweep until the judged error of an answer is at most `tolerance` or `until` sweeps are done, from where it was.
 
     Parameters
     ----------
-    As those of `sweeps_3d`, and: r : the next iterate, not an answer; `best` is one.
-    work : (2, n) g and f of the iterate before. moves, changes : (m, n) the columns Δg and Δf;
-    with m = 0 the sweeps are plain ones.
+    As those of `sweeps_3d`, and: work : all that is remembered, 0 before the first call but for a start, which lies at
+    ANSWER when the first number is 1. memory : columns; with 0 the sweeps are plain ones. watched : come back after
+    every evaluation of the error.
+
+    Returns
+    -------
+    outcome, sweeps done, error of the answer at ANSWER (∞ where there is none).
     """
-    n, memory = r.size, moves.shape[0]
-    g, f = np.empty(n), np.empty(n)
-    gram, L = np.empty((memory, memory)), np.empty((memory, memory))
-    pivots, gamma = np.empty(memory), np.empty(memory)
-    for a in range(min(state[COLUMNS], memory)):
-        for b in range(a + 1):
-            gram[a, b] = gram[b, a] = _dot(changes[a], changes[b])
-    root = 1.0 / np.sqrt(rho)
-    while state[ITERATION] < until and state[LOGGED] < log_error.size:
-        g[:] = r
+    n, contacts = q.size, mu.size
+    state, measured = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER]
+    best, r, g = work[ANSWER:][:n], work[ANSWER + n :][:n], work[ANSWER + 2 * n :][:n]
+    f, g_old, f_old = work[ANSWER + 3 * n :][:n], work[ANSWER + 4 * n :][:n], work[ANSWER + 5 * n :][:n]
+    root, lam, table = work[ANSWER + 6 * n :][:n], work[ANSWER + 7 * n :][:contacts], work[ANSWER + 7 * n + contacts :]
+    if state[NEXT_CHECK] == 0:
+        state[NEXT_CHECK] = 1
+        error = np.inf
+        if work[0] == 1.0:
+            error = judged(start, column, blocks, diagonal, q, mu, rho, best, dimension)
+        elif _no_contact_closes(q, dimension):
+            error = 0.0
+        measured[PACE] = measured[LAST_ERROR] = np.inf
+        measured[LEAST] = error if error < np.inf else np.inf
+        if error <= tolerance:
+            return CONVERGED, 0, error
+        for k in range(n):
+            r[k] = best[k]
+            root[k] = 1.0 / np.sqrt(rho[k // dimension])
+    while state[ITERATION] < until:
+        for k in range(n):
+            g[k] = r[k]
         if dimension == 3:
             residual = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, g, lam, order, 1.0)
         else:
             residual = sweep_2d(start, column, blocks, diagonal, q, mu, rho, g, order, 1.0)
         state[ITERATION] += 1
-        if due(state, until, residual, tolerance, measured):
+        evaluated = due(state, until, residual, tolerance, measured)
+        if evaluated:
             error = judged(start, column, blocks, diagonal, q, mu, rho, g, dimension)
-            if not np.isfinite(error):
-                return NOT_FINITE
-            checked(state, error, residual, tolerance, measured, log_iteration, log_error, g, least, best)
+            outcome = checked(state, error, residual, tolerance, measured, g, best)
+            if outcome != CONTINUE:
+                return outcome, state[ITERATION], measured[LEAST]
             state[NEXT_CHECK] = min(state[NEXT_CHECK], state[ITERATION] + RARELY)
-            if error <= tolerance:
-                return CONVERGED
-        if state[EXTRAPOLATED] == 1 and residual > WORSE * measured[RESIDUAL]:
-            state[REJECTED] += 1
-            state[COLUMNS] = state[FOLLOWS] = state[EXTRAPOLATED] = 0
-            measured[RESIDUAL] = residual
-            r[:] = g
-            continue
-        for k in range(n):
-            f[k] = (g[k] - r[k]) * root[k // dimension]
-        if state[FOLLOWS] == 1:
-            last = state[COLUMNS] % memory
-            for k in range(n):
-                moves[last, k] = g[k] - work[0, k]
-                changes[last, k] = f[k] - work[1, k]
-            state[COLUMNS] += 1
-            for a in range(min(state[COLUMNS], memory)):
-                gram[a, last] = gram[last, a] = _dot(changes[a], changes[last])
-        r[:] = g
-        count = min(state[COLUMNS], memory)
-        state[EXTRAPOLATED] = 0
-        if count > 0 and state[ITERATION] % PERIOD == 0:
-            last = (state[COLUMNS] - 1) % memory
-            for j in range(count):
-                gamma[j] = _dot(changes[(last - j) % memory], f)
-            _least_squares(gram, count, last, L, pivots, gamma)
-            for j in range(count):
-                if gamma[j] != 0.0:
-                    at = (last - j) % memory
-                    for k in range(n):
-                        r[k] -= gamma[j] * moves[at, k]
-            state[EXTRAPOLATED] = 1
-        work[0] = g
-        work[1] = f
-        state[FOLLOWS] = 1 if memory > 0 else 0
+        _follow(state, residual, measured[RESIDUAL], memory, r, g, f, g_old, f_old, root, table)
         measured[RESIDUAL] = residual
-    return CONTINUE
+        if evaluated and watched:
+            break
+    return CONTINUE, state[ITERATION], measured[LEAST]
 
 
 READY = True

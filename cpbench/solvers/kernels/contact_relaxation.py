@@ -13,6 +13,7 @@ from cpbench.solvers.kernels.gauss_seidel import (
     DATA,
     DATA_2D,
     ITERATION,
+    LEAST,
     LOGGED,
     PROJECT,
     START,
@@ -73,7 +74,6 @@ def _block(diagonal, i, dimension, D):
         int64[::1],
         VECTOR,
         VECTOR,
-        VECTOR,
     ),
     cache=True,
     error_model="numpy",
@@ -100,10 +100,9 @@ def relax(
     tolerance,
     until,
     state,
-    pace,
+    measured,
     log_iteration,
     log_error,
-    least,
     best,
 ):
     """As the sweeps of `gauss_seidel`.
@@ -170,16 +169,17 @@ def relax(
                 change += gap * gap / rho[i]
                 r[d * i + k] += share * gap
         state[ITERATION] += 1
-        if due(state, until, change, tolerance, pace):
+        if due(state, until, change, tolerance, measured):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, d)
             if simultaneous:
-                omega[1] = 0.0 if error < least[0] else omega[1] + 1.0
-                if omega[1] >= IDLE or not error <= GROWN * least[0]:
+                omega[1] = 0.0 if error < measured[LEAST] else omega[1] + 1.0
+                if omega[1] >= IDLE or not error <= GROWN * measured[LEAST]:
                     r[:] = best
                     omega[0] *= 0.5
                     omega[1] = 0.0
-                    error = least[0]
-            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+                    error = measured[LEAST]
+            log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
+            outcome = checked(state, error, change, tolerance, measured, r, best)
             if outcome != CONTINUE:
                 return outcome
     return CONTINUE

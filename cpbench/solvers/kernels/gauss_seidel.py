@@ -23,8 +23,11 @@ VECTOR = float64[::1]
 CONTINUE, CONVERGED, NOT_FINITE = 0, 1, 2
 """What the sweeps return: they have come to `until` or the log is full; the error is small enough; NaN."""
 
-ITERATION, NEXT_CHECK, LOGGED, RANDOM = 0, 1, 2, 3
-"""Places in `state`."""
+ITERATION, NEXT_CHECK, LOGGED, RANDOM, LAST_CHECK = range(5)
+"""Places in `state`; LOGGED counts the evaluations of the error."""
+PACE, LAST_ERROR, LEAST = range(3)
+"""Places in `measured`: the square of the error over that of the change, and the error, from the last evaluation; the
+least error so far."""
 
 PROJECT, INVERSE_NN, S11, S12, S21, S22, TN1, TN2, NT1, NT2, FLOOR, INDEFINITE = range(12)
 """Columns of `local`: 1 where the normal equation cannot be solved for r_N; 1/W_NN; S; W_TN/W_NN; W_NT/W_NN; the
@@ -71,14 +74,15 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     b2 = v2 - local[i, TN2] * v0
     h1, h2 = local[i, NT1], local[i, NT2]
     floor = local[i, FLOOR]
+    # with the adjugate, x = y/det: quotients take longer than all the rest
     stick = 0.0 if local[i, INDEFINITE] != 0.0 else floor
     al, dl = a + stick, d + stick
-    inverse = 1.0 / (al * dl - b * c)
-    x1 = (b * b2 - dl * b1) * inverse
-    x2 = (c * b1 - al * b2) * inverse
-    rn = free - h1 * x1 - h2 * x2
-    if rn >= 0.0 and x1 * x1 + x2 * x2 <= mu * mu * rn * rn:
-        return True, rn, x1, x2, lam
+    det = al * dl - b * c
+    y1, y2 = b * b2 - dl * b1, c * b1 - al * b2
+    normal = free * det - h1 * y1 - h2 * y2
+    if normal * det > 0.0 and y1 * y1 + y2 * y2 <= mu * mu * normal * normal:
+        inverse = 1.0 / det
+        return True, normal * inverse, y1 * inverse, y2 * inverse, lam
     if not lam > floor:  # exact for S = sI without coupling to the normal
         lam = np.sqrt(b1 * b1 + b2 * b2) / (mu * free) - 0.5 * (a + d)
         if not lam > floor:
@@ -86,42 +90,41 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     low, high = floor, np.inf
     for _ in range(NEWTON):
         al, dl = a + lam, d + lam
-        inverse = 1.0 / (al * dl - b * c)
-        x1 = (b * b2 - dl * b1) * inverse
-        x2 = (c * b1 - al * b2) * inverse
-        rn = free - h1 * x1 - h2 * x2
-        t = np.sqrt(x1 * x1 + x2 * x2)
-        m = mu * rn
+        det = al * dl - b * c
+        y1, y2 = b * b2 - dl * b1, c * b1 - al * b2
+        t = np.sqrt(y1 * y1 + y2 * y2)
+        m = mu * (free * det - h1 * y1 - h2 * y2)
         excess = t - m
         if abs(excess) <= SMALL * (t + abs(m)):
-            return True, rn, x1, x2, lam
+            inverse = 1.0 / det
+            return True, m / mu * inverse, y1 * inverse, y2 * inverse, lam
         if excess > 0.0:
             low = lam
         else:
             high = lam
-        dx1 = (b * x2 - dl * x1) * inverse
-        dx2 = (c * x1 - al * x2) * inverse
-        dt = (x1 * dx1 + x2 * dx2) / t
-        dm = -mu * (h1 * dx1 + h2 * dx2)
-        if rn > 0.0:
-            new = lam - excess * t * m / (dt * m * m - dm * t * t)
-            if new > low and (new - lam) ** 2 * (dx1 * dx1 + dx2 * dx2) <= LINEAR * t * t:
-                x1 += (new - lam) * dx1
-                x2 += (new - lam) * dx2
-                rn = free - h1 * x1 - h2 * x2
+        z1, z2 = dl * y1 - b * y2, al * y2 - c * y1  # dx/dλ = -z/det²
+        yz, hz = y1 * z1 + y2 * z2, mu * (h1 * z1 + h2 * z2)
+        if m > 0.0:
+            step = excess * t * t * m * det / (yz * m * m + hz * t * t * t)
+            new = lam + step
+            if new > low and step * step * (z1 * z1 + z2 * z2) <= LINEAR * det * det * t * t:
+                x1, x2 = y1 * det - step * z1, y2 * det - step * z2
+                inverse = 1.0 / (det * det)
+                rn = free - (h1 * x1 + h2 * x2) * inverse
                 m = mu * rn / np.sqrt(x1 * x1 + x2 * x2)
                 return True, rn, m * x1, m * x2, new
         else:
-            new = lam - excess / (dt - dm)
+            new = lam + excess * t * det / (yz + hz * t)
         if not (new > low and new < high):
             new = 0.5 * (low + high) if high < np.inf else 4.0 * lam + SMALL * (abs(a) + abs(d))
         if abs(new - lam) <= 1e-16 * lam:
             break
         lam = new
     # rounding leaves r_T off the cone by a little where t cancels; off by more there is no root in the bracket
-    if not (abs(excess) <= 1e-6 * (t + abs(m)) and rn > 0.0):
+    if not (abs(excess) <= 1e-6 * (t + abs(m)) and m > 0.0):
         return False, 0.0, 0.0, 0.0, 0.0
-    return True, rn, x1 * m / t, x2 * m / t, lam
+    inverse, m = 1.0 / det, m / t
+    return True, m * t / mu * inverse, y1 * m * inverse, y2 * m * inverse, lam
 
 
 @njit(fastmath=FAST, error_model="numpy")
@@ -204,8 +207,9 @@ def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
         natural += (r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2
         p0, p1, p2 = natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
         energy += ((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2) / rho[i]
-        p0, p1, p2 = natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
-        opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)
+        if not u0 >= 0.0:  # else û is in K*
+            p0, p1, p2 = natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
+            opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)
         square = r0 * r0 + r1 * r1 + r2 * r2
         rr += square
         rr_e += square / rho[i]
@@ -279,33 +283,35 @@ def shuffled(order, state):
 
 
 @njit(error_model="numpy")
-def due(state, until, change, tolerance, pace):
+def due(state, until, change, tolerance, measured):
     """Whether the error is to be evaluated: it is time, or the change in this sweep says that it is small enough."""
     it = state[ITERATION]
-    return it >= state[NEXT_CHECK] or it == until or pace[0] * change <= tolerance * tolerance
+    return it >= state[NEXT_CHECK] or it == until or measured[PACE] * change <= tolerance * tolerance
 
 
 @njit(error_model="numpy")
-def checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best):
-    """Log the error, keep the best r, and set the next check: where the last two foretell the tolerance, a quarter
-    ahead at most. Whether that was the end: CONVERGED, NOT_FINITE, else CONTINUE."""
-    if error < least[0]:
-        least[0] = error
+def checked(state, error, change, tolerance, measured, r, best):
+    """Keep the error, the best r, and set the next check: where the last two foretell the tolerance, a quarter ahead
+    at most. Whether that was the end: CONVERGED, NOT_FINITE, else CONTINUE."""
+    if error < measured[LEAST]:
+        measured[LEAST] = error
         best[:] = r
-    it = state[ITERATION]
-    logged = state[LOGGED]
-    step = max(it // 4, min(it, 4), 1)
-    if logged > 0 and error < log_error[logged - 1] and it > log_iteration[logged - 1]:
-        rate = np.log(error / log_error[logged - 1]) / (it - log_iteration[logged - 1])
-        step = min(step, max(1.0, 0.9 * np.log(tolerance / error) / rate))
-    log_iteration[logged] = it
-    log_error[logged] = error
-    state[LOGGED] = logged + 1
-    state[NEXT_CHECK] = it + int(step)
-    pace[0] = error * error / change if change > 0.0 else 0.0
+    state[LOGGED] += 1
     if error <= tolerance:
         return CONVERGED
-    return CONTINUE if np.isfinite(error) else NOT_FINITE
+    if not np.isfinite(error):
+        return NOT_FINITE
+    it, last = state[ITERATION], measured[LAST_ERROR]
+    step = max(it // 4, min(it, 4), 1)
+    if error < last < np.inf and it > state[LAST_CHECK]:
+        rate = np.log(error / last) / (it - state[LAST_CHECK])
+        step = min(step, max(1.0, 0.9 * np.log(tolerance / error) / rate))
+    state[LAST_CHECK] = it
+    state[NEXT_CHECK] = it + int(step)
+    measured[LAST_ERROR] = error
+    # where a sweep changes nothing there is no pace, and nothing to be seen before it is time: 0·∞ and ∞ are not small
+    measured[PACE] = error * error / change if change > 0.0 else np.inf
+    return CONTINUE
 
 
 _ARGUMENTS = (
@@ -329,7 +335,6 @@ _ARGUMENTS = (
     int64[::1],
     VECTOR,
     VECTOR,
-    VECTOR,
 )
 
 
@@ -351,10 +356,9 @@ def sweeps_3d(
     tolerance,
     until,
     state,
-    pace,
+    measured,
     log_iteration,
     log_error,
-    least,
     best,
 ):
     """Sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
@@ -363,17 +367,18 @@ def sweeps_3d(
     ----------
     start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, 9).
     local : (nc, 12), see the names of its columns. lam : (nc,) last λ. order : (nc,) contacts in sweep order.
-    pace : (1,) the square of the error over that of the change, from the last evaluation. log_iteration, log_error :
-    the errors that were evaluated; `state` tells how many. least, best : (1,) the least of them so far, and its r.
+    state : (5,), measured : (3,), see the names of their places. log_iteration, log_error : the errors that were
+    evaluated; `state` tells how many. best : the r with the least of them.
     """
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             shuffled(order, state)
         change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
         state[ITERATION] += 1
-        if due(state, until, change, tolerance, pace):
+        if due(state, until, change, tolerance, measured):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 3)
-            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
+            outcome = checked(state, error, change, tolerance, measured, r, best)
             if outcome != CONTINUE:
                 return outcome
     return CONTINUE
@@ -397,10 +402,9 @@ def sweeps_2d(
     tolerance,
     until,
     state,
-    pace,
+    measured,
     log_iteration,
     log_error,
-    least,
     best,
 ):
     """As `sweeps_3d`, 4 numbers a block."""
@@ -409,9 +413,10 @@ def sweeps_2d(
             shuffled(order, state)
         change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
         state[ITERATION] += 1
-        if due(state, until, change, tolerance, pace):
+        if due(state, until, change, tolerance, measured):
             error = judged(start, column, blocks, diagonal, q, mu, rho, r, 2)
-            outcome = checked(state, error, change, tolerance, pace, log_iteration, log_error, r, least, best)
+            log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
+            outcome = checked(state, error, change, tolerance, measured, r, best)
             if outcome != CONTINUE:
                 return outcome
     return CONTINUE

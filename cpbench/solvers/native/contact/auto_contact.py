@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -44,6 +44,7 @@ PIECE = 2_000
 """Sweeps between two looks at the clock."""
 WORDS = 12
 """Phases that the message tells of, the last ones."""
+ROUNDED = "converged up to rounding"
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class AutoContactOptions:
 @register
 class AutoContact(Solver):
     """Accelerated sweeps first; then, phase by phase, what `policy` says. The message tells the phases and what they
-    reached. Work is counted, not timed: the way to an answer is the same on every machine, and on a busy one.
+    reached where there were several. Work is counted, not timed: the way to an answer is the same on every machine, and on a busy one.
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -84,51 +85,63 @@ class AutoContact(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        run = _Run(prepared, budget, options, None if start is None else np.array(start.r), record)
-        claim, message = Claim.MAX_ITER, f"{run.limit} iterations"
-        while not run.error <= budget.tolerance and run.iterations < run.limit:
-            run.phase()
-            if time.monotonic() > run.deadline and not run.error <= budget.tolerance:
+        rows, limit = prepared.rows, budget.iterations or options.max_iterations
+        deadline = time.monotonic() + budget.seconds
+        sweeps = AcceleratedSweeps(rows, None if start is None else start.r)
+        look = None
+        if record is not None:
+            begin = np.zeros(prepared.q.size) if start is None else start.r
+            record(0, rows.judged(begin), lambda: FCPoint(begin))
+            look = partial(_tell, record, sweeps)
+        sweeps.sweep(min(options.sweeps, limit), budget.tolerance, look)
+        # most small problems are done here, in less time than it takes to prepare for more
+        if sweeps.error <= budget.tolerance:
+            counters = _counters(sweeps.done)
+            return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, counters)
+        run = _Run(prepared, budget, options, sweeps, deadline, record)
+        claim, message = Claim.MAX_ITER, f"{limit} iterations"
+        while not run.error <= budget.tolerance and run.iterations < limit:
+            if time.monotonic() > deadline:
                 claim, message = Claim.FAILED, f"out of time after {run.iterations} iterations"
                 break
-        output = conclude(prepared.rows.problem, run.best, run.error, budget, claim, message, run.counters)
+            run.phase()
+        if run.error <= budget.tolerance:
+            claim, message = Claim.INACCURATE, ROUNDED
+        output = conclude(rows.problem, run.best, run.error, budget, claim, message, run.counters)
         told = (", ".join(run.told[-WORDS:]), output.message)
-        return SolverOutput(
-            claim=output.claim,
-            point=output.point,
-            counters=output.counters,
-            message="; ".join(part for part in told if part),
-        )
+        return replace(output, message="; ".join(part for part in told if part))
+
+
+def _tell(record: Record, sweeps: AcceleratedSweeps) -> None:
+    record(sweeps.done, sweeps.error, lambda: FCPoint(sweeps.best))
+
+
+def _counters(sweeps: int) -> dict[str, int]:
+    return {"iterations": sweeps, "sweeps": sweeps, "newton_steps": 0, "admm_iterations": 0, "factorizations": 0}
 
 
 class _Run:
-    """The best point so far, what the methods cost and how they fared."""
+    """What comes after the first sweeps: the best point so far, what the methods cost and how they fared."""
 
     def __init__(
         self,
         contacts: ScaledContacts,
         budget: Budget,
         options: AutoContactOptions,
-        start: Vector | None,
+        sweeps: AcceleratedSweeps,
+        deadline: float,
         record: Record | None,
     ) -> None:
         self._contacts, self._budget, self._record = contacts, budget, record
-        self.limit = budget.iterations or options.max_iterations
-        self.deadline = time.monotonic() + budget.seconds
-        self.best = np.zeros(contacts.q.size) if start is None else start
-        # from nothing, the first sweep is made before anything is measured
-        blind = start is None and self.best.size > 0
-        self.error = math.inf if blind else contacts.rows.judged(self.best)
-        self.iterations, self.told = 0, list[str]()
-        self.counters = {"iterations": 0, "sweeps": 0, "newton_steps": 0, "admm_iterations": 0, "factorizations": 0}
-        self._count, self._starts = options.sweeps, 0
-        self._sweeps: AcceleratedSweeps | None = None
+        self.limit, self.deadline = budget.iterations or options.max_iterations, deadline
+        self.best, self.error, self.iterations = sweeps.best.copy(), sweeps.error, sweeps.done
+        self.counters = _counters(sweeps.done)
+        self.told = [f"{sweeps.done} sweeps to {sweeps.error:.1e}"]
+        self._count, self._starts = 2 * options.sweeps, 0
+        self._sweeps: AcceleratedSweeps | None = sweeps
         self._newton: NewtonPhase | None = None
         step = step_work(contacts.rows.problem.W)
-        self._standing = Standing(self.error, 0, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
-        if record is not None:
-            begin = self.best
-            record(0, contacts.rows.judged(begin), lambda: FCPoint(begin))
+        self._standing = Standing(self.error, sweeps.done, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
 
     def phase(self) -> None:
         """What the policy says, until it is done or has had what was expected of it."""
@@ -162,11 +175,12 @@ class _Run:
         until = before + min(self._count, self.limit - self.iterations)
         self._count = 2 * self._count
 
+        earlier = self.counters["sweeps"] - before
+
         def look() -> None:
             self._made("sweeps", sweeps.done - (self.counters["sweeps"] - earlier))
             self._seen(sweeps.best, sweeps.error)
 
-        earlier = self.counters["sweeps"] - before
         while sweeps.done < until and not sweeps.error <= end and time.monotonic() < self.deadline:
             finite = sweeps.sweep(min(until - sweeps.done, PIECE), end, None if self._record is None else look)
             look()

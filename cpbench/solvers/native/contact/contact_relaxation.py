@@ -13,9 +13,10 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
-from cpbench.solvers.native.contact.contact_sweeps import BlockRows, block_rows, conclude, kernel
+from cpbench.solvers.native.contact.contact_sweeps import CONTINUE, LEAST, BlockRows, block_rows, conclude, kernel
 from cpbench.solvers.native.progress import Progress
 
 BLOCKS_A_CALL = 4_000_000
@@ -25,7 +26,7 @@ LOG = 256
 TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 Advance: TypeAlias = Callable[..., int]
-"""Sweeps in place, called with (tolerance, until, state, pace, log_iteration, log_error, least, best) of the kernel."""
+"""Sweeps in place, called with (tolerance, until, state, measured, log_iteration, log_error, best) of the kernel."""
 
 
 class Local(StrEnum):
@@ -52,14 +53,12 @@ class Shape:
 
 def general(prepared: BlockRows, shape: Shape, r: Vector) -> Advance:
     """Sweeps of any shape, in place on r."""
-    problem, relax = prepared.problem, kernel("contact_relaxation").relax
-    matrix = (prepared.start, prepared.column, prepared.blocks, prepared.diagonal, prepared.local)
-    law = (problem.q, problem.mu, problem.rho)
+    problem, relax = prepared.problem, compiled(kernel("contact_relaxation").relax)
     nc = problem.nc
     iterate = (r, np.zeros(nc), _lengths(problem), np.arange(nc), np.array([shape.omega, 0.0]))
     method = list(Local).index(shape.local)
     way = (method, shape.simultaneous, shape.shuffle, shape.symmetric, problem.dimension)
-    return lambda tolerance, until, *progress: relax(*matrix, *law, *iterate, *way, tolerance, until, *progress)
+    return lambda tolerance, until, *progress: relax(*prepared.law, *iterate, *way, tolerance, until, *progress)
 
 
 def _lengths(problem: FrictionContact) -> Vector:
@@ -99,17 +98,16 @@ class Relaxation(Solver):
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
         sweeps = self.advance(prepared, budget, options, r)
-        going = kernel("gauss_seidel").CONTINUE
         limit = budget.iterations or options.max_iterations
         call = max(50, BLOCKS_A_CALL // (prepared.column.size + 10 * problem.nc))
-        state, pace = np.array([0, 1, 0, budget.seed]), np.full(1, np.inf)
-        log_iteration, log_error = np.zeros(LOG, np.int64), np.zeros(LOG)
+        state = np.array([0, 1, 0, budget.seed, 0])
+        log_iteration, log_error = np.empty(LOG, np.int64), np.empty(LOG)
         progress = Progress(options.stall_window)
         deadline = time.monotonic() + budget.seconds
         evaluations = 1
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         error = prepared.judged(r)
-        least, best = np.full(1, error if np.isfinite(error) else np.inf), r.copy()
+        measured, best = np.array([np.inf, np.inf, error if error < np.inf else np.inf]), r.copy()
         if record is not None:
             record(0, error, lambda: FCPoint(r))
         while not error <= budget.tolerance and state[0] < limit:
@@ -117,10 +115,10 @@ class Relaxation(Solver):
             while True:
                 room = LOG if record is None else int(state[2]) + 1  # with one place left it is back at its next check
                 log = (log_iteration[:room], log_error[:room])
-                status = sweeps(budget.tolerance, until, state, pace, *log, least, best)
+                status = sweeps(budget.tolerance, until, state, measured, *log, best)
                 if record is not None:
                     record(int(state[0]), float(log_error[room - 1]), lambda: FCPoint(r))
-                if record is None or status != going or state[0] == until or room == LOG:
+                if record is None or status != CONTINUE or state[0] == until or room == LOG:
                     break
             why = None
             for k in range(int(state[2])):
@@ -141,4 +139,4 @@ class Relaxation(Solver):
             "projections": done * problem.nc,
             "matrix_vector_products": evaluations,
         }
-        return conclude(problem, best, float(least[0]), budget, claim, message, counters)
+        return conclude(problem, best, float(measured[LEAST]), budget, claim, message, counters)

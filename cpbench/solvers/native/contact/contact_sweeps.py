@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, cached_property
 from types import ModuleType
 from typing import Any
 
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
-from cpbench.kernel_cache import load
+from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Dense, Matrix, Vector, scaled_both
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 
@@ -29,6 +31,12 @@ LOG = 256
 """Error evaluations a call of the sweeps can log."""
 
 
+CONTINUE, NOT_FINITE = 0, 2
+ITERATION, LOGGED, LEAST = 0, 2, 2
+"""Of what the sweeps return, of `state` and of `measured`: the names of the kernels."""
+
+
+@cache
 def kernel(name: str) -> ModuleType:
     """The compiled module of that name in `solvers/kernels`."""
     return load(f"cpbench.solvers.kernels.{name}")
@@ -50,13 +58,29 @@ class BlockRows:
     diagonal: Dense
     local: Dense
 
+    @cached_property
+    def law(self) -> tuple[Any, ...]:
+        """What kernels of sweeps begin with: all of the problem."""
+        problem = self.problem
+        matrix = (self.start, self.column, self.blocks, self.diagonal, self.local)
+        return (*matrix, problem.q, problem.mu, problem.rho)
+
+    @cached_property
+    def order(self) -> NDArray[np.int64]:
+        """The contacts one after the other."""
+        return np.arange(self.problem.nc)
+
     def judged(self, r: Vector) -> float:
         """The error that `residuals` judges r by."""
-        problem = self.problem
-        matrix = (self.start, self.column, self.blocks, self.diagonal)
-        if problem.nc == 0:
-            return 0.0
-        return kernel("gauss_seidel").judged(*matrix, problem.q, problem.mu, problem.rho, r, problem.dimension)
+        *matrix, _, q, mu, rho = self.law
+        return compiled(kernel("gauss_seidel").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
+
+    @cached_property
+    def accelerated(self) -> tuple[Any, ...]:
+        """The kernel of accelerated sweeps, numbers it remembers, and where its answer begins and ends in these."""
+        anderson, n = kernel("anderson"), self.problem.q.size
+        size = anderson.work_size(n, self.problem.nc, min(MEMORY, n))
+        return compiled(anderson.accelerated), size, anderson.ANSWER, anderson.ANSWER + n
 
 
 class Sweeps:
@@ -65,26 +89,22 @@ class Sweeps:
     def __init__(self, rows: BlockRows) -> None:
         self._rows = rows
         problem, gauss_seidel = rows.problem, kernel("gauss_seidel")
-        self._sweeps = gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d
-        self._lam, self._order = np.zeros(problem.nc), np.arange(problem.nc)
+        self._sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
+        self._lam = np.zeros(problem.nc)
         self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
-        self._pace = np.full(1, np.inf)
-        self._least, self._best = np.zeros(1), np.zeros(problem.q.size)  # no error is below 0: nothing is kept
+        # no error is below 0: nothing is kept
+        self._best = np.zeros(problem.q.size)
         self.done = self.evaluations = 0
+        self._measured = np.array([np.inf, np.inf, 0.0])
 
     def sweep(self, r: Vector, count: int, tolerance: float) -> float:
         """The judged error of r, changed in place, after `count` sweeps or as soon as it is at most `tolerance`."""
-        rows, problem = self._rows, self._rows.problem
-        state = np.array([0, count, 0, 0])
-        matrix = (rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
-        law = (problem.q, problem.mu, problem.rho)
-        kept = (self._least, self._best)
-        self._sweeps(
-            *matrix, *law, r, self._lam, self._order, 1.0, False, tolerance, count, state, self._pace, *self._log, *kept
-        )
-        self.done += int(state[0])
-        self.evaluations += int(state[2])
-        return float(self._log[1][state[2] - 1])
+        rows, state = self._rows, np.zeros(5, np.int64)
+        iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
+        self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)
+        self.done += int(state[ITERATION])
+        self.evaluations += int(state[LOGGED])
+        return float(self._log[1][state[LOGGED] - 1])
 
 
 class AcceleratedSweeps:
@@ -97,52 +117,30 @@ class AcceleratedSweeps:
         order: NDArray[np.int64] | None = None,
         memory: int = MEMORY,
     ) -> None:
-        self._rows, self._kernel = rows, kernel("anderson")
-        problem = rows.problem
-        n, memory = problem.q.size, min(memory, problem.q.size)
-        self._r = np.zeros(n) if start is None else start.copy()
-        self._lam = np.zeros(problem.nc)
-        self._order = np.arange(problem.nc) if order is None else order
-        self._work, self._columns = np.zeros((2, n)), np.empty((2, memory, n))
-        self._state, self._measured = np.array([0, 1, 0, 0, 0, 0, 0, 0]), np.array([np.inf, np.inf])
-        self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
-        self._least, self.best = np.full(1, np.inf), self._r.copy()
-        self.evaluations = 0
-
-    @property
-    def done(self) -> int:
-        return int(self._state[0])
-
-    @property
-    def error(self) -> float:
-        """The judged error of `best`, ∞ before the first sweep."""
-        return float(self._least[0])
+        self._sweeps, size, begin, end = rows.accelerated
+        self._work = work = np.zeros(size)
+        self.best = work[begin:end]
+        if start is not None:
+            work[0], self.best[:] = 1.0, start
+        order = rows.order if order is None else order
+        self._arguments = (*rows.law, order, work, min(memory, end - begin), rows.problem.dimension)
+        self.done, self.error = 0, math.inf
+        """Sweeps, and the judged error of `best`, ∞ before the first."""
 
     def sweep(self, count: int, tolerance: float, look: Callable[[], None] | None = None) -> bool:
         """At most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN.
 
-        `look` is called after every evaluation of the error, and changes nothing in the sweeps.
+        `look` is called when a better answer was found, and changes nothing in the sweeps.
         """
-        rows, problem, state = self._rows, self._rows.problem, self._state
-        until = int(state[0]) + count
-        matrix = (rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
-        iterate = (problem.q, problem.mu, problem.rho, self._r, self._lam, self._order, self._work, *self._columns)
-        kept = (self._least, self.best)
-        while state[0] < until:
-            # with one place left in the log it is back at its next evaluation
-            room = LOG if look is None else int(state[2]) + 1
-            log = (self._log[0][:room], self._log[1][:room])
-            status = self._kernel.accelerated(
-                *matrix, *iterate, problem.dimension, tolerance, until, state, self._measured, *log, *kept
-            )
-            if look is not None:
+        until, status = self.done + count, CONTINUE
+        while status == CONTINUE:
+            seen = self.error
+            status, self.done, self.error = self._sweeps(*self._arguments, tolerance, until, look is not None)
+            if look is not None and self.error < seen and self.done > 0:
                 look()
-            if status != self._kernel.CONTINUE or state[0] == until or room == LOG:
-                self.evaluations += int(state[2])
-                state[2] = 0
-            if status != self._kernel.CONTINUE:
-                return status == self._kernel.CONVERGED
-        return True
+            if self.done >= until:
+                break
+        return status != NOT_FINITE
 
 
 def block_rows(problem: FrictionContact) -> BlockRows:
@@ -150,7 +148,8 @@ def block_rows(problem: FrictionContact) -> BlockRows:
     d, nc = problem.dimension, problem.nc
     if nc == 0:
         none = np.zeros(0)
-        return BlockRows(problem, np.zeros(1, np.uint64), np.zeros(0, np.uint32), none, none.reshape(0, d * d), none)
+        sides = (none.reshape(0, d * d), none.reshape(0, 12))
+        return BlockRows(problem, np.zeros(1, np.uint64), np.zeros(0, np.uint32), none, *sides)
     W = sp.bsr_array(problem.W, blocksize=(d, d))
     W.sort_indices()
     row = np.repeat(np.arange(nc), np.diff(W.indptr))
@@ -194,7 +193,7 @@ def conclude(
 
     The kernel's error is the same formula; only where rounding could part the two is it measured afresh.
     """
-    if not np.isfinite(r).all():
+    if not error <= budget.tolerance and not np.isfinite(r).all():  # an infinite r has no finite error
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
     point = FCPoint(r)
     if not (budget.tolerance >= FINE and error <= MARGIN * budget.tolerance):

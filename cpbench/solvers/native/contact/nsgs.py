@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.contact_relaxation import TRAITS, Advance, Local, Relaxation, Shape, general
@@ -67,9 +68,8 @@ def _fast(options: NSGSOptions) -> bool:
 def _exact(prepared: BlockRows, options: NSGSOptions, r: Vector) -> Advance:
     """The fast sweeps."""
     problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
-    sweeps = gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d
-    matrix = (prepared.start, prepared.column, prepared.blocks, prepared.diagonal, prepared.local)
-    law = (problem.q, problem.mu, problem.rho)
-    iterate = (r, np.zeros(problem.nc), np.arange(problem.nc))
+    sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
+    order = prepared.order.copy() if options.shuffle else prepared.order
+    iterate = (r, np.zeros(problem.mu.size), order)
     relaxed = (options.omega, options.shuffle)
-    return lambda tolerance, until, *progress: sweeps(*matrix, *law, *iterate, *relaxed, tolerance, until, *progress)
+    return lambda tolerance, until, *progress: sweeps(*prepared.law, *iterate, *relaxed, tolerance, until, *progress)
