@@ -1,11 +1,12 @@
-"""A sparse W to rows of d×d blocks without its diagonal ones, and the constants of the one-contact problems.
+"""A sparse matrix to rows of blocks, d rows a contact, and the constants of the one-contact problems.
 
-The d rows of a contact are merged: a block is where any of them has an entry, whatever the others have. Nothing is
-allocated but what the caller hands over, W is read once for its places and once for its numbers.
+The d rows of a contact are merged: a block of `width` columns is where any of them has an entry, whatever the others
+have. Nothing is allocated but what the caller hands over; the matrix is read once for its places and once for its
+numbers. `apart` : the diagonal blocks are left out.
 """
 
 import numpy as np
-from numba import float64, int32, int64, njit, types, uint32, uint64, void
+from numba import boolean, float64, int32, int64, njit, types, uint32, uint64, void
 
 INT32, INT64 = (types.Array(kind, 1, "C", readonly=True) for kind in (int32, int64))
 DATA = types.Array(float64, 1, "C", readonly=True)
@@ -16,22 +17,22 @@ SINGULAR = 1e-12
 
 
 @njit(error_model="numpy")
-def _next_block(end, indices, at, d):
-    """Column of the first block that is not behind `at`, -1 where there is none. end : of each of the d rows."""
+def _next_block(end, indices, at, width):
+    """Block column of the first block that is not behind `at`, -1 where there is none. end : of every row."""
     found = np.int64(-1)
-    for t in range(d):
+    for t in range(at.size):
         if at[t] < end[t] and (found < 0 or indices[at[t]] < found):
             found = np.int64(indices[at[t]])
-    return found if found < 0 else found // d
+    return found if found < 0 else found // width
 
 
 @njit(
-    [void(kind, kind, uint64[::1]) for kind in (INT32, INT64)],
+    [void(kind, kind, int64, boolean, uint64[::1]) for kind in (INT32, INT64)],
     cache=True,
     error_model="numpy",
 )
-def count(indptr, indices, start):
-    """Set start[i + 1] to the number of blocks in the rows of the contacts 0 … i, diagonal ones left out."""
+def count(indptr, indices, width, apart, start):
+    """Set start[i + 1] to the number of blocks in the rows of the contacts 0 … i."""
     nc = start.size - 1
     d = (indptr.size - 1) // nc
     at, end = np.empty(d, np.int64), np.empty(d, np.int64)
@@ -40,25 +41,28 @@ def count(indptr, indices, start):
         for t in range(d):
             at[t], end[t] = indptr[d * i + t], indptr[d * i + t + 1]
         blocks = np.uint64(0)
-        j = _next_block(end, indices, at, d)
+        j = _next_block(end, indices, at, width)
         while j >= 0:
-            beyond = d * (j + 1)
+            beyond = width * (j + 1)
             for t in range(d):
                 while at[t] < end[t] and indices[at[t]] < beyond:
                     at[t] += 1
-            if j != i:
+            if j != i or not apart:
                 blocks += np.uint64(1)
-            j = _next_block(end, indices, at, d)
+            j = _next_block(end, indices, at, width)
         start[i + 1] = start[i] + blocks
 
 
 @njit(
-    [void(kind, kind, DATA, int64, int64, uint64[::1], uint32[::1], float64[::1]) for kind in (INT32, INT64)],
+    [
+        void(kind, kind, DATA, int64, boolean, int64, int64, uint64[::1], uint32[::1], float64[::1])
+        for kind in (INT32, INT64)
+    ],
     cache=True,
     error_model="numpy",
 )
-def fill(indptr, indices, data, down, right, start, column, blocks):
-    """The blocks that `count` counted: their columns, and their entries `down` and `right` apart in `blocks` of zeros."""
+def fill(indptr, indices, data, width, apart, down, right, start, column, blocks):
+    """The blocks that `count` counted: columns, and entries that lie `down` and `right` apart in `blocks` of zeros."""
     nc = start.size - 1
     d = (indptr.size - 1) // nc
     at, end = np.empty(d, np.int64), np.empty(d, np.int64)
@@ -66,18 +70,18 @@ def fill(indptr, indices, data, down, right, start, column, blocks):
         for t in range(d):
             at[t], end[t] = indptr[d * i + t], indptr[d * i + t + 1]
         k = np.int64(start[i])
-        j = _next_block(end, indices, at, d)
+        j = _next_block(end, indices, at, width)
         while j >= 0:
-            first, beyond, place = d * j, d * (j + 1), d * d * k
-            if j != i:
+            first, beyond, place = width * j, width * (j + 1), d * width * k
+            if j != i or not apart:
                 column[k] = j
                 k += 1
             for t in range(d):
                 while at[t] < end[t] and indices[at[t]] < beyond:
-                    if j != i:
+                    if j != i or not apart:
                         blocks[place + down * t + right * (indices[at[t]] - first)] = data[at[t]]
                     at[t] += 1
-            j = _next_block(end, indices, at, d)
+            j = _next_block(end, indices, at, width)
 
 
 @njit(void(BLOCKS, float64[:, ::1]), cache=True, error_model="numpy")

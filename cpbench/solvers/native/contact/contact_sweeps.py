@@ -150,11 +150,12 @@ def block_rows(problem: FrictionContact) -> BlockRows:
         none = np.zeros(0)
         return BlockRows(problem, start, np.zeros(0, np.uint32), none, none.reshape(0, d * d), none)
     layout, W = kernel("block_layout"), sparse(problem.W)
-    layout.count(W.indptr, W.indices, start)
+    layout.count(W.indptr, W.indices, d, True, start)
     column = np.empty(int(start[nc]), np.uint32)
     # by columns and with one number more, as the kernel of 3×3 blocks reads them with four lanes; by rows else
     blocks = np.zeros(column.size * d * d + (d == 3))
-    layout.fill(W.indptr, W.indices, W.data, *((1, d) if d == 3 else (d, 1)), start, column, blocks)
+    steps = (1, d) if d == 3 else (d, 1)
+    layout.fill(W.indptr, W.indices, W.data, d, True, *steps, start, column, blocks)
     local = np.empty((nc, 12 if d == 3 else 0))
     if d == 3:
         layout.one_contact_constants(problem.diagonal_blocks, local)
