@@ -156,11 +156,11 @@ def diagonal_blocks(W: Matrix, d: int) -> Dense:
     if not sp.issparse(W):
         c = np.arange(nc)
         return np.ascontiguousarray(np.asarray(W).reshape(nc, d, nc, d)[c, :, c, :])
-    coo = sp.coo_array(W)
-    inside = coo.row // d == coo.col // d
     blocks = np.zeros((nc, d, d))
-    row, col = coo.row[inside], coo.col[inside]
-    np.add.at(blocks, (row // d, row % d, col % d), coo.data[inside])
+    for k in range(1 - d, d):  # SciPy reads a diagonal in one pass without a copy of anything
+        entries = W.diagonal(k)
+        for row in range(max(0, -k), d - max(0, k)):
+            blocks[:, row, row + k] = entries[row - max(0, -k) :: d][:nc]
     return blocks
 
 

@@ -1,17 +1,23 @@
-"""ADMM without condensation and with rolling friction: linear algebra against the Delassus form, planted problems."""
+"""Without condensation, and rolling friction: linear algebra against the Delassus form, planted problems, real files."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from cpbench import storage
-from cpbench.formulations import GFCPoint
+from cpbench.formulations import FCPoint, GFCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows
 from cpbench.solvers.native.contact.global_admm import Dynamics
+from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
 
@@ -116,5 +122,85 @@ def test_a_body_without_mass_is_refused() -> None:
 def test_real_files(shared_data: Path, file: str, tolerance: float) -> None:
     problem = storage.load(shared_data / file)
     output = solvers.get(SOLVERS[problem.node]).run(problem, Budget(tolerance=tolerance, seconds=60.0))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, tolerance).solved
+
+
+def bodies(dimension: int, seed: int = 0, nc: int = 24) -> GlobalFrictionContact:
+    """Six bodies with full inertia of six unknowns each, contacts between any two of them; nothing planted."""
+    rng = np.random.default_rng(seed)
+    factors = [rng.standard_normal((6, 6)) for _ in range(6)]
+    H = np.zeros((36, dimension * nc))
+    for c in range(nc):
+        for body in rng.choice(6, 2, replace=False):
+            H[6 * body : 6 * body + 6, dimension * c : dimension * (c + 1)] = rng.standard_normal((6, dimension))
+    return GlobalFrictionContact(
+        M=sp.csr_array(sp.block_diag([A @ A.T + np.eye(6) for A in factors])),
+        H=sp.csr_array(H),
+        f=rng.standard_normal(36),
+        w=rng.standard_normal(dimension * nc),
+        mu=rng.uniform(0.1, 0.9, nc),
+        dimension=dimension,
+    )
+
+
+def condensed(problem: GlobalFrictionContact) -> FrictionContact:
+    H, inverse = problem.H.toarray(), np.linalg.inv(problem.M.toarray())
+    q = H.T @ inverse @ problem.f + problem.w
+    return FrictionContact(W=H.T @ inverse @ H, q=q, mu=problem.mu, dimension=problem.dimension)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("sweeps", [1, 7])
+def test_gauss_seidel_on_velocities_makes_the_iterates_of_gauss_seidel_on_w(dimension: int, sweeps: int) -> None:
+    problem = bodies(dimension)
+    method = VelocitySweeps(Bodies.of(problem), np.zeros(problem.w.size))
+    method.step(sweeps, 1.0, 1.0)
+    r = np.zeros(problem.w.size)
+    Sweeps(block_rows(condensed(problem))).sweep(r, sweeps, 0.0)
+    assert np.abs(r).max() > 0.1
+    np.testing.assert_allclose(method.r, r, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_gauss_seidel_on_velocities_solves_and_starts_warm(dimension: int) -> None:
+    problem, solver = bodies(dimension, seed=3), solvers.get("nsgs-global")
+    output = solver.run(problem, Budget(tolerance=1e-10))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, 1e-10).solved
+    assert condensed(problem).residuals(FCPoint(output.point.r)).error < 1e-9
+    again = solver.run(problem, Budget(tolerance=1e-10), start=output.point)
+    assert again.counters["iterations"] == 0
+
+
+def test_what_gauss_seidel_on_velocities_refuses() -> None:
+    solver, problem = solvers.get("nsgs-global"), bodies(3)
+    assert solver.obstacle(problem) is None
+    indefinite = dataclasses.replace(problem, M=problem.M - 2 * sp.csr_array(sp.diags_array(problem.M.diagonal())))
+    lopsided = problem.M.toarray()
+    lopsided[0, 1] *= 1.1
+    chain = sp.diags_array([np.full(299, -1.0), np.full(300, 3.0), np.full(299, -1.0)], offsets=[-1, 0, 1])
+    long = GlobalFrictionContact(M=sp.csr_array(chain), H=np.eye(300)[:, :3], f=np.ones(300), w=np.zeros(3), mu=[0.5])
+    jointed, _ = problem_of("gfc", 1, sparse=True)
+    assert "definite" in (solver.obstacle(indefinite) or "")
+    assert "symmetric" in (solver.obstacle(dataclasses.replace(problem, M=lopsided)) or "")
+    assert "hang together" in (solver.obstacle(long) or "")
+    assert "joints" in (solver.obstacle(jointed) or "")
+
+
+@pytest.mark.parametrize(
+    ("file", "tolerance"),
+    [
+        ("fc3d_global/mj_box_tower10-nc40-global.hdf5", 1e-8),
+        ("fc3d_global/mj_dm_dog-nc12-global.hdf5", 1e-8),
+        ("fc3d_global/LMGC_GFC3D-i00501-4-00000.hdf5", 1e-8),
+        ("fc3d_global/spheres-in-a-box-98-i10000-256-10.hdf5", 1e-4),
+        ("fc2d_global/gfc2d_granularflowonwall_00069_00350.dat", 1e-8),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*6 digits")
+def test_real_files_by_gauss_seidel_on_velocities(shared_data: Path, file: str, tolerance: float) -> None:
+    problem = storage.load(shared_data / file)
+    output = solvers.get("nsgs-global").run(problem, Budget(tolerance=tolerance, seconds=60.0))
     assert output.claim is Claim.SOLVED, output.message
     assert judge(problem, output.point, tolerance).solved

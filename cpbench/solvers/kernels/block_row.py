@@ -55,3 +55,24 @@ def row_product(typingctx, first, last, column, blocks, r):
         return context.make_tuple(builder, signature.return_type, parts)
 
     return signature, codegen
+
+
+@intrinsic
+def fetch(typingctx, array, index):
+    """Have the cache line of array[index] brought as near as the second level; any index may be asked for.
+
+    array : float64, contiguous. index : uint64.
+    """
+    signature = types.void(array, index)
+
+    def codegen(context, builder, signature, arguments):
+        base = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        byte, hint = ir.IntType(8).as_pointer(), ir.IntType(32)
+        wanted = builder.bitcast(builder.gep(base, [arguments[1]]), byte)
+        kind = ir.FunctionType(ir.VoidType(), [byte, hint, hint, hint])
+        llvm = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        read, second_level, data = (ir.Constant(hint, value) for value in (0, 2, 1))
+        builder.call(llvm, [wanted, read, second_level, data])
+        return context.get_dummy_value()
+
+    return signature, codegen

@@ -11,7 +11,7 @@ Fast-math is limited to reassociation and contraction: NaN and infinity keep the
 import numpy as np
 from numba import boolean, float64, int64, njit, types, uint32, uint64
 
-from cpbench.solvers.kernels.block_row import row_product
+from cpbench.solvers.kernels.block_row import fetch, row_product
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 DATA = types.Array(float64, 1, "C", readonly=True)
@@ -33,6 +33,9 @@ PROJECT, INVERSE_NN, S11, S12, S21, S22, TN1, TN2, NT1, NT2, FLOOR, INDEFINITE =
 """Columns of `local`: 1 where the normal equation cannot be solved for r_N; 1/W_NN; S; W_TN/W_NN; W_NT/W_NN; the
 least λ for which S + λI is safely invertible; 1 where S has a negative eigenvalue."""
 
+CACHED, AHEAD, LINE = 1 << 20, 20, 8
+"""Of more numbers than a near cache holds, the blocks of the contact that is AHEAD places on are asked for, a LINE of
+eight numbers at a time: the solution of one contact waits for nothing then, and memory does not wait for it."""
 NEWTON = 80
 """Steps on the secular equation; bisection, where it must, has found the root by then."""
 SMALL = 1e-14
@@ -227,12 +230,24 @@ def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
     return worst if not worst < opening else opening
 
 
+@njit(error_model="numpy")
+def fetch_row(start, blocks, i):
+    """Ask for the blocks of contact i."""
+    number, last = np.uint64(9) * start[i], np.uint64(9) * start[i + 1]
+    while number < last:
+        fetch(blocks, number)
+        number += np.uint64(LINE)
+
+
 @njit(fastmath=FAST, error_model="numpy")
 def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega):
     """Σ‖change of r_c‖²/ρ_c of one sweep, in place on r; omega is not in it."""
     change = 0.0
+    far = blocks.size > CACHED
     for place in range(order.size):
         i = order[place]
+        if far and place + AHEAD < order.size:
+            fetch_row(start, blocks, order[place + AHEAD])
         v0, v1, v2 = velocity_3d(start, column, blocks, q, r, i)
         found = False
         x0 = x1 = x2 = 0.0

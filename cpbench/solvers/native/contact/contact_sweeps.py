@@ -10,17 +10,14 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled, load
-from cpbench.matrices import Dense, Matrix, Vector, scaled_both
+from cpbench.matrices import Dense, Matrix, Vector, scaled_both, sparse
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 
-SINGULAR = 1e-12
-"""Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
 FINE, MARGIN = 1e-11, 0.999
 """Two evaluations of the error in different order agree to this share of a tolerance that is not finer than this."""
 MEMORY = 15
@@ -146,23 +143,22 @@ class AcceleratedSweeps:
 def block_rows(problem: FrictionContact) -> BlockRows:
     """W by rows of blocks."""
     d, nc = problem.dimension, problem.nc
+    start = np.zeros(nc + 1, np.uint64)
     if nc == 0:
         none = np.zeros(0)
         sides = (none.reshape(0, d * d), none.reshape(0, 12))
-        return BlockRows(problem, np.zeros(1, np.uint64), np.zeros(0, np.uint32), none, *sides)
-    W = sp.bsr_array(problem.W, blocksize=(d, d))
-    W.sort_indices()
-    row = np.repeat(np.arange(nc), np.diff(W.indptr))
-    off = W.indices != row
-    start = np.concatenate([[0], np.cumsum(np.bincount(row[off], minlength=nc))])
-    return BlockRows(
-        problem,
-        start.astype(np.uint64),
-        W.indices[off].astype(np.uint32),
-        _by_columns(W.data[off]) if d == 3 else np.ascontiguousarray(W.data[off]).ravel(),
-        problem.diagonal_blocks.reshape(nc, d * d),
-        _local_3d(problem.diagonal_blocks) if d == 3 else np.zeros((nc, 0)),
-    )
+        return BlockRows(problem, start, np.zeros(0, np.uint32), none, *sides)
+    layout, W = kernel("block_layout"), sparse(problem.W)
+    layout.count(W.indptr, W.indices, d, True, start)
+    column = np.empty(int(start[nc]), np.uint32)
+    # by columns and with one number more, as the kernel of 3×3 blocks reads them with four lanes; by rows else
+    blocks = np.zeros(column.size * d * d + (d == 3))
+    steps = (1, d) if d == 3 else (d, 1)
+    layout.fill(W.indptr, W.indices, W.data, d, True, *steps, start, column, blocks)
+    local = np.empty((nc, 12 if d == 3 else 0))
+    if d == 3:
+        layout.one_contact_constants(problem.diagonal_blocks, local)
+    return BlockRows(problem, start, column, blocks, problem.diagonal_blocks.reshape(nc, d * d), local)
 
 
 @dataclass(frozen=True)
@@ -201,37 +197,3 @@ def conclude(
     if error <= budget.tolerance:
         return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
     return SolverOutput(claim=claim, point=point, counters=counters, message=f"{message}, error {error:.1e}")
-
-
-def _by_columns(blocks: Dense) -> Vector:
-    """The layout that the kernel of 3×3 blocks reads with four lanes: column after column, and one number more."""
-    flat = np.zeros(blocks.size + 1)
-    flat[:-1] = blocks.swapaxes(1, 2).ravel()
-    return flat
-
-
-def _local_3d(D: Dense) -> Dense:
-    """The twelve constants of every contact (`local` of the kernel) from the diagonal blocks, shape (nc, 3, 3)."""
-    nc = D.shape[0]
-    local = np.zeros((nc, 12))
-    top = np.abs(D).max(axis=(1, 2))
-    normal = D[:, 0, 0]
-    bad = ~(normal > SINGULAR * top)
-    inverse = 1.0 / np.where(bad, 1.0, normal)
-    to_tangent, to_normal = D[:, 1:, 0] * inverse[:, None], D[:, 0, 1:] * inverse[:, None]
-    S = D[:, 1:, 1:] - D[:, 1:, :1] * to_normal[:, None, :]
-    mean, half = 0.5 * (S[:, 0, 0] + S[:, 1, 1]), 0.5 * (S[:, 0, 0] - S[:, 1, 1])
-    radicand = half * half + S[:, 0, 1] * S[:, 1, 0]
-    # complex eigenvalues never make S + λI singular for a real λ; then the bound is only about the real part
-    least = mean - np.sqrt(np.maximum(radicand, 0.0))
-    size = np.where(top > 0, top, 1.0)
-    indefinite = (least < -SINGULAR * size) & (radicand >= 0)
-    singular = np.abs(S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] * S[:, 1, 0]) <= SINGULAR * size * size
-    local[:, 0] = bad
-    local[:, 1] = inverse
-    local[:, 2:6] = S.reshape(nc, 4)
-    local[:, 6:8] = to_tangent
-    local[:, 8:10] = to_normal
-    local[:, 10] = np.where(indefinite, -least * (1 + SINGULAR), np.where(singular, SINGULAR * size, 0.0))
-    local[:, 11] = indefinite
-    return local
