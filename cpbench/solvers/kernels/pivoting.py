@@ -110,9 +110,10 @@ def advance(
 
     Parameters
     ----------
-    columns : (n, n), those of M, multiplied by `factor` when read. C : (n+1, n) column of each slot. age : (n+1,) how many of the kept
-    pivots are in it. E : (K, n) columns that entered, rows : (K,) where. rhs : (n,) values of the basic variables.
-    basic, nonbasic : variable of each row, slot. where : (2n+1,) slot of a nonbasic variable, else -(row + 1).
+    columns : (n, n), those of M, multiplied by `factor` when read. C : (n+1, n) column of each slot. age : (n+1,)
+    how many of the kept pivots are in it. E : (K, n) columns that entered, rows : (K,) where. rhs : (n,) values of the
+    basic variables. basic, nonbasic : variable of each row, slot. where : (2n+1,) slot of a nonbasic variable, else
+    -(row + 1).
     state : kept pivots, entering slot, pivots done, row of the first pivot (where rhs is least; last in the
     lexicographic order, which makes every other row lexicographically positive), slot of the column that the caller
     has to bring. ties, value : (n,) workspace.

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import max_abs
+from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.changing_basis import ChangingBasis
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
@@ -21,7 +21,7 @@ from cpbench.solvers.native.lcp.lcp_claims import (
     ended_in_basis,
     error_of,
 )
-from cpbench.solvers.native.lcp.lemke import Lemke
+from cpbench.solvers.native.lcp.lemke import Lemke, LemkeOptions
 from cpbench.solvers.options import fixed, searched
 
 PATIENCE = 3
@@ -137,7 +137,7 @@ class BlockPrincipalPivoting(Solver):
                 break
         counters["factorizations"] = basis.factorizations
         if why and options.max_factorizations and time.monotonic() <= deadline:
-            return self._by_lemke(problem, budget, deadline, counters, why, record)
+            return self._by_lemke(prepared, z, budget, deadline, counters, why, record)
         z = np.maximum(z, 0.0)
         claim = Claim.FAILED if why else Claim.MAX_ITER
         why = (
@@ -149,7 +149,8 @@ class BlockPrincipalPivoting(Solver):
 
     def _by_lemke(
         self,
-        problem: LCP,
+        prepared: DenseLCP,
+        z: Vector,
         budget: Budget,
         deadline: float,
         counters: dict[str, int],
@@ -157,7 +158,8 @@ class BlockPrincipalPivoting(Solver):
         record: Record | None,
     ) -> SolverOutput:
         rest = Budget(tolerance=budget.tolerance, seconds=deadline - time.monotonic(), iterations=budget.iterations)
-        found = Lemke().run(problem, rest)
+        problem = prepared.problem
+        found = Lemke().solve(prepared, rest, LemkeOptions(), LCPPoint(np.maximum(z, 0.0)))
         counters = {**counters, "pivots": found.counters["pivots"]}
         if record is not None and isinstance(found.point, LCPPoint):
             record(counters["iterations"] + 1, error_of(problem, found.point.z), partial(LCPPoint, found.point.z))

@@ -37,6 +37,11 @@ class DenseLCP:
         """max|M|, 1 for M = 0."""
         return max_abs(self.M) or 1.0
 
+    @property
+    def unit(self) -> float:
+        """The power of two above max|M|: what is divided by it is not rounded."""
+        return math.ldexp(1.0, math.frexp(self.size)[1])
+
     @cached_property
     def columns(self) -> np.ndarray[Any, Any]:
         """(n, n), row j is column j of M."""
@@ -59,7 +64,8 @@ def swept(prepared: DenseLCP, limit: int, omega: float, tolerance: float = 0.0, 
     """z after projected Gauss–Seidel sweeps that go on while the active set moves, and how many there were.
 
     At most `limit`; up to `most` where `tolerance` is reached sooner so than by a factorization. The best z where
-    they diverge; z = 0 where the diagonal is not positive. omega : relaxation where M is not symmetric and 1 does not do.
+    they diverge; z = 0 where the diagonal is not positive. omega : relaxation where M is not symmetric and 1
+    does not do.
     """
     problem, q, diagonal = prepared.problem, prepared.problem.q, prepared.M.diagonal().copy()
     z, w = np.zeros(q.size), q.copy()

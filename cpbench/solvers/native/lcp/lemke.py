@@ -192,9 +192,9 @@ class _Run:
             outcome = self._vectors(z)
         else:
             p = max_abs(problem.q) or 1.0
-            run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.size)
+            run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
             outcome = self._products(run)
-            z = run.z * (p / lcp.size)
+            z = run.z * (p / lcp.unit)
         if outcome == "ray":
             return _after_ray(problem, z, budget, counters)
         if outcome != "complementary":
