@@ -134,12 +134,12 @@ def follow(
             return LIMIT
         if state[0] == E.shape[0]:
             for slot in range(n + 1):
-                update(D, -1.0, C, age, slot, E, rows, state[0])
+                update(D.T, -1.0, C, age, slot, E, rows, state[0])
                 age[slot] = 0
             state[0] = 0
         k, s = state[0], state[1]
         col = C[s]
-        update(D, -1.0, C, age, s, E, rows, k)
+        update(D.T, -1.0, C, age, s, E, rows, k)
         entering = nonbasic[s]
         if state[2] == 0:
             r = state[3]
@@ -157,7 +157,7 @@ def follow(
                     b = state[3] if place == n - 1 else (place if place < state[3] else place + 1)
                     slot = where[b]
                     if slot >= 0:
-                        update(D, -1.0, C, age, slot, E, rows, k)
+                        update(D.T, -1.0, C, age, slot, E, rows, k)
                     count = kept(C[max(slot, 0)], col, ties, count, value, -slot - 1, sign[b], tie_tolerance)
                 r = largest(col, ties, count)
         state[2] += 1
@@ -201,7 +201,7 @@ def follow(
         if turned:
             pair = min(leaving, complement)
             sign[pair] = -sign[pair]
-            update(D, -1.0, C, age, state[1], E, rows, k + 1)
+            update(D.T, -1.0, C, age, state[1], E, rows, k + 1)
             for i in range(n):
                 col[i] = -col[i]
                 C[state[1], i] = -C[state[1], i]

@@ -8,9 +8,10 @@ that would take many of them, the caller does it for several columns at once, by
 """
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit, void
 
 from cpbench.solvers.kernels.tableau import (
+    ANY_ORDER,
     CODES,
     COMPLEMENTARY,
     LIMIT,
@@ -30,16 +31,18 @@ SPARE = 8
 """Room for pivots beyond n: most runs never fill it."""
 WHOLE = 16
 """Up to this size the whole tableau is updated at once: a column at a time would be more calls than arithmetic."""
+UNKNOWN = -(2**40)
+"""The age of a column that cannot be read from M: the caller brings it."""
 
 
 @njit(
-    "void(float64[:,::1], float64, float64[:,::1], int64[::1], int64, float64[:,::1], int64[::1], int64)",
+    void(ANY_ORDER, float64, float64[:, ::1], int64[::1], int64, float64[:, ::1], int64[::1], int64),
     cache=True,
     error_model="numpy",
     nogil=True,
 )
-def update(M, factor, C, age, slot, E, rows, end):
-    """Bring a column to `end` pivots, from M where it was never used (age -1).
+def update(columns, factor, C, age, slot, E, rows, end):
+    """Bring a column to `end` pivots, from M (row j of `columns` is its column j) where it was never used (age -1).
 
     A pivot in row r makes c_r t = c_r/e_r and every other c_i less by e_i t; E holds 1/e_r in the place of e_r. Row r
     is written afresh, not corrected: no cancellation however large the pivot.
@@ -47,7 +50,7 @@ def update(M, factor, C, age, slot, E, rows, end):
     column = C[slot]
     if age[slot] < 0:
         for i in range(column.size):
-            column[i] = factor * M[i, slot]
+            column[i] = factor * columns[slot, i]
         age[slot] = 0
     for p in range(age[slot], end):
         r = rows[p]
@@ -61,14 +64,31 @@ def update(M, factor, C, age, slot, E, rows, end):
 
 
 @njit(
-    "int64(float64[:,::1], float64, float64[:,::1], int64[::1], float64[:,::1], int64[::1], float64[::1], int64[::1],"
-    " int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], int64, int64, float64, float64)",
+    int64(
+        ANY_ORDER,
+        float64,
+        float64[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+        int64[::1],
+        float64[::1],
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        float64[::1],
+        int64,
+        int64,
+        float64,
+        float64,
+    ),
     cache=True,
     error_model="numpy",
     nogil=True,
 )
 def advance(
-    M,
+    columns,
     factor,
     C,
     age,
@@ -86,15 +106,17 @@ def advance(
     pivot_tolerance,
     tie_tolerance,
 ):
-    """Pivot until z_0 leaves, or until the caller has work: the entering column lacks more than `far` pivots.
+    """Pivot until z_0 leaves, or until the caller has work: a column is unknown or lacks more than `far` pivots.
 
     Parameters
     ----------
-    M : (n, n), multiplied by `factor` when read. C : (n+1, n) column of each slot. age : (n+1,) how many of the kept
-    pivots are in it. E : (K, n) columns that entered, rows : (K,) where. rhs : (n,) values of the basic variables.
-    basic, nonbasic : variable of each row, slot. where : (2n+1,) slot of a nonbasic variable, else -(row + 1).
+    columns : (n, n), those of M, multiplied by `factor` when read. C : (n+1, n) column of each slot. age : (n+1,)
+    how many of the kept pivots are in it. E : (K, n) columns that entered, rows : (K,) where. rhs : (n,) values of the
+    basic variables. basic, nonbasic : variable of each row, slot. where : (2n+1,) slot of a nonbasic variable, else
+    -(row + 1).
     state : kept pivots, entering slot, pivots done, row of the first pivot (where rhs is least; last in the
-    lexicographic order, which makes every other row lexicographically positive). ties, value : (n,) workspace.
+    lexicographic order, which makes every other row lexicographically positive), slot of the column that the caller
+    has to bring. ties, value : (n,) workspace.
     """
     n = rhs.size
     while True:
@@ -104,9 +126,10 @@ def advance(
         if k == E.shape[0]:
             return FULL
         if k - age[s] > far:
+            state[4] = s
             return BEHIND
         col = C[s]
-        update(M, factor, C, age, s, E, rows, k)
+        update(columns, factor, C, age, s, E, rows, k)
         if state[2] == 0:
             r = state[3]
         else:
@@ -123,7 +146,10 @@ def advance(
                     j = state[3] if place == n - 1 else (place if place < state[3] else place + 1)
                     slot = where[j]
                     if slot >= 0:
-                        update(M, factor, C, age, slot, E, rows, k)
+                        if age[slot] == UNKNOWN:
+                            state[4] = slot
+                            return BEHIND
+                        update(columns, factor, C, age, slot, E, rows, k)
                     count = kept(C[max(slot, 0)], col, ties, count, value, -slot - 1, tie_tolerance)
                 r = largest(col, ties, count)
         inverse = 1.0 / col[r]
@@ -194,7 +220,7 @@ def _solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_toler
     state[0], state[1], state[2], state[3] = 0, n, 0, first_row(M, q, ties)
     while True:
         outcome = advance(
-            M,
+            M.T,
             -1.0 / m,
             C,
             age,
@@ -215,7 +241,7 @@ def _solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_toler
         if outcome != FULL:
             break
         for slot in range(n + 1):
-            update(M, -1.0 / m, C, age, slot, E, rows, state[0])
+            update(M.T, -1.0 / m, C, age, slot, E, rows, state[0])
             age[slot] = 0
         state[0] = 0
     for i in range(n):
@@ -267,14 +293,14 @@ def lemke_batch(M, q, z, codes, max_pivots, pivot_tolerance, tie_tolerance):
 
 
 @njit(
-    "void(float64[:,::1], float64, float64[:,::1], int64[::1], int64[::1], float64[:,::1], int64[::1], int64)",
+    void(ANY_ORDER, float64, float64[:, ::1], int64[::1], int64[::1], float64[:, ::1], int64[::1], int64),
     cache=True,
     nogil=True,
 )
-def align(M, factor, C, age, slots, E, rows, block):
+def align(columns, factor, C, age, slots, E, rows, block):
     """Bring the columns of `slots` to the next multiple of `block` pivots, one after the other."""
     for slot in slots:
-        update(M, factor, C, age, slot, E, rows, (max(age[slot], 0) + block - 1) // block * block)
+        update(columns, factor, C, age, slot, E, rows, (max(age[slot], 0) + block - 1) // block * block)
 
 
 @njit(

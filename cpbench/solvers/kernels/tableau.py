@@ -5,15 +5,17 @@ nonbasic variable.
 """
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit, types
 
+ANY_ORDER = types.Array(float64, 2, "A", readonly=True)
+"""A matrix that is read only, by rows or by columns."""
 COMPLEMENTARY, RAY, LIMIT, NOT_FINITE = 0, 1, 2, 3
 """z_0 has left; no row blocks; too many pivots; not a number."""
 CODES = 8
 """Runs return pivots * CODES + outcome: a pair would cost more than a pivot does for n = 5."""
 
 
-@njit("int64(float64[:,::1], float64[::1], int64[::1])", cache=True, error_model="numpy", nogil=True)
+@njit(int64(ANY_ORDER, float64[::1], int64[::1]), cache=True, error_model="numpy", nogil=True)
 def first_row(M, q, ties):
     """Where q is least; among ties the r whose z_r, raised until w_r = 0, lifts the other w most (Σ_j M_jr/M_rr).
 

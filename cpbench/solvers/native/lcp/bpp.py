@@ -11,28 +11,21 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import SYMMETRY_TOLERANCE, Vector, asymmetry, dense, max_abs
+from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.changing_basis import ChangingBasis
+from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lcp_claims import (
     conclude,
     dense_obstacle,
     ended_in_basis,
     error_of,
 )
-from cpbench.solvers.native.lcp.lemke import Lemke
+from cpbench.solvers.native.lcp.lemke import Lemke, LemkeOptions
 from cpbench.solvers.options import fixed, searched
 
 PATIENCE = 3
 """Block changes allowed without a new least number of infeasibilities (Júdice and Pires: p)."""
-FIRST, GAIN = 2, 0.7
-"""Sweeps after which they begin anew with ω < 1 unless the second has left no more than this share of the error."""
-CHUNK = 5
-"""Sweeps between two looks at the active set they point to."""
-SETTLED = 0.02
-"""Share of components that change sides within a chunk of sweeps and count as few."""
-SLOW = 4.0
-"""How many times longer a sweep takes than a factorization for the same number of multiplications."""
 
 
 @dataclass(frozen=True)
@@ -47,24 +40,6 @@ class BPPOptions:
     max_sweeps: int = fixed(20)
     omega: float = searched(0.6, low=0.2, high=1.2)
     max_factorizations: int = fixed(5)
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """M (n, n) dense as it was given, by columns too (row j is column j), whether it is symmetric, and max|M|.
-
-    Not scaled: the sweeps, the factorizations and the judge read the same 8n² bytes, which may stay in the cache.
-    """
-
-    problem: LCP
-    M: np.ndarray[Any, Any]
-    columns: np.ndarray[Any, Any]
-    symmetric: bool
-    size: float
-
-    def points_to(self, z: Vector, w: Vector) -> np.ndarray[Any, Any]:
-        """Components that are positive in the solution near to z: z > w in data scaled to size one."""
-        return z * self.size > w
 
 
 @register
@@ -88,10 +63,8 @@ class BlockPrincipalPivoting(Solver):
     def obstacle(self, problem: LCP) -> str | None:
         return dense_obstacle(problem)
 
-    def setup(self, problem: LCP, budget: Budget, options: BPPOptions) -> Prepared:
-        M = np.ascontiguousarray(dense(problem.M))
-        symmetric = asymmetry(M) <= SYMMETRY_TOLERANCE
-        return Prepared(problem, M, M if symmetric else np.ascontiguousarray(M.T), symmetric, max_abs(M) or 1.0)
+    def setup(self, problem: LCP, budget: Budget, options: BPPOptions) -> DenseLCP:
+        return dense_lcp(problem)
 
     def warmup(self) -> None:
         for M in (np.eye(3), np.triu(np.ones((3, 3)))):
@@ -100,7 +73,7 @@ class BlockPrincipalPivoting(Solver):
 
     def solve(
         self,
-        prepared: Prepared,
+        prepared: DenseLCP,
         budget: Budget,
         options: BPPOptions,
         start: Any | None = None,
@@ -115,7 +88,7 @@ class BlockPrincipalPivoting(Solver):
         if record is not None:
             record(0, error_of(problem, z), partial(LCPPoint, z))
         if start is None:
-            z, sweeps = self._swept(prepared, budget, options, limit)
+            z, sweeps = swept(prepared, min(limit, options.max_sweeps), options.omega, budget.tolerance, limit)
         counters = {"iterations": sweeps, "sweeps": sweeps, "factorizations": 0}
         if (error := error_of(problem, z)) <= budget.tolerance or sweeps >= limit:
             if record is not None and sweeps:
@@ -123,7 +96,7 @@ class BlockPrincipalPivoting(Solver):
             message = f"error {error:.1e} after {sweeps} sweeps"
             return conclude(problem, z, budget, counters, error=error, otherwise=Claim.MAX_ITER, message=message)
         inside = prepared.points_to(z, prepared.M @ z + q)
-        basis = ChangingBasis(prepared.M, prepared.columns, q, prepared.symmetric)
+        basis = ChangingBasis(prepared.M, prepared.columns, q, problem.symmetric)
         least, patience = n + 1, PATIENCE
         seen: set[bytes] = set()
         why, many = "", options.max_factorizations or math.inf
@@ -164,7 +137,7 @@ class BlockPrincipalPivoting(Solver):
                 break
         counters["factorizations"] = basis.factorizations
         if why and options.max_factorizations and time.monotonic() <= deadline:
-            return self._by_lemke(problem, budget, deadline, counters, why, record)
+            return self._by_lemke(prepared, z, budget, deadline, counters, why, record)
         z = np.maximum(z, 0.0)
         claim = Claim.FAILED if why else Claim.MAX_ITER
         why = (
@@ -174,47 +147,10 @@ class BlockPrincipalPivoting(Solver):
         )
         return conclude(problem, z, budget, counters, otherwise=claim, message=why)
 
-    def _swept(self, prepared: Prepared, budget: Budget, options: BPPOptions, most: int) -> tuple[Vector, int]:
-        """z after sweeps, `most` of them, that go on while F moves, or while they end sooner than a factorization.
-
-        The best of them where they diverge; z = 0 where the diagonal is not positive.
-        """
-        limit = min(most, options.max_sweeps)
-        problem, q, diagonal = prepared.problem, prepared.problem.q, prepared.M.diagonal().copy()
-        z, w = np.zeros(q.size), q.copy()
-        if limit == 0 or not (diagonal > 0.0).all():
-            return z, 0
-        from cpbench.kernel_cache import load
-
-        kernel = load("cpbench.solvers.kernels.splitting")
-        best, least, inside, omega, sweeps = z.copy(), math.inf, q < 0.0, 1.0, 0
-        while sweeps < limit:
-            errors = np.empty(min(CHUNK if sweeps else FIRST, limit - sweeps))
-            rest = (diagonal, q, z, w, problem.z_unit, omega, False, budget.tolerance, errors)
-            done = kernel.sweeps_dense(prepared.columns, *rest)
-            sweeps, error = sweeps + done, float(errors[done - 1])
-            if sweeps == FIRST and not prepared.symmetric and not error < GAIN * errors[0]:
-                z[:], w[:], omega = 0.0, q, options.omega
-                continue
-            if not error < least:
-                return best, sweeps
-            best, least = z.copy(), error
-            before, inside = inside, prepared.points_to(z, w)
-            if error <= budget.tolerance:
-                break
-            active = int(inside.sum())
-            rate = (error / errors[0]) ** (1.0 / max(done - 1, 1))
-            left = math.log(budget.tolerance / error) / math.log(rate) if rate < 1.0 else math.inf
-            factorization = active**3 / (6.0 if prepared.symmetric else 3.0)
-            if left * SLOW * q.size * active <= factorization:
-                limit = min(most, max(limit, sweeps + math.ceil(left) + 1))
-            elif np.count_nonzero(before != inside) <= SETTLED * q.size:
-                break
-        return best, sweeps
-
     def _by_lemke(
         self,
-        problem: LCP,
+        prepared: DenseLCP,
+        z: Vector,
         budget: Budget,
         deadline: float,
         counters: dict[str, int],
@@ -222,7 +158,8 @@ class BlockPrincipalPivoting(Solver):
         record: Record | None,
     ) -> SolverOutput:
         rest = Budget(tolerance=budget.tolerance, seconds=deadline - time.monotonic(), iterations=budget.iterations)
-        found = Lemke().run(problem, rest)
+        problem = prepared.problem
+        found = Lemke().solve(prepared, rest, LemkeOptions(), LCPPoint(np.maximum(z, 0.0)))
         counters = {**counters, "pivots": found.counters["pivots"]}
         if record is not None and isinstance(found.point, LCPPoint):
             record(counters["iterations"] + 1, error_of(problem, found.point.z), partial(LCPPoint, found.point.z))

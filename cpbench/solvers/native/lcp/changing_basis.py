@@ -16,10 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from cpbench.matrices import Vector, max_abs
-
-ROUNDING = 1e-6
-"""A residual of M_FF z_F = -q_F beyond this share of its largest term means that M_FF is as good as singular."""
+from cpbench.matrices import Vector
+from cpbench.solvers.native.lcp.basis_factor import BasisFactor, judged_basic
 
 
 class ChangingBasis:
@@ -36,9 +34,8 @@ class ChangingBasis:
 
     def __init__(self, M: np.ndarray[Any, Any], columns: np.ndarray[Any, Any], q: Vector, symmetric: bool) -> None:
         self._M, self._by_columns, self._q, self._symmetric = M, columns, q, symmetric
-        self._inside = np.zeros(q.size, dtype=bool)
+        self._base: BasisFactor | None = None
         self._columns: dict[int, Vector] = {}
-        self._base: np.ndarray[Any, Any] | None = None
         self.factorizations = 0
 
     def solve(self, inside: np.ndarray[Any, Any]) -> tuple[Vector, Vector] | None:
@@ -46,61 +43,42 @@ class ChangingBasis:
         F = np.flatnonzero(inside)
         z = np.zeros_like(self._q)
         if F.size:
-            changed = np.flatnonzero(inside != self._inside)
-            # a solve for a column and a factorization do the same work at |F|/6 columns, |F|/3 for LU; these are slower
-            few = F.size // (8 if self._cholesky else 4)
-            x = None
-            if self._base is not None and changed.size <= few:
-                x = self._bordered(changed)
+            x = self._bordered(inside, F.size)
             if x is None:
-                x = self._afresh(inside, F)
+                x = self._afresh(inside)
             if x is None:
                 return None
             z[F] = x
-        w = self._M @ z
-        if not max_abs(w[F] + self._q[F]) <= ROUNDING * max(max_abs(self._q), max_abs(w)):
-            return None
-        w += self._q
-        w[F] = 0.0
-        return z, w
+        return judged_basic(self._M, self._q, z, F)
 
-    def _afresh(self, inside: np.ndarray[Any, Any], F: np.ndarray[Any, Any]) -> Vector | None:
-        self._inside, self._base, self._columns = inside.copy(), F, {}
+    def _afresh(self, inside: np.ndarray[Any, Any]) -> Vector | None:
         self.factorizations += 1
-        self._cholesky = self._symmetric
-        if self._symmetric:
-            self._factor, info = lapack.dpotrf(self._principal(F).T, lower=1, clean=0, overwrite_a=1)
-            self._cholesky = info == 0
-        if not self._cholesky:
-            # the transpose of a C-ordered matrix is what LAPACK takes without a copy
-            self._factor, self._pivots, info = lapack.dgetrf(self._principal(F).T, overwrite_a=1)
-            if info != 0:
-                return None
-        self._solution = self._base_solve(-self._q[F])
+        self._columns = {}
+        self._base = base = BasisFactor(self._M, self._by_columns, self._symmetric, inside)
+        if base.singular:
+            self._base = None
+            return None
+        self._solution = base.solve(-self._q[base.B])
         return self._solution if np.isfinite(self._solution).all() else None
 
-    def _principal(self, F: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        return self._M.take(F, axis=0).take(F, axis=1)
-
-    _cholesky = False
-
-    def _base_solve(self, right: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        if self._cholesky:
-            return lapack.dpotrs(self._factor, right, lower=1)[0]
-        return lapack.dgetrs(self._factor, self._pivots, right, trans=1)[0]
-
-    def _bordered(self, changed: np.ndarray[Any, Any]) -> Vector | None:
-        """z_F in the order of F; None where the Schur complement is singular."""
-        base, M = self._base, self._M
-        assert base is not None
+    def _bordered(self, inside: np.ndarray[Any, Any], size: int) -> Vector | None:
+        """z_F in the order of F; None without a factor of a near basis, or where the Schur complement is singular."""
+        factor, M = self._base, self._M
+        if factor is None:
+            return None
+        base = factor.B
+        changed = np.flatnonzero(inside != factor.inside)
+        # a solve for a column and a factorization do the same work at |F|/6 columns, |F|/3 for LU; these are slower
+        if changed.size > size // (8 if factor.cholesky else 4):
+            return None
         if changed.size == 0:
             return self._solution
         new = np.array([i for i in changed.tolist() if i not in self._columns], dtype=np.int64)
         if new.size:
-            solved = self._base_solve(self._border(new))
+            solved = factor.solve(factor.border(new))
             self._columns.update(zip(new.tolist(), solved.T, strict=True))
         Y = np.stack([self._columns[i] for i in changed.tolist()], axis=1)
-        removed = self._inside[changed]
+        removed = factor.inside[changed]
         A, R = changed[~removed], changed[removed]
         places = np.searchsorted(base, R)
         V = np.empty((changed.size, base.size))
@@ -117,13 +95,3 @@ class ChangingBasis:
         x[base] = self._solution - Y @ y
         x[A] = y[~removed]
         return x[np.setdiff1d(np.union1d(base, A), R)]
-
-    def _border(self, indices: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """M_BA and E_R for the indices, in Fortran's order."""
-        base = self._base
-        assert base is not None
-        U = np.zeros((base.size, indices.size), order="F")
-        removed = self._inside[indices]
-        U[:, ~removed] = self._by_columns.take(indices[~removed], axis=0).take(base, axis=1).T
-        U[np.searchsorted(base, indices[removed]), np.flatnonzero(removed)] = 1.0
-        return U

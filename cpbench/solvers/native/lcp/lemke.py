@@ -12,24 +12,33 @@ import numpy as np
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Vector
+from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.lcp_claims import ScaledLCP, conclude, dense_obstacle, ended_in_basis, farkas, scale
+from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
+from cpbench.solvers.native.lcp.lcp_claims import conclude, dense_obstacle, ended_in_basis, error_of, farkas
 from cpbench.solvers.native.lcp.lemke_columns import Columns
+from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.solvers.options import fixed, searched
 
 SMALL = 250
 """Up to this size columns are updated by vectors alone; beyond it those that lack many pivots by matrix products."""
+LEAST, MOST = 8, 96
+"""How many columns of a transformed LCP are computed at once: as many as q' has negative components, within these."""
+OMEGA = 0.6
+"""Relaxation of the sweeps where M is not symmetric and 1 does not do."""
 
 
 @dataclass(frozen=True)
 class LemkeOptions:
     """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data scaled to size one,
-    do not block. `tie_tolerance` : rows that a step would bring this close to zero count as tied."""
+    do not block. `tie_tolerance` : rows that a step would bring this close to zero count as tied. `crash_sweeps` :
+    projected Gauss-Seidel sweeps that guess the first basis beyond 250 unknowns where no start is given; 0 : none,
+    pivoting begins at w = q."""
 
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
     tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
+    crash_sweeps: int = fixed(20)
 
 
 @dataclass(frozen=True)
@@ -59,39 +68,41 @@ class Lemke(Solver):
         summary="Lemke's complementary pivoting, lexicographic ratio test",
         method="pivoting",
         citation="Lemke 1965; Cottle, Pang and Stone 1992, algorithm 4.4.5 and section 4.9",
-        traits=frozenset({Trait.DETERMINISTIC}),
+        traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
         options=LemkeOptions,
     )
 
     def obstacle(self, problem: LCP) -> str | None:
         return dense_obstacle(problem)
 
-    def setup(self, problem: LCP, budget: Budget, options: LemkeOptions) -> ScaledLCP:
-        return scale(problem)
+    def setup(self, problem: LCP, budget: Budget, options: LemkeOptions) -> DenseLCP:
+        return dense_lcp(problem, by_columns=problem.q.size > SMALL)
 
     def warmup(self) -> None:
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
 
     def solve(
         self,
-        prepared: ScaledLCP,
+        prepared: DenseLCP,
         budget: Budget,
         options: LemkeOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        problem, q = prepared.problem, prepared.q
-        n = q.size
-        if n == 0 or q.min() >= 0.0:
-            return conclude(problem, np.zeros(n), budget, {"pivots": 0})
-        outcome, z, pivots = _pivot(prepared, budget, options)
-        counters = {"pivots": pivots}
-        if outcome == "ray":
-            return _after_ray(problem, z, budget, counters)
-        if outcome != "complementary":
-            claim = Claim.FAILED if outcome == "not finite" else Claim.MAX_ITER
-            return conclude(problem, z, budget, counters, otherwise=claim, message=f"{outcome} after {pivots} pivots")
-        return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
+        run = _Run(prepared, budget, options)
+        n = prepared.problem.q.size
+        if start is not None:
+            z = np.maximum(start.z, 0.0)
+            if (error := error_of(prepared.problem, z)) <= budget.tolerance:
+                return conclude(prepared.problem, z, budget, run.counters, error=error)
+            output = run.from_support(z)
+        elif n > SMALL and options.crash_sweeps > 0:
+            z, sweeps = swept(prepared, min(options.crash_sweeps, run.left), OMEGA)
+            run.counters["iterations"] += sweeps
+            output = run.from_support(z) if sweeps else None
+        else:
+            output = None
+        return run.plain() if output is None else output
 
 
 def batch(
@@ -136,30 +147,94 @@ def _pivot_limit(n: int) -> int:
     return 50 * n + 1000
 
 
-def _pivot(prepared: ScaledLCP, budget: Budget, options: LemkeOptions) -> tuple[str, Vector, int]:
-    """Outcome in words, z of the basis it ended in (unscaled), number of pivots."""
-    from cpbench.kernel_cache import load
+class _Run:
+    """What has been spent, and the two ways to begin."""
 
-    kernel = load("cpbench.solvers.kernels.pivoting")
-    n = prepared.q.size
-    limit = budget.iterations or options.max_pivots or _pivot_limit(n)
-    words = {kernel.COMPLEMENTARY: "complementary", kernel.RAY: "ray", kernel.LIMIT: "pivot limit"}
-    if n <= SMALL:
-        z = np.empty(n)
-        code = kernel.lemke(prepared.M, prepared.q, z, limit, options.pivot_tolerance, options.tie_tolerance)
-        return words.get(code % kernel.CODES, "not finite"), z * prepared.z_unit, code // kernel.CODES
-    run = Columns(kernel, prepared.M, prepared.q)
-    deadline = time.monotonic() + budget.seconds
-    while True:
-        status = run.advance(limit, options.pivot_tolerance, options.tie_tolerance)
-        if status == kernel.BEHIND:
-            run.bring_likely()
-        elif status == kernel.FULL:
-            run.forget_pivots()
+    def __init__(self, lcp: DenseLCP, budget: Budget, options: LemkeOptions) -> None:
+        from cpbench.kernel_cache import load
+
+        self._lcp, self._budget, self._options = lcp, budget, options
+        self._kernel = load("cpbench.solvers.kernels.pivoting")
+        self._limit = budget.iterations or options.max_pivots or _pivot_limit(lcp.problem.q.size)
+        self._deadline = time.monotonic() + budget.seconds
+        self.counters = {"iterations": 0, "pivots": 0}
+
+    @property
+    def left(self) -> int:
+        """Steps that may still be taken."""
+        return self._limit - self.counters["iterations"]
+
+    def from_support(self, z: Vector) -> SolverOutput | None:
+        """From the basis that z points to; None where that basis or the way from there settles nothing."""
+        lcp, budget = self._lcp, self._budget
+        problem = lcp.problem
+        seen = transformed(lcp, lcp.points_to(z, lcp.M @ z + problem.q))
+        self.counters["factorizations"] = 1
+        if seen is None:
+            return None
+        if seen.q.min() >= 0.0:
+            z = seen.lifted(seen.q, np.zeros_like(z))
         else:
-            return words.get(status, "not finite"), run.z * prepared.z_unit, run.pivots
-        if time.monotonic() > deadline:
-            return "out of time", np.zeros(n), run.pivots
+            likely = min(max(int((seen.q < 0.0).sum()), LEAST), MOST)
+            run = Columns(self._kernel, lcp.columns, seen.q, source=seen.negated_columns, likely=likely)
+            if self._products(run) != "complementary":
+                return None
+            z = seen.lifted(run.w, run.z)
+        output = ended_in_basis(problem, z, np.flatnonzero(z), budget, self.counters)
+        return output if output.claim is Claim.SOLVED else None
+
+    def plain(self) -> SolverOutput:
+        """From w = q, where a ray may be followed by a proof."""
+        lcp, budget, counters = self._lcp, self._budget, self.counters
+        problem = lcp.problem
+        if lcp.problem.q.size <= SMALL:
+            z = np.empty(problem.q.size)
+            outcome = self._vectors(z)
+        else:
+            p = max_abs(problem.q) or 1.0
+            run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
+            outcome = self._products(run)
+            z = run.z * (p / lcp.unit)
+        if outcome == "ray":
+            return _after_ray(problem, z, budget, counters)
+        if outcome != "complementary":
+            claim = Claim.FAILED if outcome == "not finite" else Claim.MAX_ITER
+            message = f"{outcome} after {counters['pivots']} pivots"
+            return conclude(problem, z, budget, counters, otherwise=claim, message=message)
+        return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
+
+    def _vectors(self, z: Vector) -> str:
+        """All in one compiled loop, z written; outcome in words."""
+        kernel, options, problem = self._kernel, self._options, self._lcp.problem
+        code = kernel.lemke(self._lcp.M, problem.q.copy(), z, self.left, options.pivot_tolerance, options.tie_tolerance)
+        self._spend(code // kernel.CODES)
+        return self._word(code % kernel.CODES)
+
+    def _products(self, run: Columns) -> str:
+        """What lies far behind is brought by matrix products; outcome in words."""
+        kernel, options = self._kernel, self._options
+        while True:
+            status = run.advance(self.left, options.pivot_tolerance, options.tie_tolerance)
+            if status == kernel.BEHIND:
+                run.bring_likely()
+            elif status == kernel.FULL:
+                run.forget_pivots()
+            else:
+                break
+            if time.monotonic() > self._deadline:
+                break
+        self._spend(run.pivots)
+        return self._word(status)
+
+    def _spend(self, pivots: int) -> None:
+        self.counters["pivots"] += pivots
+        self.counters["iterations"] += pivots
+
+    def _word(self, status: int) -> str:
+        kernel = self._kernel
+        words = {kernel.COMPLEMENTARY: "complementary", kernel.RAY: "ray", kernel.LIMIT: "pivot limit"}
+        words |= {kernel.BEHIND: "out of time", kernel.FULL: "out of time"}
+        return words.get(status, "not finite")
 
 
 def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]) -> SolverOutput:

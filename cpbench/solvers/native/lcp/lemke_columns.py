@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.linalg import blas
 
-from cpbench.matrices import Matrix, Vector
+from cpbench.matrices import Vector
 
 BLOCK = 32
 """Pivots that are applied to several columns as one matrix product."""
@@ -17,23 +18,46 @@ LIKELY = 96
 """Columns that are brought up to date together with one that lacks more."""
 
 
-class Columns:
-    """The state of `pivoting.advance`, and what brings many columns up to date at once."""
+Source: TypeAlias = Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]
+"""Variables z_j -> the columns of -M that belong to them, row by row."""
 
-    def __init__(self, kernel: Any, M: Matrix, q: Vector, block: int = BLOCK, room: int = 0) -> None:
+
+class Columns:
+    """The state of `pivoting.advance` on the LCP of M and q, and what brings many columns up to date at once.
+
+    Parameters
+    ----------
+    columns : (n, n), row j is column j of M. q : (n,). factor : of M and q, -1/max|M|, so that they are of size one.
+    source : where columns come from that are not stored; `columns` is then not read. likely : how many columns are
+    brought together. room : for how many pivots, 0 for n.
+    """
+
+    def __init__(
+        self,
+        kernel: Any,
+        columns: np.ndarray[Any, Any],
+        q: Vector,
+        *,
+        factor: float = -1.0,
+        source: Source | None = None,
+        likely: int = LIKELY,
+        block: int = BLOCK,
+        room: int = 0,
+    ) -> None:
         n = q.size
         self._kernel, self._n, self._block = kernel, n, block
-        self._M = np.ascontiguousarray(M)
+        self._columns, self._factor, self._source, self._likely = columns, factor, source, likely
         # kept pivots take as much memory as the columns, rounded up to whole blocks
         room = -(-(room or n) // block) * block
         self._C = np.empty((n + 1, n))
         self._C[n] = -1.0
-        self._age = np.append(np.full(n, -1), 0)
+        self._age = np.append(np.full(n, -1 if source is None else kernel.UNKNOWN), 0)
         self._E, self._rows = np.empty((room, n)), np.empty(room, np.int64)
         self._rhs = q.copy()
         self._basic, self._nonbasic = np.arange(n), np.arange(n, 2 * n + 1)
         self._where = np.concatenate([-1 - np.arange(n), np.arange(n + 1)])
-        self._state = np.array([0, n, 0, kernel.first_row(self._M, q, np.empty(n, np.int64))])
+        first = int(q.argmin()) if source else kernel.first_row(columns.T, q, np.empty(n, np.int64))
+        self._state = np.array([0, n, 0, first, n])
         self._workspace = np.empty(n, np.int64), np.empty(n)
         self._seen = (q.copy(), 0.0)
 
@@ -48,10 +72,17 @@ class Columns:
         z[self._basic[inside] - self._n] = np.maximum(self._rhs[inside], 0.0)
         return z
 
+    @property
+    def w(self) -> Vector:
+        w = np.zeros(self._n)
+        inside = self._basic < self._n
+        w[self._basic[inside]] = np.maximum(self._rhs[inside], 0.0)
+        return w
+
     def advance(self, limit: int, pivot_tolerance: float, tie_tolerance: float) -> int:
         return self._kernel.advance(
-            self._M,
-            -1.0,
+            self._columns,
+            self._factor,
             self._C,
             self._age,
             self._E,
@@ -69,23 +100,23 @@ class Columns:
         )
 
     def bring_likely(self) -> None:
-        """The entering column and those that will probably enter next, to the last whole block of pivots.
+        """The column that is asked for and those that will probably enter next, to the last whole block of pivots.
 
         A variable that leaves makes its complement enter, and it leaves where it reaches zero. As z_0 falls, the
         others move nearly on straight lines: seen from here and from the last time, they point at the next ones.
         """
-        n, rhs = self._n, self._rhs
+        n, rhs, likely = self._n, self._rhs, self._likely
         before, z0_before = self._seen
         z0 = rhs[-1 - self._where[2 * n]]
         self._seen = (rhs.copy(), z0)
-        slots = np.array([self._state[1]])
+        slots = self._state[4:5]
         if z0 != z0_before:
             slope = (before - rhs) / (z0_before - z0)
             falls = slope > 0.0
             with np.errstate(over="ignore"):
                 reaches_zero_at = np.where(falls, z0 - rhs / np.where(falls, slope, 1.0), -np.inf)
             reaches_zero_at[-1 - self._where[2 * n]] = -np.inf
-            rows = np.argpartition(-reaches_zero_at, LIKELY)[:LIKELY] if n > LIKELY else np.arange(n)
+            rows = np.argpartition(-reaches_zero_at, likely)[:likely] if n > likely else np.arange(n)
             basic = self._basic[rows]
             basic = basic[basic < 2 * n]
             others = self._where[np.where(basic < n, basic + n, basic - n)]
@@ -101,8 +132,14 @@ class Columns:
     def _bring(self, slots: np.ndarray[Any, Any]) -> None:
         block, kernel, E, rows = self._block, self._kernel, self._E, self._rows
         end = int(self._state[0]) // block * block
+        if self._source is not None:
+            new = slots[self._age[slots] < 0]
+            if new.size:
+                self._C[new], self._age[new] = self._source(new), 0
         slots = slots[self._age[slots] < end]
-        kernel.align(self._M, -1.0, self._C, self._age, slots, E, rows, block)
+        if slots.size == 0:
+            return
+        kernel.align(self._columns, self._factor, self._C, self._age, slots, E, rows, block)
         slots = slots[np.argsort(self._age[slots], kind="stable")]
         ages = self._age[slots]
         W = self._C[slots]
