@@ -38,20 +38,28 @@ SMALL_COMPONENT = 32
 """Components up to this size are kept as dense blocks; a body has 3 or 6 unknowns."""
 INVERTED_RCOND = 1e-8
 """Small blocks are inverted above this; the step of refinement then reaches the residual of an LU."""
+PREFERENCE = 0.1
+"""Share of the largest entry of its column from which the diagonal is the pivot, where the structure is symmetric."""
 DENSE_LIMIT = 128
 """Up to this size a sparse matrix is factored as a dense one: SuperLU and its condition estimate cost more."""
 
 
-def sparse_lu(A: Any) -> Any | None:
+def sparse_lu(A: Any, *, symmetric_structure: bool = False) -> Any | None:
     """SuperLU's factorization of a sparse matrix, None where it is exactly singular.
+
+    With a `symmetric_structure` whose diagonal is mostly fit to be pivoted upon, A + Aᵀ is ordered and the diagonal
+    preferred: half of the fill and of the time on Jacobians of contact problems.
 
     The structure is looked at first: SuperLU has died of structurally singular matrices (a segmentation fault on the
     KKT matrix of QBEACONF), where it should report a zero pivot.
     """
     if not has_full_structural_rank(sp.csr_array(A)):
         return None
+    options: dict[str, Any] = {}
+    if symmetric_structure:
+        options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": PREFERENCE, "options": {"SymmetricMode": True}}
     try:
-        return spla.splu(sp.csc_array(A))
+        return spla.splu(sp.csc_array(A), **options)
     except RuntimeError:  # an exactly zero pivot
         return None
 

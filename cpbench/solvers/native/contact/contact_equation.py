@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -53,6 +54,7 @@ class ContactEquation:
         self._mu, self._q = problem.mu, contacts.q
         d, nc = problem.dimension, problem.nc
         self._shape = (nc, d)
+        self._alpha, self._centre = 0.0, contacts.q
         self._rho = np.ones((nc, 2))
         if function in (ContactFunction.ALART_CURNIER, ContactFunction.JEAN_MOREAU):
             mobility = problem.mobility * (contacts.s**2).reshape(self._shape)
@@ -71,11 +73,22 @@ class ContactEquation:
             self._first, self._row = blocks.indptr.astype(np.int64), blocks.indices.astype(np.int64)
             self._blocks = np.ascontiguousarray(blocks.data.swapaxes(1, 2))
 
+    def near(self, centre: Vector, alpha: float) -> ContactEquation:
+        """The equation of W′ + αI and q′ − α·centre: that of the proximal point of `centre`; shares the matrix."""
+        other = copy.copy(self)
+        other._alpha, other._centre = alpha, centre
+        return other
+
     def at(self, x: Vector) -> At:
         nc, d = self._shape
         phi, moves = np.empty(nc * d), np.empty(nc, dtype=bool)
         A, B = np.empty((nc, d, d)), np.empty((nc, d, d))
-        self._kernel.evaluate(self._function, x, self._W @ x + self._q, self._mu, self._rho, phi, A, B, moves)
+        v = self._W @ x + self._q
+        if self._alpha > 0.0:
+            v += self._alpha * (x - self._centre)
+        self._kernel.evaluate(self._function, x, v, self._mu, self._rho, phi, A, B, moves)
+        if self._alpha > 0.0:  # ∂v/∂x is W′ + αI; the directions then only need to know of W′
+            A += self._alpha * B
         return At(x, phi, A, B, moves, norm(phi))
 
     def jacobian(self, at: At, tau: float, contacts: NDArray[np.int64]) -> Dense | sp.csc_array:
@@ -125,7 +138,7 @@ class ContactEquation:
 
 def _solved(J: Any, right: Vector) -> Vector | None:
     if sp.issparse(J):
-        factors = sparse_lu(J)
+        factors = sparse_lu(J, symmetric_structure=True)
         x = None if factors is None else factors.solve(right)
         return x if x is not None and np.isfinite(x).all() else None
     lu, pivots, info = lapack.dgetrf(J.T, overwrite_a=True)  # J lies by rows: Fortran's order without a copy

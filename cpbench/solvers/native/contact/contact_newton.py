@@ -72,7 +72,8 @@ class NewtonPhase:
 
     Attributes
     ----------
-    factorizations, damped : how many systems were solved, and for how many steps τ had to be raised. tau : the last τ.
+    equation : whose zero is sought, from the next `begin` on. factorizations, damped : how many systems were solved,
+    and for how many steps τ had to be raised. tau : the last τ.
     """
 
     def __init__(
@@ -82,13 +83,13 @@ class NewtonPhase:
         function: ContactFunction = ContactFunction.ALART_CURNIER,
     ) -> None:
         self._s, self._options = contacts.s, options
-        self._equation = ContactEquation(contacts, function)
+        self.equation = ContactEquation(contacts, function)
         self._share = SHARE[0]
         self.factorizations = self.damped = 0
         self.tau = 0.0
 
     def begin(self, r: Vector) -> None:
-        self._at = self._equation.at(r / self._s)
+        self._at = self.equation.at(r / self._s)
         memory = self._options.memory if self._options.search is Search.NON_MONOTONE else 1
         self._recent = deque([self._at.size], maxlen=memory)
         self._level, self._idle = self._at.size, 0
@@ -97,6 +98,11 @@ class NewtonPhase:
     @property
     def r(self) -> Vector:
         return self._s * self._at.x
+
+    @property
+    def size(self) -> float:
+        """‖Φ‖ of the present point."""
+        return self._at.size
 
     def step(self) -> bool:
         """One step; False when there is none that descends, or when they gain too little."""
@@ -111,7 +117,7 @@ class NewtonPhase:
         while self._share <= SHARE[2]:
             self.factorizations += 1
             self.tau = min(self._share * size, LARGEST)
-            d = self._equation.direction(self._at, self.tau, damped=least_squares)
+            d = self.equation.direction(self._at, self.tau, damped=least_squares)
             if d is not None:
                 exact = self._options.search is Search.GOLDSTEIN_PRICE
                 found = self._goldstein_price(d) if exact else self._armijo(d)
@@ -129,19 +135,19 @@ class NewtonPhase:
     def _armijo(self, d: Vector) -> tuple[float, At] | None:
         for halving in range(HALVINGS + 1):
             t = 0.5**halving
-            trial = self._equation.at(self._at.x + t * d)
+            trial = self.equation.at(self._at.x + t * d)
             if trial.size <= (1.0 - DESCENT * t) * max(self._recent):
                 return t, trial
         return None
 
     def _goldstein_price(self, d: Vector) -> tuple[float, At] | None:
-        merit, slope = 0.5 * self._at.size**2, self._equation.slope(self._at, d)
+        merit, slope = 0.5 * self._at.size**2, self.equation.slope(self._at, d)
         if not slope < 0.0:
             return None
         low, high, t = 0.0, math.inf, 1.0
         enough: tuple[float, At] | None = None
         for _ in range(TRIALS):
-            trial = self._equation.at(self._at.x + t * d)
+            trial = self.equation.at(self._at.x + t * d)
             change = 0.5 * trial.size**2 - merit
             if not change <= FLATTEST * t * slope:
                 high = t

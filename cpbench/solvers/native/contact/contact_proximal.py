@@ -1,9 +1,9 @@
 """Proximal points on frictional contact: W is made definite, the answer is put into the load, again and again.
 
 r⁺ solves the contact problem of W + αR⁻¹ and q − αR⁻¹r, R = diag(ρ_c): a W that is regular however hyperstatic the
-contacts are, so that Gauss–Seidel converges fast and Newton's method has its steps. A fixed point solves the problem
-itself. Inner problems are solved to a share of the present error; α falls where that was easy and rises where the inner
-solver failed, or where r⁺ is no better than r.
+contacts are, so that Gauss–Seidel converges fast. A fixed point solves the problem itself. Inner problems are solved to
+a share of the present error; α falls where that was easy and rises where the inner solver failed, or where r⁺ is no
+better than r.
 """
 
 from __future__ import annotations
@@ -45,15 +45,6 @@ class ProximalNSGSOptions(MethodOptions):
     inner_iterations: int = searched(1000, low=100, high=10_000, log=True)
     max_iterations: int = fixed(10_000)
     stall_window: int = fixed(200)
-
-
-@dataclass(frozen=True)
-class ProximalNewtonOptions(ProximalNSGSOptions):
-    """As for the other, with Newton steps (and the sweeps before them) for inner iterations."""
-
-    alpha: float = searched(1e-3, low=1e-6, high=1.0, log=True)
-    inner: str = "alart-curnier-newton"
-    inner_iterations: int = searched(200, low=20, high=2000, log=True)
 
 
 class _Proximal(Method):
@@ -132,19 +123,5 @@ class ProximalNSGS(ContactSolver):
         "proximal point",
         "Rockafellar 1976, SIAM J. Control Optim. 14:877; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
         ProximalNSGSOptions,
-    )
-    method: ClassVar[Any] = _Proximal
-
-
-@register
-class ProximalNewton(ContactSolver):
-    """Proximal points, each by a semismooth Newton method."""
-
-    spec: ClassVar[SolverSpec] = contact_spec(
-        "proximal-newton",
-        "proximal point, inner problems by semismooth Newton, self-adapting α",
-        "proximal point",
-        "Rockafellar 1976, SIAM J. Control Optim. 14:877; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        ProximalNewtonOptions,
     )
     method: ClassVar[Any] = _Proximal
