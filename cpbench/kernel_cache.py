@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import logging
 import os
 import re
 import sys
@@ -20,6 +21,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+LOG = logging.getLogger(__name__)
+"""Hears of every module that has to be compiled, before it is."""
 VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parent
 _TAKEN = re.compile(r"^from (cpbench\.\w+\.kernels\.\w+) import", re.MULTILINE)
@@ -61,6 +64,8 @@ def load(module: str) -> ModuleType:
     importlib.import_module("numba")  # slow, and needs no lock
     with _one_at_a_time(directory / "cpbench-kernels.lock"):
         _drop_stale(module, directory)
+        if not is_compiled(module):
+            LOG.info("compiling %s", module)
         return importlib.import_module(module)
 
 
@@ -71,6 +76,17 @@ def compiled(kernel: Any) -> Callable[..., Any]:
     read-only nobody looks at."""
     (version,) = kernel.overloads.values()
     return version.entry_point
+
+
+def is_compiled(module: str) -> bool:
+    """Whether the cache has kernels of this module that are younger than its source."""
+    source, directory = _file(module), ensure_cache_dir()
+    if os.environ.get(VARIABLE):  # then what lies beside the source is not looked at
+        found = directory.rglob(f"{source.stem}.*.nbi")
+    else:
+        found = (source.parent / "__pycache__").glob(f"{source.stem}.*.nbi")
+    changed = source.stat().st_mtime
+    return any(index.stat().st_mtime >= changed for index in found)
 
 
 def _drop_stale(module: str, directory: Path) -> None:
@@ -91,12 +107,16 @@ def _drop_stale(module: str, directory: Path) -> None:
             stamp.write_text(now)
 
 
+def _file(module: str) -> Path:
+    return _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+
+
 def _sources(module: str) -> list[Path]:
     """The file of a kernel module, and of those that it takes functions from."""
     found: list[Path] = []
     names = [module]
     for name in names:
-        path = _PACKAGE.joinpath(*name.split(".")[1:]).with_suffix(".py")
+        path = _file(name)
         found.append(path)
         names += [other for other in _TAKEN.findall(path.read_text("utf-8")) if other not in names]
     return found

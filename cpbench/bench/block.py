@@ -107,7 +107,8 @@ def block_name(pair: Pair) -> str:
 
 def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pair, Outcome]]:
     """The outcome of every pair of the block, one after the other."""
-    lane.start(block.solvers, block.pairs[0].limits.memory, lambda name: notice("start", None, {"solver": name}))
+    memory = block.pairs[0].limits.memory
+    lane.start(block.solvers, memory, lambda event, name: notice(event, None, {"solver": name}))
     prepared: dict[tuple[str, str, float, float], dict[str, Any]] = {}
     endings: dict[str, Ending] = dict(block.known)
     derived: dict[str, Outcome] = {}

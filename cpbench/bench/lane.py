@@ -55,7 +55,7 @@ class Lane:
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
         self._scratch = Scratch()
-        means = context(setting.threads)
+        means = context(setting.threads, kernels=not setting.single)
         self.referee = Referee(means, setting, self._scratch.folder)
         self.workers = Workers(means, setting)
 
@@ -89,12 +89,19 @@ class Lane:
         return {**reply, "address": address, "format": format}
 
     def start(
-        self, names: Iterable[str], memory: int | None = None, progress: Callable[[str], None] = lambda _: None
+        self,
+        names: Iterable[str],
+        memory: int | None = None,
+        progress: Callable[[str, str], None] = lambda event, name: None,
     ) -> None:
-        """Start the workers and wait until every one has warmed up, so that none disturbs a measurement."""
+        """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
+
+        progress : called with `start` and a name, and with `compiling` where kernels are not in the cache yet.
+        """
         for name in names:
-            progress(name)
-            self.workers.get(name, self.setting.memory if memory is None else memory)
+            progress("start", name)
+            limit = self.setting.memory if memory is None else memory
+            self.workers.get(name, limit, lambda name=name: progress("compiling", name))
 
     def prepare(self, pair: Pair) -> dict[str, Any]:
         """Bring the pair's problem to its solver's node; the referee's reply, whatever it is.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ class Setting:
     referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere;
     the referee runs elsewhere, for it would leave them cold caches.
     lanes : how many work side by side; rows tell, for their times are not those of a quiet machine.
+    single : one solve is all there will be: what it does not need is not loaded.
     """
 
     threads: int = 1
@@ -38,6 +39,7 @@ class Setting:
     fresh: bool = False
     cpus: tuple[int, ...] = ()
     lanes: int = 1
+    single: bool = False
 
     @property
     def referee_memory(self) -> int:
@@ -110,17 +112,18 @@ class Workers:
     def children(self) -> list[Child]:
         return list(self._children.values())
 
-    def get(self, name: str, memory: int) -> Child | None:
-        """The worker of a solver, with this memory limit; None where the solver is not available."""
+    def get(self, name: str, memory: int, compiling: Callable[[], None] = lambda: None) -> Child | None:
+        """The worker of a solver, with this memory limit; None where the solver is not available. `compiling` is called
+        when one has to compile before it is ready, which takes seconds and happens once a machine."""
         if name in self.unavailable:
             return None
         child = self._children.get(name)
         if child is not None and (self._memory[name] != memory or not child.alive):
             self.drop(name)
         if name not in self._children:
-            reply = self._hired(name, memory)
+            reply = self._hired(name, memory, compiling)
             if reply["event"] == "died":  # of something else, maybe: what killed its parent killed it too
-                reply = self._hired(name, memory)
+                reply = self._hired(name, memory, compiling)
             if reply["event"] != "ready":
                 self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
                 return None
@@ -152,13 +155,16 @@ class Workers:
         for name in list(self._children):
             self.drop(name)
 
-    def _hired(self, name: str, memory: int) -> dict[str, Any]:
-        """First message of a new worker; it is dropped unless it is ready."""
+    def _hired(self, name: str, memory: int, compiling: Callable[[], None]) -> dict[str, Any]:
+        """First message of a new worker but that it compiles; it is dropped unless it is ready."""
         arguments = (name, memory, self._setting.fresh)
         try:
             child = Child(self._context, worker_process.main, arguments, cpus=self._setting.cpus, memory=memory)
             self._children[name], self._memory[name] = child, memory
             reply, _ = wire.unpack(child.receive(STARTUP))
+            if reply.get("event") == "compiling":
+                compiling()
+                reply, _ = wire.unpack(child.receive(STARTUP))
             if reply.get("event") not in ("ready", "unavailable"):
                 raise wire.WireError(f"the first message is {str(reply)[:200]}")
         except TimedOut:

@@ -1,23 +1,27 @@
 """The process that runs one solver. It loads, warms up, solves and reports; it judges nothing.
 
-Messages in: the path of a problem, budget, options. Messages out: `ready`, then for every request `loaded` (unless
-the runner knows that the problem is `held`), `result`, and where they are asked for `repeats` and `history`; or one
-that says why not: `unsupported`, `error`, `memory`. The limit of the runner counts from `loaded`.
+Messages in: the path of a problem, budget, options. Messages out: `compiling` where kernels are not in the cache yet,
+`ready`, then for every request `loaded` (unless the runner knows that the problem is `held`), `result`, and where they
+are asked for `repeats` and `history`; or one that says why not: `unsupported`, `error`, `memory`. The limit of the
+runner counts from `loaded`.
 """
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import gc
+import logging
 import operator
 import os
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
 import numpy as np
 
+from cpbench import kernel_cache
 from cpbench.bench import handover
 from cpbench.bench.history import recorded
 from cpbench.bench.processes import guard, wire
@@ -49,7 +53,8 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
         connection.send_bytes(wire.pack({"event": "unavailable", "state": available.state, "detail": available.detail}))
         return
     started = time.perf_counter()
-    solver.warmup()
+    with _telling_of_compilation(connection):
+        solver.warmup()
     version = solver.version()
     limit_memory(memory)
     bench = Bench(connection, solver)
@@ -66,6 +71,25 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
         bench.serve(*request, apart if forked else _here)
         if fresh and not forked:
             return
+
+
+@contextlib.contextmanager
+def _telling_of_compilation(connection: Channel) -> Generator[None]:
+    """Pass on, once, that the cache of kernels lacks some: it takes seconds in which nothing else is heard."""
+    told: list[str] = []
+
+    def heard(record: logging.LogRecord) -> bool:
+        if not told:
+            connection.send_bytes(wire.pack({"event": "compiling"}))
+        told.append(record.getMessage())
+        return True
+
+    kernel_cache.LOG.setLevel(logging.INFO)
+    kernel_cache.LOG.addFilter(heard)
+    try:
+        yield
+    finally:
+        kernel_cache.LOG.removeFilter(heard)
 
 
 class Bench:

@@ -65,9 +65,13 @@ class Display:
             self._live.start()
 
     def progress(self, event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
-        """Called by the runner with `start` (a solver warms up), `solve` and `done`."""
+        """Called by the runner with `start` (a solver warms up), `compiling`, `solve` and `done`."""
         if event == "start":
             self._warming = str(row["solver"])
+        elif event == "compiling":
+            self._warming = compiling(str(row["solver"]))
+            if not self._quiet and not self._terminal:
+                click.echo(self._warming, err=True)
         elif pair is not None and event == "solve":
             self._warming = ""
             self._now[pair.key] = (f"{pair.label} on {pair.problem}", time.monotonic(), pair.limits.seconds)
@@ -127,6 +131,11 @@ class Display:
         from rich.progress import track
 
         return track(items, description=label, console=Console(file=sys.stderr), transient=True)
+
+
+def compiling(solver: str) -> str:
+    """What is said while a solver compiles, that nobody takes it for a solve that hangs."""
+    return f"{solver}: compiling its loops, once on this machine (cpbench doctor --warm does so for all solvers)"
 
 
 def journal(verbose: bool, log: Path | None) -> logging.Logger | None:

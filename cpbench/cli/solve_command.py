@@ -18,6 +18,7 @@ from cpbench.bench.results import answers
 from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Address, Counts, force_option, format_option, limit_options, number, tolerance_option
+from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.verification import VERIFIED, Status
 
@@ -71,7 +72,7 @@ def command(
     else:
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
     limits = plan.Limits(timeout, memory, threads, repeats=1)
-    with Lane(Setting(threads, memory)) as lane:
+    with Lane(Setting(threads, memory, single=True)) as lane:
         survey = lane.survey(problem, asked, file_format)
         pairs = plan.pairs(
             [survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via, start=str(policy)
@@ -81,7 +82,9 @@ def command(
                 f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
             )
         pair = pairs[0]
-        outcome = lane.run(pair, lane.prepare(pair))
+        prepared = lane.prepare(pair)
+        lane.start([pair.entry.solver], memory, _warming)
+        outcome = lane.run(pair, prepared)
     row, answer = outcome.row, outcome.answer
     if as_json:
         click.echo(json.dumps({"problem": pair.problem, "solver": pair.label, **row}))
@@ -100,6 +103,11 @@ def command(
         sys.exit(1)
     if strict and row["status"] not in (*VERIFIED, str(Status.INFEASIBLE)):
         sys.exit(1)
+
+
+def _warming(event: str, solver: str) -> None:
+    if event == "compiling":
+        click.echo(compiling(solver), err=True)
 
 
 def _print(pair: plan.Pair, row: Mapping[str, Any]) -> None:

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
@@ -92,6 +91,8 @@ def _match(A: Sparse, C: Sparse, wanted: Sparse) -> Sparse | None:
         else:
             factor = _leading(wanted, places)[None, :] / _leading(C, rows)[:, None]
             score = factor * block
+        from scipy.optimize import linear_sum_assignment  # slow to import
+
         chosen, at = linear_sum_assignment(score, maximize=True)
         source[places[at]] = rows[chosen]
         scale[places[at]] = factor[chosen, at]

@@ -15,6 +15,7 @@ from enum import StrEnum
 from functools import cache
 from typing import Any, ClassVar, TypeAlias
 
+from cpbench import __version__
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
@@ -196,7 +197,7 @@ class Solver(ABC):
         """Version of the guest package, of cpbench for its own solvers, '' for others that need no package."""
         if self.spec.requires:
             return package_version(self.spec.requires[0])
-        return package_version("cpbench") if type(self).__module__.startswith("cpbench.") else ""
+        return __version__ if type(self).__module__.startswith("cpbench.") else ""
 
     def availability(self) -> Availability:
         return probe(self.spec.requires, self.spec.install)

@@ -34,6 +34,7 @@ WARNINGS = "PYTHONWARNINGS"
 NO_LEAKS = "ignore:resource_tracker:UserWarning"
 """A guest that is killed leaves its semaphores to multiprocessing's tracker, which removes them and need not say so."""
 PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.processes.preload"]
+KERNELS = "cpbench.bench.processes.preload_kernels"
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,11 @@ class Context:
     isolation: Isolation
 
 
-def context(threads: int, asked: str | None = None) -> Context:
-    """The means of this system; thread counts are set before anything numerical is imported."""
+def context(threads: int, asked: str | None = None, *, kernels: bool = True) -> Context:
+    """The means of this system; thread counts are set before anything numerical is imported.
+
+    kernels : whether all compiled kernels are loaded once for all processes, or by each those that it needs.
+    """
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
     found = isolation.detect(asked)
@@ -53,7 +57,7 @@ def context(threads: int, asked: str | None = None) -> Context:
         cgroup.remove_abandoned(found.cgroups)
     ctx = mp.get_context(found.start)
     if found.forks:
-        ctx.set_forkserver_preload(PRELOAD)
+        ctx.set_forkserver_preload([*PRELOAD, KERNELS] if kernels else PRELOAD)
     return Context(ctx, found)
 
 
