@@ -29,6 +29,14 @@ class MLCPPoint(Point):
     u: Vector
     v: Vector
 
+    @classmethod
+    def adopt(cls, both: Vector, n: int) -> MLCPPoint:
+        """The first n numbers as u, the others as v, without a copy: of a vector of float64 that nobody else holds."""
+        both.setflags(False)
+        point = object.__new__(cls)
+        point.__dict__["u"], point.__dict__["v"] = both[:n], both[n:]
+        return point
+
 
 @formulations.register("mlcp")
 @dataclass(frozen=True, eq=False, kw_only=True)

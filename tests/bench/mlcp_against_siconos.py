@@ -232,20 +232,21 @@ def kernel(problems: list) -> MixedSide:
     import numpy as np
 
     from cpbench.kernel_cache import load
-    from cpbench.solvers.native.mlcp.mlcp_claims import scale
+    from cpbench.solvers import Budget, solvers
 
+    solver = solvers.get("lemke-mlcp")
+    budget, options = Budget(tolerance=TOLERANCE), solver.spec.options()
     pivot = load("cpbench.solvers.kernels.mlcp_pivoting").lemke_mixed
-    every = [scale(p) for p in problems]
-    data = [
-        (s.K, s.k, s.free, s.row_unit, s.unit, s.problem.v_unit, s.push, np.empty(s.k.size), np.empty(1)) for s in every
-    ]
+    every = [solver.setup(p, budget, options) for p in problems]
+    calls = [(s.data, np.zeros(s.scaled.k.size), s.limit, TOLERANCE) for s in every]
 
     def solve_all() -> None:
-        for arguments in data:
-            pivot(*arguments, 50 * arguments[1].size + 1000, 1e-10, 1e-11, 1e-13)
+        for arguments in calls:
+            arguments[1][:] = 0.0
+            pivot(*arguments)
 
-    answers = lambda: [s.unit * arguments[7] for s, arguments in zip(every, data, strict=True)]  # noqa: E731
-    return MixedSide("kernel", lambda repeats: loop(solve_all, len(data), repeats), answers)
+    answers = lambda: [answer for _, answer, *_ in calls]  # noqa: E731
+    return MixedSide("kernel", lambda repeats: loop(solve_all, len(calls), repeats), answers)
 
 
 def rows_of(label: str, problems: list, races: list[str], siconos: Siconos, folder: Path) -> Iterator[Row]:

@@ -54,11 +54,15 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
     return max(natural / data, max(np.sqrt(unit_free), equality))
 
 
-@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), cache=True, error_model="numpy", nogil=True)
-def error_of(K, k, n, row_unit, unit, v_unit, push, x):
-    """The judged error of unit * x. K : (N, N)."""
+@njit(
+    float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]),
+    cache=True,
+    error_model="numpy",
+    nogil=True,
+)
+def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
+    """The judged error of unit * x. K : (N, N). of_u, of_v : (N,), workspace."""
     N = k.size
-    of_u, of_v = np.empty(N), np.empty(N)
     for i in range(N):
         first = second = 0.0
         for j in range(n):
@@ -67,6 +71,12 @@ def error_of(K, k, n, row_unit, unit, v_unit, push, x):
             second += K[i, j] * x[j]
         of_u[i], of_v[i] = first, second
     return judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
+
+
+@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), cache=True, error_model="numpy", nogil=True)
+def error_of(K, k, n, row_unit, unit, v_unit, push, x):
+    """`error_with` in workspace of its own."""
+    return error_with(K, k, n, row_unit, unit, v_unit, push, x, np.empty(k.size), np.empty(k.size))
 
 
 READY = True

@@ -8,15 +8,18 @@ tableau is N x (N + 1), k in its last column.
 import numpy as np
 from numba import float64, int64, njit, types
 
-from cpbench.solvers.kernels.mlcp_judged import error_of
-from cpbench.solvers.kernels.pivoting import lemke
+from cpbench.solvers.kernels.mlcp_judged import error_with
+from cpbench.solvers.kernels.pivoting import WHOLE, lemke
 from cpbench.solvers.kernels.tableau import CODES as CODES
-from cpbench.solvers.kernels.tableau import COMPLEMENTARY
+from cpbench.solvers.kernels.tableau import COMPLEMENTARY, whole_tableau
 from cpbench.solvers.kernels.tableau import LIMIT as LIMIT
 from cpbench.solvers.kernels.tableau import RAY as RAY
 
-INCONSISTENT, STUCK = 5, 6
-"""More outcomes: an equality without unknowns is not zero; free unknowns are left for which no pivot was found."""
+INCONSISTENT, STUCK, RIGHT = 5, 6, 7
+"""More outcomes: an equality without unknowns is not zero; free unknowns are left for which no pivot was found; the
+judged error is within the tolerance, wherever the pivots have ended."""
+HEAD = 6
+"""Numbers before the matrix in what `lemke_mixed` reads: n, v_unit, push, and the tolerances of rank, pivots, ties."""
 ROUNDING = 1e-13
 """Of what is left after the elimination of free unknowns, data having size one."""
 DATA = types.Array(float64, 1, "C", readonly=True)
@@ -40,6 +43,15 @@ def exchange(T, basic, nonbasic, r, s):
     basic[r], nonbasic[s] = nonbasic[s], basic[r]
 
 
+@njit((int64, int64, INDEX, INDEX, INDEX, INDEX), cache=True)
+def _number(N, n, basic, nonbasic, row_of, column_of):
+    """Nothing has been exchanged."""
+    for i in range(N):
+        basic[i], nonbasic[i] = i, N + i
+    for k in range(N - n):
+        row_of[k] = column_of[k] = n + k
+
+
 @njit(int64(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, float64), cache=True, error_model="numpy")
 def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
     """Bring the free unknowns into the basis; what is left is an LCP of the pairs (row_of[k], column_of[k]).
@@ -54,10 +66,7 @@ def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
     N = T.shape[0]
     m = N - n
     tried = np.zeros(m, np.bool_)
-    for i in range(N):
-        basic[i], nonbasic[i] = i, N + i
-    for k in range(m):
-        row_of[k] = column_of[k] = n + k
+    _number(N, n, basic, nonbasic, row_of, column_of)
     rows, columns = np.arange(n), np.arange(n)
     left = n
     while left > 0:
@@ -152,34 +161,107 @@ def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
             x[basic[row_of[k]] - N] = 0.0
 
 
-@njit(
-    int64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, VECTOR, VECTOR, int64, float64, float64, float64),
-    cache=True,
-    error_model="numpy",
-)
-def lemke_mixed(
-    K, k, n, row_unit, unit, v_unit, push, x, error, max_pivots, rank_tolerance, pivot_tolerance, tie_tolerance
-):
-    """One MLCP from its scaled data to x of the basis it ends in and, in error[0], the judged error.
-
-    Returns pivots * CODES + outcome, pivots being Lemke's. K : (N, N). k, x : (N,), x is written.
-    """
-    N = k.size
-    m = N - n
-    T = np.empty((N, N + 1))
+@njit(int64(MATRIX, int64, VECTOR, INDEX, INDEX, INDEX, INDEX, float64), cache=True, error_model="numpy")
+def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance):
+    """Bring the free unknowns and every v_k that is positive in `start` (N,) into the basis, for the equalities and
+    their w_k: COMPLEMENTARY, or STUCK where the matrix of this basis is singular. Arrays as for `reduce`."""
+    N = T.shape[0]
+    _number(N, n, basic, nonbasic, row_of, column_of)
+    rows = np.empty(N, np.int64)
+    count = 0
     for i in range(N):
-        for j in range(N):
-            T[i, j] = K[i, j]
-        T[i, N] = k[i]
-    labels = np.empty((4, N), np.int64)
+        if i < n or start[i] > 0.0:
+            rows[count] = i
+            count += 1
+    columns = rows.copy()
+    for left in range(count, 0, -1):
+        best, p, q = tolerance, -1, -1
+        for i in range(left):
+            for j in range(left):
+                size = abs(T[rows[i], columns[j]])
+                if size > best:
+                    best, p, q = size, i, j
+        if p < 0:
+            return STUCK
+        exchange(T, basic, nonbasic, rows[p], columns[q])
+        rows[p], columns[q] = rows[left - 1], columns[left - 1]
+    for i in range(N):
+        if basic[i] >= N + n:
+            row_of[basic[i] - N - n] = i
+        if n <= nonbasic[i] < N:
+            column_of[nonbasic[i] - n] = i
+    return COMPLEMENTARY
+
+
+@njit(int64(VECTOR, VECTOR, int64, float64), cache=True, error_model="numpy", nogil=True)
+def lemke_mixed(data, answer, max_pivots, tolerance):
+    """One MLCP in two arrays, for every array of a call costs what ten unknowns do.
+
+    From the basis of the positive v of a start where there are any; from none where that matrix is singular or the
+    pivots end elsewhere than in a solution. Returns pivots * CODES + outcome, pivots being Lemke's.
+
+    Parameters
+    ----------
+    data : HEAD numbers, K (N, N), k (N,), row_unit (N,), unit (N,) and `workspace` more.
+    answer : (N,) the start, or zeros; (u, v) is written there.
+    """
+    N, n = answer.size, int64(data[0])
+    m = N - n
+    v_unit, push, rank_tolerance, pivot_tolerance, tie_tolerance = data[1], data[2], data[3], data[4], data[5]
+    at = HEAD
+    K = data[at : at + N * N].reshape(N, N)
+    at += N * N
+    k, row_unit, unit = data[at : at + N], data[at + N : at + 2 * N], data[at + 2 * N : at + 3 * N]
+    at += 3 * N
+    T = data[at : at + N * (N + 1)].reshape(N, N + 1)
+    at += N * (N + 1)
+    x, of_u, of_v = data[at : at + N], data[at + N : at + 2 * N], data[at + 2 * N : at + 3 * N]
+    at += 3 * N
+    M, q, z = data[at : at + m * m].reshape(m, m), data[at + m * m : at + m * m + m], data[at + m * m + m :][:m]
+    at += m * (m + 2)
+    labels = data[at : at + 4 * N].view(np.int64).reshape(4, N)
+    at += 4 * N
     basic, nonbasic, row_of, column_of = labels[0], labels[1], labels[2, :m], labels[3, :m]
-    outcome = reduce(T, n, basic, nonbasic, row_of, column_of, rank_tolerance)
-    M, q, z = np.empty((m, m)), np.empty(m), np.empty(m)
-    remaining(T, row_of, column_of, M, q)
-    code = lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance)
-    recover(T, n, basic, nonbasic, row_of, column_of, z, x)
-    error[0] = error_of(K, k, n, row_unit, unit, v_unit, push, x)
-    return code if outcome == COMPLEMENTARY else code // CODES * CODES + outcome
+    warm = False
+    for i in range(n, N):
+        warm |= answer[i] > 0.0
+    pivots = 0
+    while True:
+        for i in range(N):
+            for j in range(N):
+                T[i, j] = K[i, j]
+            T[i, N] = k[i]
+        if warm:
+            outcome = exchange_support(T, n, answer, basic, nonbasic, row_of, column_of, rank_tolerance)
+        else:
+            outcome = reduce(T, n, basic, nonbasic, row_of, column_of, rank_tolerance)
+        if not warm or outcome == COMPLEMENTARY:
+            remaining(T, row_of, column_of, M, q)
+            if m <= WHOLE:
+                tableau, reals = data[at : at + m * (m + 1)].reshape(m, m + 1), data[at + m * (m + 1) :][: 4 * (m + 1)]
+                numbers = data[at + (m + 4) * (m + 1) :][: 4 * (2 * m + 1)].view(np.int64).reshape(4, 2 * m + 1)
+                reals_2d = reals.reshape(4, m + 1)
+                code = whole_tableau(M, q, z, tableau, reals_2d, numbers, max_pivots, pivot_tolerance, tie_tolerance)
+            else:
+                code = lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance)
+            pivots += code // CODES
+            if outcome == COMPLEMENTARY:
+                outcome = code % CODES
+        if not warm or outcome == COMPLEMENTARY:
+            recover(T, n, basic, nonbasic, row_of, column_of, z, x)
+            error = error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v)
+            if error <= tolerance or not warm:
+                break
+        warm = False
+    for i in range(N):
+        answer[i] = unit[i] * x[i]
+    return pivots * CODES + (RIGHT if error <= tolerance else outcome)
+
+
+@njit(int64(int64, int64), cache=True)
+def workspace(N, m):
+    """Numbers that `lemke_mixed` writes beside the answer."""
+    return N * (N + 8) + m * (m + 2) + ((m + 4) * (m + 1) + 4 * (2 * m + 1) if m <= WHOLE else 0)
 
 
 READY = True

@@ -46,8 +46,7 @@ class ScaledMLCP:
     row_unit: Vector
 
     def point(self, x: Vector) -> MLCPPoint:
-        both = self.unit * x
-        return MLCPPoint(both[: self.free], both[self.free :])
+        return MLCPPoint.adopt(self.unit * x, self.free)
 
     def start(self, point: MLCPPoint | None) -> Vector:
         """x of a starting point with v ≥ 0; 0 without one."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from cpbench.factorization import Factorization
 from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.kernel_cache import load
 from cpbench.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.mlcp.mlcp_claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
@@ -21,6 +22,7 @@ BY_VECTORS = 250
 """Up to this many pairs Lemke's method is one compiled call; beyond, it is `lemke` with its matrix products."""
 REGULAR = 1e-9
 """Reciprocal condition number of A from which it is eliminated by its factors."""
+KERNEL = "cpbench.solvers.kernels.mlcp_pivoting"
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,25 @@ class LemkeMLCPOptions:
     tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
 
 
+@dataclass(frozen=True, eq=False)
+class Pivoting:
+    """What `setup` hands to `solve`: the scaled data, the most pivots, and of small problems all that one compiled call
+    reads and writes, in one vector."""
+
+    scaled: ScaledMLCP
+    limit: int
+    data: Vector | None
+
+
 @register
 class LemkeMLCP(Solver):
     """A may be singular: equalities and free unknowns without a pivot in A take pairs (v_i, w_i) with them, whose roles
     are exchanged. What remains is an LCP, monotone where the MLCP is, and independent of the order and the signs of
     the equalities. Lemke's method ends on it as it does on any LCP: in a solution, or in a ray that proves nothing by
     itself; a linear program then looks for a Farkas certificate.
+
+    A start is the basis of its positive v. Where that is singular, or the pivots from there end elsewhere than in a
+    solution, they begin again without it.
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -48,15 +63,17 @@ class LemkeMLCP(Solver):
         summary="Lemke's complementary pivoting with free unknowns, singular A too",
         method="pivoting",
         citation="Lemke 1965; Cottle, Pang and Stone 1992, sections 2.3 and 4.4; Cao and Ferris 1996",
-        traits=frozenset({Trait.DETERMINISTIC}),
+        traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
         options=LemkeMLCPOptions,
     )
 
     def obstacle(self, problem: MLCP) -> str | None:
         return dense_obstacle(problem)
 
-    def setup(self, problem: MLCP, budget: Budget, options: LemkeMLCPOptions) -> ScaledMLCP:
-        return scale(problem, keep_sparse=problem.a.size + problem.b.size > SMALL)
+    def setup(self, problem: MLCP, budget: Budget, options: LemkeMLCPOptions) -> Pivoting:
+        m, N = problem.b.size, problem.a.size + problem.b.size
+        scaled = scale(problem, keep_sparse=N > SMALL)
+        return Pivoting(scaled, options.max_pivots or 50 * m + 1000, None if N > SMALL else packed(scaled, options))
 
     def warmup(self) -> None:
         one = np.eye(1)
@@ -64,30 +81,66 @@ class LemkeMLCP(Solver):
 
     def solve(
         self,
-        prepared: ScaledMLCP,
+        prepared: Pivoting,
         budget: Budget,
         options: LemkeMLCPOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        run = _Run(prepared, budget, options)
-        outcome, x, error = run.small() if prepared.k.size <= SMALL else run.large()
-        counters = {"pivots": run.pivots, "factorizations": run.factorizations}
-        if error <= budget.tolerance:  # a ray at the height of rounding errors, too
-            return SolverOutput(claim=Claim.SOLVED, point=prepared.point(x), counters=counters)
-        if outcome in (run.kernel.RAY, run.kernel.INCONSISTENT):
-            what = "ray" if outcome == run.kernel.RAY else "an equality without unknowns that is not zero,"
-            return _after_ray(prepared, x, budget, counters, what)
-        if outcome != run.kernel.COMPLEMENTARY:
-            claim = Claim.MAX_ITER if outcome == run.kernel.LIMIT else Claim.FAILED
-            message = {
-                run.kernel.LIMIT: f"pivot limit after {run.pivots} pivots",
-                run.kernel.STUCK: "free unknowns are left that no pivot brings into the basis: use newton-fb-mlcp",
-            }.get(outcome, f"not finite after {run.pivots} pivots")
-            return conclude(prepared, x, budget, counters, otherwise=claim, message=message)
-        x, error = refined(prepared, x, error, budget.tolerance)
-        counters["factorizations"] += 1
-        return conclude(prepared, x, budget, counters, error=error)
+        kernel, scaled, data = load(KERNEL), prepared.scaled, prepared.data
+        if data is None:
+            return _large(prepared, budget, options, start)
+        answer = np.zeros(scaled.k.size) if start is None else np.concatenate([start.u, start.v])
+        code = kernel.lemke_mixed(data, answer, budget.iterations or prepared.limit, budget.tolerance)
+        counters = {"pivots": code // kernel.CODES, "factorizations": 0}
+        if code % kernel.CODES == kernel.RIGHT:  # a ray at the height of rounding errors, too
+            return SolverOutput(claim=Claim.SOLVED, point=MLCPPoint.adopt(answer, scaled.free), counters=counters)
+        return _ended(scaled, answer / scaled.unit, code % kernel.CODES, budget, counters)
+
+
+def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
+    """What the compiled call reads, and the room in which it works."""
+    kernel, N = load(KERNEL), scaled.k.size
+    numbers = [scaled.free, scaled.problem.v_unit, scaled.push]
+    numbers += [options.rank_tolerance, options.pivot_tolerance, options.tie_tolerance]
+    room = np.empty(kernel.workspace(N, N - scaled.free))
+    return np.concatenate([numbers, np.ravel(scaled.K), scaled.k, scaled.row_unit, scaled.unit, room])
+
+
+def _large(prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions, start: MLCPPoint | None) -> SolverOutput:
+    """From the basis of the start, where it has one that ends in a solution, else from none."""
+    kernel, scaled = load(KERNEL), prepared.scaled
+    run = _Run(prepared, budget, options)
+    support = np.flatnonzero(start.v > 0.0) if start is not None else np.zeros(0, np.int64)
+    outcome, x = run.of_basis(support) if support.size else (kernel.STUCK, np.zeros(scaled.k.size))
+    error = scaled.error(x)
+    if outcome != kernel.COMPLEMENTARY or not error <= budget.tolerance:
+        outcome, x = run.of_basis(support[:0])
+        if outcome == kernel.STUCK:
+            outcome, x = run.by_tableau()
+        error = scaled.error(x)
+    counters = {"pivots": run.pivots, "factorizations": run.factorizations}
+    if error <= budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=scaled.point(x), counters=counters)
+    return _ended(scaled, x, outcome, budget, counters)
+
+
+def _ended(scaled: ScaledMLCP, x: Vector, outcome: int, budget: Budget, counters: dict[str, int]) -> SolverOutput:
+    """The last word on an x that is not within the tolerance."""
+    kernel = load(KERNEL)
+    if outcome in (kernel.RAY, kernel.INCONSISTENT):
+        what = "ray" if outcome == kernel.RAY else "an equality without unknowns that is not zero,"
+        return _after_ray(scaled, x, budget, counters, what)
+    if outcome != kernel.COMPLEMENTARY:
+        claim = Claim.MAX_ITER if outcome == kernel.LIMIT else Claim.FAILED
+        message = {
+            kernel.LIMIT: f"pivot limit after {counters['pivots']} pivots",
+            kernel.STUCK: "free unknowns are left that no pivot brings into the basis: use newton-fb-mlcp",
+        }.get(outcome, f"not finite after {counters['pivots']} pivots")
+        return conclude(scaled, x, budget, counters, otherwise=claim, message=message)
+    x, error = refined(scaled, x, scaled.error(x), budget.tolerance)
+    counters["factorizations"] += 1
+    return conclude(scaled, x, budget, counters, error=error)
 
 
 class Reduction:
@@ -99,9 +152,7 @@ class Reduction:
     """
 
     def __init__(self, prepared: ScaledMLCP, rank_tolerance: float = LemkeMLCPOptions.rank_tolerance) -> None:
-        from cpbench.kernel_cache import load
-
-        self._kernel, self._free = load("cpbench.solvers.kernels.mlcp_pivoting"), prepared.free
+        self._kernel, self._free = load(KERNEL), prepared.free
         self._T = np.column_stack([dense(prepared.K), prepared.k])
         N = prepared.k.size
         m = N - prepared.free
@@ -118,79 +169,68 @@ class Reduction:
 
 
 class _Run:
-    """One solve: outcome, x and its error, and what it took."""
+    """What one solve of a large problem has taken: pivots, factorizations."""
 
-    def __init__(self, prepared: ScaledMLCP, budget: Budget, options: LemkeMLCPOptions) -> None:
-        from cpbench.kernel_cache import load
-
-        self.kernel = load("cpbench.solvers.kernels.mlcp_pivoting")
-        self.prepared, self.budget, self.options = prepared, budget, options
+    def __init__(self, prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions) -> None:
+        self._kernel, self._scaled = load(KERNEL), prepared.scaled
+        self._budget, self._options = budget, options
+        self._limit = budget.iterations or prepared.limit
         self.pivots = self.factorizations = 0
-        m = prepared.k.size - prepared.free
-        self._limit = budget.iterations or options.max_pivots or 50 * m + 1000
-        self._tolerances = options.pivot_tolerance, options.tie_tolerance
 
-    def small(self) -> tuple[int, Vector, float]:
-        p, x, error = self.prepared, np.empty(self.prepared.k.size), np.empty(1)
-        code = self.kernel.lemke_mixed(
-            p.K,
-            p.k,
-            p.free,
-            p.row_unit,
-            p.unit,
-            p.problem.v_unit,
-            p.push,
-            x,
-            error,
-            self._limit,
-            self.options.rank_tolerance,
-            *self._tolerances,
+    def of_basis(self, support: Any) -> tuple[int, Vector]:
+        """Outcome and x, the free unknowns and the v of `support` being brought into the basis by a factorization.
+
+        STUCK where the matrix of that basis is singular. With F these unknowns, R the other pairs and E the columns of
+        the unit matrix of the support in F, x_F = −K_F⁻¹(k_F + K_FR v_R − E w_S): an LCP in (w_S, v_R).
+        """
+        K, k, n = self._scaled.K, self._scaled.k, self._scaled.free
+        inside = np.zeros(k.size, np.bool_)
+        inside[:n] = inside[n + support] = True
+        F, R, s = np.flatnonzero(inside), np.flatnonzero(~inside), support.size
+        factors = Factorization(K[:n, :n] if s == 0 else K[np.ix_(F, F)] if isinstance(K, np.ndarray) else K[F][:, F])
+        self.factorizations += int(F.size > 0)
+        if factors.rcond < REGULAR:
+            return self._kernel.STUCK, np.zeros(k.size)
+        across, rows = (K[:n, n:], K[n:, :n]) if s == 0 else (K[F][:, R], K[R][:, F])
+        unit = np.zeros((F.size, s))
+        unit[n:] = -np.eye(s)
+        solved = factors.solve(np.column_stack([unit, dense(across), k[F]]))
+        rest = (
+            np.column_stack([np.zeros((R.size, s)), dense(K[n:, n:] if s == 0 else K[R][:, R])]) - rows @ solved[:, :-1]
         )
-        self.pivots = code // self.kernel.CODES
-        return code % self.kernel.CODES, x, float(error[0])
+        M = np.ascontiguousarray(np.vstack([-solved[n:, :-1], rest]))
+        q = np.concatenate([-solved[n:, -1], k[R] - rows @ solved[:, -1]])
+        if F.size:
+            self._kernel.without_rounding(M, q)
+        outcome, z = self._pairs(M, q)
+        x = np.empty(k.size)
+        x[F], x[R] = -(solved[:, -1] + solved[:, :-1] @ z), z[s:]
+        x[F[n:]] = np.where(z[:s] > 0.0, 0.0, np.maximum(x[F[n:]], 0.0))
+        return outcome, x
 
-    def large(self) -> tuple[int, Vector, float]:
-        p, n = self.prepared, self.prepared.free
-        factors = Factorization(p.K[:n, :n])
-        self.factorizations = int(n > 0)
-        outcome, x = self._by_tableau() if factors.rcond < REGULAR else self._by_factors(factors)
-        return outcome, x, p.error(x)
-
-    def _by_factors(self, factors: Factorization) -> tuple[int, Vector]:
-        """B − D A⁻¹ C and b − D A⁻¹ a, A being regular."""
-        K, k, n = self.prepared.K, self.prepared.k, self.prepared.free
-        solved = factors.solve(np.column_stack([dense(K[:n, n:]), k[:n]]))
-        D = K[n:, :n]
-        M = np.ascontiguousarray(dense(K[n:, n:]) - D @ solved[:, :-1])
-        q = k[n:] - D @ solved[:, -1]
-        if n:
-            self.kernel.without_rounding(M, q)
-        outcome, v = self._pairs(M, q)
-        return outcome, np.concatenate([-(solved[:, -1] + solved[:, :-1] @ v), v])
-
-    def _by_tableau(self) -> tuple[int, Vector]:
+    def by_tableau(self) -> tuple[int, Vector]:
         """All free unknowns by pivots, the largest first."""
-        reduction = Reduction(self.prepared, self.options.rank_tolerance)
+        reduction = Reduction(self._scaled, self._options.rank_tolerance)
         outcome, z = self._pairs(reduction.M, reduction.q)
-        regular = reduction.outcome == self.kernel.COMPLEMENTARY
+        regular = reduction.outcome == self._kernel.COMPLEMENTARY
         return outcome if regular else reduction.outcome, reduction.recover(z)
 
     def _pairs(self, M: np.ndarray[Any, Any], q: Vector) -> tuple[int, Vector]:
         """Outcome and z of the LCP that remains."""
-        kernel, m = self.kernel, q.size
+        kernel, m, options = self._kernel, q.size, self._options
         if m <= BY_VECTORS:
             z = np.empty(m)
-            code = kernel.lemke(M, q, z, self._limit, *self._tolerances)
-            self.pivots = code // kernel.CODES
+            code = kernel.lemke(M, q, z, self._limit, options.pivot_tolerance, options.tie_tolerance)
+            self.pivots += code // kernel.CODES
             return code % kernel.CODES, z
         lemke = solvers.get("lemke")
         names = {
             "max_pivots": self._limit,
-            "pivot_tolerance": self._tolerances[0],
-            "tie_tolerance": self._tolerances[1],
+            "pivot_tolerance": options.pivot_tolerance,
+            "tie_tolerance": options.tie_tolerance,
         }
-        found = lemke.run(LCP(M=M, q=q), self.budget, lemke.spec.options(**names))
-        self.pivots = found.counters["pivots"]
+        found = lemke.run(LCP(M=M, q=q), self._budget, lemke.spec.options(**names))
+        self.pivots += found.counters["pivots"]
         codes = {Claim.MAX_ITER: kernel.LIMIT, Claim.FAILED: kernel.RAY, Claim.INFEASIBLE: kernel.RAY}
         z = np.zeros(m) if found.point is None else found.point.z
         return codes.get(found.claim, kernel.COMPLEMENTARY), z
