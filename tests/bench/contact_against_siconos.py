@@ -38,7 +38,9 @@ PATIENCE = 8.0
 SLOW = 0.5
 """A solve that takes longer than this is raced in fewer pairs."""
 SWEEPS = 20_000
-MEASURED_SWEEPS = (20, 120)
+MEASURED_SWEEPS, FEWEST = 120, 12
+"""Sweeps of the longer of two runs whose difference is the time of sweeps, the shorter has a sixth; both have less where
+one of the two sides comes to rest earlier, and there is no race where that takes less than FEWEST."""
 NSGS, FULL = "SICONOS_FRICTION_3D_NSGS", {"SICONOS_FRICTION_3D_IPARAM_ERROR_EVALUATION": 0}
 """0 is SICONOS_FRICTION_3D_NSGS_ERROR_EVALUATION_FULL; as delivered it is a light one, in full at the end."""
 LIGHT = {"SICONOS_FRICTION_3D_IPARAM_ERROR_EVALUATION": 1}
@@ -61,7 +63,8 @@ RACES = {"auto": ("auto-contact", tuple(SICONOS)), "nsgs": ("nsgs", ("NSGS full"
 
 
 def serve(folder: Path) -> None:
-    """Answers lines {"file", "solver", "tolerance", "repeats"} by {"seconds"}; the last answer is in r.npy."""
+    """Answers lines {"file", "solver", "tolerance", "repeats"} by {"seconds", "iterations"}; the last answer is in
+    r.npy."""
     import numpy as np
     import siconos.numerics as sn  # pyright: ignore[reportMissingImports]
 
@@ -96,7 +99,8 @@ def serve(folder: Path) -> None:
         problem = loaded[asked["file"]]
         r, u = np.zeros((2, problem.dimension * problem.numberOfContacts))
         # solvers write into their options, so that every solve has fresh ones
-        fresh = iter([made(asked["solver"], asked["tolerance"]) for _ in range(asked["repeats"])])
+        every = [made(asked["solver"], asked["tolerance"]) for _ in range(asked["repeats"])]
+        fresh = iter(every)
         call = sn.fc3d_nsgs if asked["solver"].startswith("NSGS") else sn.fc3d_driver
 
         def solve(call: Any = call, problem: Any = problem, r: Any = r, u: Any = u, fresh: Any = fresh) -> None:
@@ -106,7 +110,8 @@ def serve(folder: Path) -> None:
 
         seconds = loop(solve, 1, asked["repeats"])
         np.save(folder / "r.npy", r)
-        replies.write(json.dumps({"seconds": seconds}) + "\n")
+        done = int(every[-1].iparam[sn.SICONOS_IPARAM_ITER_DONE])
+        replies.write(json.dumps({"seconds": seconds, "iterations": done}) + "\n")
         replies.flush()
 
 
@@ -114,7 +119,7 @@ class Siconos:
     """Their process, started anew when it ended or took too long."""
 
     def __init__(self, python: str, folder: Path) -> None:
-        self.folder = folder
+        self.folder, self.iterations = folder, 0
         self._command = [python, __file__, "--serve", str(folder)]
         self._process: subprocess.Popen[str] | None = None
 
@@ -137,7 +142,9 @@ class Siconos:
             process.wait()
             self._process = None
             return math.inf
-        return json.loads(reply)["seconds"]
+        told = json.loads(reply)
+        self.iterations = told["iterations"]
+        return told["seconds"]
 
     def close(self) -> None:
         if self._process is not None:
@@ -235,6 +242,7 @@ def ours_on(name: str, problem: Any, tolerance: float, iterations: int | None = 
     from cpbench.verification import judge
 
     solver = solvers.get(name)
+    solver.warmup()
     options = solver.spec.options()
     budget = Budget(tolerance=tolerance, iterations=iterations, seconds=2 * PATIENCE)
     solver.setup(problem, budget, options)
@@ -282,14 +290,36 @@ def theirs_on(siconos: Siconos, label: str, solver: str, problem: Any, tolerance
     return side
 
 
-def sweep_side(measure: Any, name: str) -> Side:
-    """Seconds a sweep from two runs of different length."""
-    few, many = MEASURED_SWEEPS
+def sweep_row(name: str, native: str, problem: Any, label: str, siconos: Siconos) -> Row | None:
+    """Seconds a sweep from two runs of different length; None where a side has soon nothing left to sweep."""
+    from cpbench.solvers import Budget, solvers
 
-    def measured(repeats: int) -> float:
-        return max(measure(many, repeats) - measure(few, repeats), 1e-9) / (many - few)
+    solver = solvers.get(native)
+    options = solver.spec.options()
+    prepared = solver.setup(problem, Budget(), options)
 
-    return Side(name, measured, seconds=measured(3) * many, error=0.0, solved=True)
+    def our_time(count: int, repeats: int) -> float:
+        budget = Budget(tolerance=1e-300, iterations=count)
+        return loop(lambda: solver.solve(prepared, budget, options), 1, repeats)
+
+    def their_time(count: int, repeats: int) -> float:
+        return siconos.measure(label, f"NSGS sweep {count}", 1e-300, repeats)
+
+    ours = solver.solve(prepared, Budget(tolerance=1e-300, iterations=MEASURED_SWEEPS), options)
+    their_time(MEASURED_SWEEPS, 1)
+    many = min(ours.counters["iterations"], siconos.iterations)
+    few = many // 6
+    if many < FEWEST:
+        return None
+
+    def side(measure: Any, name: str) -> Side:
+        def measured(repeats: int) -> float:
+            return max(measure(many, repeats) - measure(few, repeats), 1e-9) / (many - few)
+
+        # ten times as long as other measurements, for it is a difference
+        return Side(name, measured, seconds=measured(3) * many / 10, error=0.0, solved=True)
+
+    return Row("sweep", name, problem.nc, 0.0, side(their_time, "NSGS"), side(our_time, f"{native}, {many} sweeps"))
 
 
 def rows_of(
@@ -297,29 +327,16 @@ def rows_of(
 ) -> Iterator[Row]:
     """All races on one problem."""
     from cpbench import storage
-    from cpbench.solvers import Budget, solvers
 
     label = f"{abs(hash(name))}.dat"
     storage.save(problem, siconos.folder / label)
     for what in races:
         native, pool = RACES[what]
         if what == "sweep":
-            solver = solvers.get(native)
-            options = solver.spec.options()
-            prepared = solver.setup(problem, Budget(), options)
-            budgets = {count: Budget(tolerance=1e-300, iterations=count) for count in MEASURED_SWEEPS}
-
-            def our_time(
-                count: int, repeats: int, s: Any = solver, p: Any = prepared, o: Any = options, b: Any = budgets
-            ):
-                return loop(lambda: s.solve(p, b[count], o), 1, repeats)
-
-            def their_time(count: int, repeats: int) -> float:
-                return siconos.measure(label, f"NSGS sweep {count}", 1e-300, repeats)
-
-            row = Row(what, name, problem.nc, 0.0, sweep_side(their_time, "NSGS"), sweep_side(our_time, native))
-            row.race()
-            yield row
+            row = sweep_row(name, native, problem, label, siconos)
+            if row is not None:
+                row.race()
+                yield row
             continue
         for tolerance in tolerances:
             mine, setup = ours_on(native, problem, tolerance)
