@@ -9,6 +9,8 @@ ones. What is set up once a problem (their object, our scaling) is not in it; th
 and so is the final check of our solvers. Every answer is measured by us, `natural` = ‖min(z, w)‖/‖q‖, the
 number their tests use: a time counts only where all answers of a side are within TOLERANCE.
 
+`lemke` and `pivot` measure our lemke as it is delivered: up to 250 unknowns it begins at w = q as theirs do, beyond
+at the basis that a few sweeps point to. `lemke-plain` and `pivot-plain` measure it there without that start.
 `best` takes on each side the fastest that solved, chosen afterwards, and names it. `kernel` is the compiled loop of
 lemke from M and q to z, called as Siconos' function is called, and `batch` the same for all problems in one call;
 `batch-2` on two threads and in wall time on both sides, which says something where two cores are free.
@@ -54,6 +56,8 @@ SICONOS = {
 """Their name -> number, function, iterations (0: their default); dparam[0] is TOLERANCE, the rest as delivered."""
 OURS = {"lemke": 0, "bpp": 0, "newton-min": 0, "pgs": SWEEPS}
 """Our name -> iterations (0: its default); the budget's tolerance is TOLERANCE, options as delivered."""
+PLAIN = "lemke[crash_sweeps=0]"
+"""Our lemke begun at w = q whatever the size."""
 
 
 def problem_data(family: str, n: int, seed: int):
@@ -202,7 +206,7 @@ class Row:
             for s in (self.theirs, self.ours)
         ]
         spread = f"{min(self.ratios):.2f} to {max(self.ratios):.2f}" if self.ratios else ""
-        start = f"{self.ratio:8.2f}  {spread:18s} {self.what:8s} {self.family:16s} {self.n:5d}"
+        start = f"{self.ratio:8.2f}  {spread:18s} {self.what:11s} {self.family:16s} {self.n:5d}"
         return f"{start}  {shown[0]} {shown[1]}  {self.theirs.name} / {self.ours.name}"
 
 
@@ -234,12 +238,12 @@ class Siconos:
         self._process.wait(timeout=30)
 
 
-def registered(name: str, problems: list, iterations: int) -> tuple[Callable[[int], float], list]:
+def registered(name: str, problems: list, iterations: int, **chosen: Any) -> tuple[Callable[[int], float], list]:
     """How a registered solver is measured, called as the runner does without `setup`, and where its points will be."""
     from cpbench.solvers import Budget, solvers
 
     solver = solvers.get(name)
-    options = solver.spec.options()
+    options = solver.spec.options(**chosen)
     budget = Budget(tolerance=TOLERANCE, iterations=iterations or None)
     prepared = [solver.setup(p, budget, options) for p in problems]
     found: list = []
@@ -251,10 +255,13 @@ def registered(name: str, problems: list, iterations: int) -> tuple[Callable[[in
 
 
 def native(name: str, problems: list) -> Side:
-    """One of OURS."""
+    """One of OURS, or PLAIN."""
     import numpy as np
 
-    measure, found = registered(name, problems, OURS[name])
+    if name == PLAIN:
+        measure, found = registered("lemke", problems, 0, crash_sweeps=0)
+    else:
+        measure, found = registered(name, problems, OURS[name])
 
     def answers() -> Any:
         return [np.full(p.q.size, math.nan) if z is None else z.z for z, p in zip(found, problems, strict=True)]
@@ -300,7 +307,9 @@ def batch(problems: list, threads: int = 1) -> Side:
 
 RACES = {
     "lemke": (("lexicolemke",), ("lemke",)),
+    "lemke-plain": (("lexicolemke",), (PLAIN,)),
     "pivot": (("pivot",), ("lemke",)),
+    "pivot-plain": (("pivot",), (PLAIN,)),
     "kernel": (("lexicolemke",), ("kernel",)),
     "batch": (("lexicolemke",), ("batch",)),
     "batch-2": (("lexicolemke",), ("batch-2",)),
@@ -309,6 +318,8 @@ RACES = {
 """Race -> their candidates, ours."""
 SMALL_ONLY = ("kernel", "batch", "batch-2")
 """Not for n = 1000, where lemke is more than one compiled loop."""
+LARGE_ONLY = ("lemke-plain", "pivot-plain")
+"""Not for n = 200 and less, where lemke is begun so anyway."""
 
 
 def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Path) -> Iterator[Row]:
@@ -336,7 +347,7 @@ def rows_of(family: str, n: int, races: list[str], siconos: Siconos, folder: Pat
         return replace(min((probed[is_ours, name, wall] for name in names), key=lambda side: side.seconds))
 
     for what in races:
-        if what in SMALL_ONLY and n >= 1000:
+        if what in (SMALL_ONLY if n >= 1000 else LARGE_ONLY if n <= 200 else ()):
             continue
         theirs, ours = RACES[what]
         wall = what == "batch-2"
@@ -357,7 +368,7 @@ def main(python: str, families: list[str], sizes: list[int], races: list[str]) -
         siconos.close()
     rows.sort(key=lambda row: (not math.isnan(row.ratio), row.ratio >= 1.0))
     print(
-        f"{'ratio':>8s}  {'least to most':18s} {'race':8s} {'family':16s} {'n':>5s}  {'theirs [us] (error)':>19s}",
+        f"{'ratio':>8s}  {'least to most':18s} {'race':11s} {'family':16s} {'n':>5s}  {'theirs [us] (error)':>19s}",
         end="",
     )
     print(f" {'ours [us] (error)':>19s}  theirs / ours")

@@ -232,9 +232,10 @@ class _Run:
 
     def _word(self, status: int) -> str:
         kernel = self._kernel
-        words = {kernel.COMPLEMENTARY: "complementary", kernel.RAY: "ray", kernel.LIMIT: "pivot limit"}
-        words |= {kernel.BEHIND: "out of time", kernel.FULL: "out of time"}
-        return words.get(status, "not finite")
+        if status == kernel.COMPLEMENTARY:
+            return "complementary"
+        words = {kernel.RAY: "ray", kernel.LIMIT: "pivot limit", kernel.NOT_FINITE: "not finite"}
+        return words.get(status, "out of time")
 
 
 def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]) -> SolverOutput:
