@@ -34,7 +34,8 @@ class MLCPPoint(Point):
         """The first n numbers as u, the others as v, without a copy: of a vector of float64 that nobody else holds."""
         both.setflags(False)
         point = object.__new__(cls)
-        point.__dict__["u"], point.__dict__["v"] = both[:n], both[n:]
+        parts = point.__dict__
+        parts["u"], parts["v"] = both[:n], both[n:]
         return point
 
 

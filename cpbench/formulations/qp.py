@@ -165,3 +165,22 @@ class QP(Problem):
                 parts=parts,
                 flags=() if self.convex else ("stationary",),
             )
+
+    def certifies_infeasibility(self, certificate: Vector) -> bool:
+        """Farkas: (λ, μ) with λ ≥ 0 and ν = −Aᵀλ − Cᵀμ excludes every z within the constraints when
+        bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ > 0, for λᵀ(Az − b) + μᵀ(Cz − d) + Σ ν⁺(z − lb) + ν⁻(ub − z) ≥ 0 would be minus that.
+        ν has to be 0 where the bound it goes with is infinite (to rounding: 1e-12 of what cancels in it)."""
+        m = self.b.size
+        if certificate.size != m + self.d.size or not np.isfinite(certificate).all() or not certificate.any():
+            return False
+        top = max_abs(certificate)
+        lam, mu = np.maximum(certificate[:m], 0.0) / top, certificate[m:] / top
+        nu = -(self.A.T @ lam + self.C.T @ mu)
+        rounding = 1e-12 * (abs(self.A).T @ lam + abs(self.C).T @ abs(mu))
+        bound = np.where(nu > 0.0, self.lb, self.ub)
+        if (abs(nu) > rounding)[np.isinf(bound)].any():
+            return False
+        at = np.isfinite(bound)
+        terms = np.concatenate([self.b * lam, self.d * mu, bound[at] * nu[at]])
+        doubt = float(abs(bound[at]) @ rounding[at])  # what is only rounding in ν may not decide
+        return bool(terms.sum() - doubt > 1e-9 * max(float(abs(terms).sum()), 1e-300))

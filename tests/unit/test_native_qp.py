@@ -133,6 +133,8 @@ def test_problems_without_a_point_are_proved_to_be_so(name: str) -> None:
         if name in ACTIVE or (name == "qp-interior-point" and problem is not equalities):
             assert output.claim is Claim.INFEASIBLE, output.message
             assert "no z satisfies" in output.message
+            assert problem.certifies_infeasibility(output.certificate)
+            assert not problem.certifies_infeasibility(-output.certificate)
 
 
 @pytest.mark.parametrize("name", CONVEX)
@@ -155,6 +157,59 @@ def test_a_proof_of_infeasibility_must_hold() -> None:
     assert infeasibility(problem, np.zeros(2), none) is None
     feasible = QP.build(np.eye(2), np.zeros(2), A=[[1.0, 0.0], [-1.0, 0.0]], b=[1.0, -1.0])
     assert infeasibility(feasible, np.array([1.0, 1.0]), none) is None
+
+
+@pytest.mark.parametrize("kind", ["rows", "bounds", "equalities", "all"])
+@pytest.mark.parametrize("store", [np.array, sp.csr_array])
+def test_certificates_of_planted_problems_hold_and_wrong_ones_do_not(kind: str, store: Any) -> None:
+    """From λ ≥ 0, μ and ν = −Aᵀλ − Cᵀμ, right-hand sides whose sum with them is 1 for every z: b, d or one bound."""
+    rng = np.random.default_rng([11, len(kind)])
+    n, m, k = 6, 5, 3
+    A, C = rng.standard_normal((m, n)), rng.standard_normal((k, n))
+    lam, mu = rng.uniform(0.5, 2.0, m), rng.standard_normal(k)
+    lb, ub = np.full(n, -np.inf), np.full(n, np.inf)
+    if kind == "rows":
+        mu[:] = 0.0
+        A[-1] = -(lam[:-1] @ A[:-1]) / lam[-1]
+    elif kind == "equalities":
+        lam[:] = 0.0
+        C[-1] = -(mu[:-1] @ C[:-1]) / mu[-1]
+    nu = -(A.T @ lam + C.T @ mu)
+    if kind in ("bounds", "all"):
+        lb, ub = np.where(nu > 0.0, rng.standard_normal(n), lb), np.where(nu < 0.0, rng.standard_normal(n), ub)
+    at = np.where(nu > 0.0, lb, ub)
+    from_bounds = float(at[np.isfinite(at)] @ nu[np.isfinite(at)])
+    b, d = rng.standard_normal(m), rng.standard_normal(k)
+    which, by = (d, mu) if kind == "equalities" else (b, lam)
+    which[0] += (1.0 - b @ lam - d @ mu - from_bounds) / by[0]
+    Q = np.eye(n)
+    problem = QP.build(store(Q), np.zeros(n), store(A), b, store(C), d, lb, ub)
+    proof = np.concatenate([lam, mu])
+    assert problem.certifies_infeasibility(proof)
+    assert problem.certifies_infeasibility(1e6 * proof)
+    assert not problem.certifies_infeasibility(-proof)
+    assert not problem.certifies_infeasibility(np.zeros(m + k))
+    assert not problem.certifies_infeasibility(proof[:-1])
+    assert not problem.certifies_infeasibility(np.append(proof, 0.0))
+    assert not problem.certifies_infeasibility(np.where(np.arange(m + k) == 1, np.nan, proof))
+    # the same rows moved until some z satisfies them all
+    z = np.clip(rng.standard_normal(n), lb, ub)
+    feasible = QP.build(Q, np.zeros(n), A, A @ z - 0.1, C, C @ z, lb, ub)
+    assert not feasible.certifies_infeasibility(proof)
+    # without a bound that the proof uses, or a little beside it where there are no bounds
+    if kind in ("bounds", "all"):
+        free = QP.build(Q, np.zeros(n), A, b, C, d)
+        assert not free.certifies_infeasibility(proof)
+    else:
+        beside = proof * (1.0 + 1e-6 * np.arange(m + k))
+        assert not problem.certifies_infeasibility(beside)
+
+
+def test_a_bound_times_rounding_proves_nothing() -> None:
+    """z ≥ −1e20 with ν = 1e-17: the product would be as large as the data, and the rows have a solution."""
+    A = np.array([[0.1 + 0.2], [-0.3]])
+    problem = QP.build(np.eye(1), np.zeros(1), A, b=[-1.0, -1.0], lb=[-1e20], ub=[-1e19])
+    assert not problem.certifies_infeasibility(np.array([1.0, 1.0]))
 
 
 def test_a_proof_of_unboundedness_must_hold() -> None:

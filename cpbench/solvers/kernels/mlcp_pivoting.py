@@ -193,7 +193,7 @@ def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance)
     return COMPLEMENTARY
 
 
-@njit(int64(VECTOR, VECTOR, int64, float64), cache=True, error_model="numpy", nogil=True)
+@njit(int64(VECTOR, VECTOR, int64, float64), cache=True, error_model="numpy")
 def lemke_mixed(data, answer, max_pivots, tolerance):
     """One MLCP in two arrays, for every array of a call costs what ten unknowns do.
 

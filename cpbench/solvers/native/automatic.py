@@ -39,10 +39,13 @@ class Phase:
 
 @dataclass(frozen=True)
 class Plan:
-    """What `setup` hands to `solve`."""
+    """What `setup` hands to `solve`. `first` : what the first solver's own `setup` has made of the problem, None where
+    it does not take it; it has its `options`."""
 
     problem: Problem
     phases: tuple[Phase, ...]
+    first: Any | None = None
+    options: Any = None
 
 
 class AutomaticChoice(Solver):
@@ -60,7 +63,12 @@ class AutomaticChoice(Solver):
         """Who is asked, in this order; from facts that cost less than solving. Pure: the same for the same problem."""
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
-        return Plan(problem, tuple(self.phases(problem)))
+        phases = tuple(self.phases(problem))
+        solver = solvers.get(phases[0].solver)
+        if not any(problem.point_sizes.values()) or solver.obstacle(problem) is not None:
+            return Plan(problem, phases)
+        own = solver.spec.options(**phases[0].options)
+        return Plan(problem, phases, solver.setup(solver.hand_over(problem), budget, own), own)
 
     def warmup(self) -> None:
         for name in self.members:
@@ -74,7 +82,7 @@ class AutomaticChoice(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        run = _Run(prepared.problem, budget, start, record)
+        run = _Run(prepared, budget, start, record)
         for phase in prepared.phases:
             if run.over:
                 break
@@ -99,8 +107,9 @@ def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
 class _Run:
     """What the phases have come to."""
 
-    def __init__(self, problem: Problem, budget: Budget, start: Any | None, record: Record | None) -> None:
-        self._problem, self._budget, self._record = problem, budget, record
+    def __init__(self, plan: Plan, budget: Budget, start: Any | None, record: Record | None) -> None:
+        problem = plan.problem
+        self._plan, self._problem, self._budget, self._record = plan, problem, budget, record
         if start is None and not any(problem.point_sizes.values()):
             start = problem.zero_point()  # nothing is to be found, which some solvers do not take
         self._deadline = time.monotonic() + budget.seconds
@@ -124,18 +133,16 @@ class _Run:
 
     def ask(self, phase: Phase) -> None:
         """One solver, as far as its phase and the budget allow."""
-        solver = solvers.get(phase.solver)
-        if (why := solver.obstacle(self._problem)) is not None:
+        solver, share = solvers.get(phase.solver), self._share(phase)
+        takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
+        start, record = self._best if takes else None, self._recorder()
+        if phase is self._plan.phases[0] and self._plan.first is not None:
+            output = solver.collect(solver.solve(self._plan.first, share, self._plan.options, start, record))
+        elif (why := solver.obstacle(self._problem)) is None:
+            output = solver.run(self._problem, share, solver.spec.options(**phase.options), start, record)
+        else:
             self._told.append(f"{phase.solver}: {why}")
             return
-        takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
-        output = solver.run(
-            self._problem,
-            self._share(phase),
-            solver.spec.options(**phase.options),
-            self._best if takes else None,
-            self._recorder(),
-        )
         self._count(output)
         if output.claim is Claim.SOLVED and output.point is not None:
             self._told.append(f"{phase.solver}: solved")
@@ -150,7 +157,14 @@ class _Run:
         """The answer that solves it, the proof that none does, or the best that was found."""
         if self._ended is not None:
             told = [self._ended.message] if not self._told else self._told
-            return replace(self._ended, counters=self._counters, message="; ".join(told))
+            ended, message = self._ended, "; ".join(told)
+            return SolverOutput(
+                claim=ended.claim,
+                point=ended.point,
+                counters=self._counters,
+                message=message,
+                certificate=ended.certificate,
+            )
         told = "; ".join([*self._told, f"best error {self._error:.1e}"])
         return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=told)
 
@@ -159,11 +173,14 @@ class _Run:
         if budget.iterations is not None:
             left = budget.iterations - self._iterations
             most = left if most is None else min(most, left)
+        if most == budget.iterations and math.isinf(budget.seconds):
+            return budget
         return replace(budget, iterations=most, seconds=max(self._deadline - time.monotonic(), 0.0))
 
     def _count(self, output: SolverOutput) -> None:
         self._iterations += max(output.counters.get("iterations", 1), 1)
-        for name, value in {**output.counters, "solvers": 1}.items():
+        self._counters["solvers"] += 1
+        for name, value in output.counters.items():
             self._counters[name] = self._counters.get(name, 0) + value
 
     def _keep(self, name: str, output: SolverOutput) -> None:

@@ -44,6 +44,7 @@ class Pivoting:
     scaled: ScaledMLCP
     limit: int
     data: Vector | None
+    kernel: Any
 
 
 @register
@@ -73,7 +74,8 @@ class LemkeMLCP(Solver):
     def setup(self, problem: MLCP, budget: Budget, options: LemkeMLCPOptions) -> Pivoting:
         m, N = problem.b.size, problem.a.size + problem.b.size
         scaled = scale(problem, keep_sparse=N > SMALL)
-        return Pivoting(scaled, options.max_pivots or 50 * m + 1000, None if N > SMALL else packed(scaled, options))
+        limit, data = options.max_pivots or 50 * m + 1000, None if N > SMALL else packed(scaled, options)
+        return Pivoting(scaled, limit, data, load(KERNEL))
 
     def warmup(self) -> None:
         one = np.eye(1)
@@ -87,15 +89,16 @@ class LemkeMLCP(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        kernel, scaled, data = load(KERNEL), prepared.scaled, prepared.data
+        kernel, scaled, data = prepared.kernel, prepared.scaled, prepared.data
         if data is None:
             return _large(prepared, budget, options, start)
         answer = np.zeros(scaled.k.size) if start is None else np.concatenate([start.u, start.v])
         code = kernel.lemke_mixed(data, answer, budget.iterations or prepared.limit, budget.tolerance)
-        counters = {"pivots": code // kernel.CODES, "factorizations": 0}
-        if code % kernel.CODES == kernel.RIGHT:  # a ray at the height of rounding errors, too
+        pivots, outcome = divmod(code, kernel.CODES)
+        counters = {"pivots": pivots, "factorizations": 0}
+        if outcome == kernel.RIGHT:  # a ray at the height of rounding errors, too
             return SolverOutput(claim=Claim.SOLVED, point=MLCPPoint.adopt(answer, scaled.free), counters=counters)
-        return _ended(scaled, answer / scaled.unit, code % kernel.CODES, budget, counters)
+        return _ended(scaled, answer / scaled.unit, outcome, budget, counters)
 
 
 def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
@@ -109,7 +112,7 @@ def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
 
 def _large(prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions, start: MLCPPoint | None) -> SolverOutput:
     """From the basis of the start, where it has one that ends in a solution, else from none."""
-    kernel, scaled = load(KERNEL), prepared.scaled
+    kernel, scaled = prepared.kernel, prepared.scaled
     run = _Run(prepared, budget, options)
     support = np.flatnonzero(start.v > 0.0) if start is not None else np.zeros(0, np.int64)
     outcome, x = run.of_basis(support) if support.size else (kernel.STUCK, np.zeros(scaled.k.size))
@@ -172,7 +175,7 @@ class _Run:
     """What one solve of a large problem has taken: pivots, factorizations."""
 
     def __init__(self, prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions) -> None:
-        self._kernel, self._scaled = load(KERNEL), prepared.scaled
+        self._kernel, self._scaled = prepared.kernel, prepared.scaled
         self._budget, self._options = budget, options
         self._limit = budget.iterations or prepared.limit
         self.pivots = self.factorizations = 0

@@ -152,14 +152,18 @@ def unboundedness(problem: QP, ray: Vector) -> float | None:
 
 
 def infeasible(problem: QP, lam: Vector, mu: Vector, counters: Mapping[str, int]) -> SolverOutput | None:
-    """The claim, where the multipliers prove it: as they are, or their large ones with Aᵀλ + Cᵀμ = 0 restored."""
-    value = infeasibility(problem, lam, mu)
-    if value is None:
-        value = infeasibility(problem, *_restored(problem, lam, mu))
-    if value is None:
-        return None
-    message = f"λ ≥ 0, Aᵀλ + Cᵀμ + ν = 0, bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ = {value:.1e} > 0: no z satisfies the constraints"
-    return SolverOutput(claim=Claim.INFEASIBLE, counters=dict(counters), message=message)
+    """The claim with its proof, where the multipliers give one: as they are, or their large ones with Aᵀλ + Cᵀμ = 0
+    restored. What the problem itself does not accept is no proof."""
+    for restore in (False, True):
+        if restore:
+            lam, mu = _restored(problem, lam, mu)
+        value = infeasibility(problem, lam, mu)
+        certificate = np.concatenate([np.maximum(lam, 0.0), mu])
+        if value is not None and problem.certifies_infeasibility(certificate):
+            message = f"λ ≥ 0, Aᵀλ + Cᵀμ + ν = 0, bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ = {value:.1e} > 0: no z satisfies them"
+            counted = dict(counters)
+            return SolverOutput(claim=Claim.INFEASIBLE, counters=counted, certificate=certificate, message=message)
+    return None
 
 
 def _restored(problem: QP, lam: Vector, mu: Vector) -> tuple[Vector, Vector]:
