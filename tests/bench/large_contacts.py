@@ -11,6 +11,7 @@ is a compiled sum over an array. A sweep is measured without the evaluation of t
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
@@ -28,6 +29,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import sparse
 from cpbench.solvers import Budget, solvers
 from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows
+from cpbench.solvers.native.contact.nsgs_coloured import Coloured, ColouredSweeps, helpers
 from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
 
 MB = 1e6
@@ -92,6 +94,25 @@ def least(rounds: int, works: dict[str, Callable[[], object]]) -> dict[str, tupl
     return {name: (min(t), float(np.median(t))) for name, t in times.items()}
 
 
+def load() -> str:
+    return f"{os.getloadavg()[0]:.1f} processes on {os.cpu_count()} cores in the last minute"
+
+
+def coloured_sweeps(coloured: Coloured, threads: int, sweeps: int) -> float:
+    """Seconds of one sweep on the clock, without the start of the threads."""
+    with helpers(threads) as pool:
+        method = ColouredSweeps(coloured, np.zeros(coloured.problem.q.size), threads, pool)
+        method.step(1, 1.0, 1.0)
+        before = time.perf_counter()
+        method.step(sweeps, 1.0, 1.0)
+        return (time.perf_counter() - before) / sweeps
+
+
+def least_wall(rounds: int, works: list[Callable[[], float]]) -> list[float]:
+    """Least of what each returns, in turns."""
+    return np.min([[work() for work in works] for _ in range(rounds)], axis=0).tolist()
+
+
 def main(size: int, sweeps: int, rounds: int, siconos: bool) -> None:
     bodies = lattice(size)
     problem = condensed(bodies)
@@ -113,7 +134,7 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool) -> None:
         )
         added = int(told.stdout)
     print(
-        f"peak of set-up and sweeps {added / MB:.1f} MB = {added / stored(W):.2f} of W, {1 + added / stored(W):.2f} with W"
+        f"set-up and sweeps add at most {added / MB:.1f} MB = {added / stored(W):.2f} of W, {1 + added / stored(W):.2f} with it"
     )
 
     whole, part = np.ones(stored(W) // 8), np.ones(swept // 8)
@@ -146,6 +167,10 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool) -> None:
     print(
         f"on the velocities of the bodies {1e3 * velocity:.2f} ms a sweep, {on / MB:.1f} MB = {on / stored(W):.2f} of W"
     )
+    coloured = Coloured.of(problem)
+    halves = least_wall(rounds, [lambda k=k: coloured_sweeps(coloured, k, sweeps) for k in (1, 2)])
+    print(f"by {coloured.bounds.size - 1} colours {1e3 * halves[0]:.2f} ms a sweep, by two threads ", end="")
+    print(f"{1e3 * halves[1]:.2f} ms: {halves[0] / halves[1]:.2f} times as fast (wall clock, {load()})")
     if siconos:
         theirs = siconos_sweep(problem)
         print(f"Siconos' nsgs {1e3 * theirs:.0f} ms a sweep: {theirs / sweep:.1f} of ours")
