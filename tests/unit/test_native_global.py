@@ -1,4 +1,4 @@
-"""Without condensation, and rolling friction: linear algebra against the Delassus form, planted problems, real files."""
+"""Without condensation, and rolling friction: linear algebra against the Delassus form, planted and real problems."""
 
 from __future__ import annotations
 
