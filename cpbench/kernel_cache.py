@@ -68,6 +68,12 @@ def load(module: str) -> ModuleType:
         return importlib.import_module(module)
 
 
+def modules(package: str) -> list[str]:
+    """Full names of the kernel modules in `solvers` or `conversions`."""
+    files = sorted((_PACKAGE / package / "kernels").glob("[!_]*.py"))
+    return [f"cpbench.{package}.kernels.{file.stem}" for file in files]
+
+
 def compiled(module: str) -> bool:
     """Whether the cache has kernels of this module that are younger than its source."""
     source, directory = _file(module), ensure_cache_dir()

@@ -104,7 +104,6 @@ def theirs(siconos: guest.Siconos, file: str, solver: str, problem: Any, limit: 
 
 
 def asked(solve: Callable[[float], float]) -> dict[float, float]:
-    """Seconds by tolerance."""
     coarse = solve(COARSE)
     return {COARSE: coarse, FINE: solve(FINE) if math.isfinite(coarse) else math.inf}
 
@@ -120,8 +119,7 @@ def rows(paths: list[Path], limit: float, siconos: guest.Siconos | None) -> Iter
         for label in OURS:
             row.seconds[label] = asked(functools.partial(ours, label, problem, limit))
         if siconos is not None:
-            copy = f"{name}.dat"
-            storage.save(problem, siconos.folder / copy, force=True)
+            storage.save(problem, siconos.folder / (copy := f"{name}.dat"), force=True)
             for label in THEIRS:
                 row.seconds[label] = asked(functools.partial(theirs, siconos, copy, label, problem, limit))
         print(row, flush=True)
@@ -149,7 +147,7 @@ def solved(rows: list[Row], label: str) -> int:
 
 def summary(rows: list[Row]) -> Iterator[str]:
     full, hyper = [r for r in rows if r.full], [r for r in rows if not r.full]
-    theirs = [label for label in THEIRS if rows and label in rows[0].seconds]
+    theirs = [label for label in THEIRS if label in rows[0].seconds]
     for least in (1, 20):
         some, many = ([r for r in group if r.nc >= least] for group in (full, hyper))
         yield f"--- files of at least {least} contacts: W has full rank in {len(some)}, not in {len(many)}"
@@ -176,9 +174,9 @@ def summary(rows: list[Row]) -> Iterator[str]:
 
 
 def main(paths: list[Path], limit: float, python: str) -> None:
+    guest.PATIENCE = BUSY * limit
     with tempfile.TemporaryDirectory() as folder:
         siconos = guest.Siconos(python, Path(folder)) if python else None
-        guest.PATIENCE = BUSY * limit
         labels = [*OURS, *(THEIRS if python else ())]
         print(f"{'[ms]':32s} {'nc':>4s} {'rank':>5s} {'n/rk':>5s} " + "".join(f"{label:>19s} " for label in labels))
         print(" " * 50 + f"{'1e-4':>9s} {'1e-8':>9s} " * len(labels))
