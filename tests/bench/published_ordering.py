@@ -22,6 +22,7 @@ import os
 import statistics
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -119,7 +120,8 @@ def rows(paths: list[Path], limit: float, siconos: guest.Siconos | None) -> Iter
         for label in OURS:
             row.seconds[label] = asked(functools.partial(ours, label, problem, limit))
         if siconos is not None:
-            storage.save(problem, siconos.folder / (copy := f"{name}.dat"), force=True)
+            with warnings.catch_warnings(action="ignore"):  # it cannot be lifted, and need not be
+                storage.save(problem, siconos.folder / (copy := f"{name}.dat"), force=True)
             for label in THEIRS:
                 row.seconds[label] = asked(functools.partial(theirs, siconos, copy, label, problem, limit))
         print(row, flush=True)
@@ -190,7 +192,7 @@ def main(paths: list[Path], limit: float, python: str) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="+", type=Path, help="files, or folders of files")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of a solve")
+    parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--siconos", default="", metavar="PYTHON", help="the interpreter that has siconos")
     arguments = parser.parse_args()
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
