@@ -61,12 +61,9 @@ class Row:
         return self.rank == 3 * self.nc
 
     def __str__(self) -> str:
-        cells = "".join(f"{_cell(by[COARSE])} {_cell(by[FINE])} " for by in self.seconds.values())
+        times = [by[t] for by in self.seconds.values() for t in (COARSE, FINE)]
+        cells = " ".join(f"{1e3 * s:9.2f}" if math.isfinite(s) else f"{'-':>9s}" for s in times)
         return f"{self.name[:32]:32s} {self.nc:4d} {self.rank:5d} {3 * self.nc / max(self.rank, 1):5.2f} {cells}"
-
-
-def _cell(seconds: float) -> str:
-    return f"{1e3 * seconds:9.2f}" if math.isfinite(seconds) else "        -"
 
 
 def ranked(W: Any) -> int:
