@@ -78,6 +78,12 @@ def compiled(kernel: Any) -> Callable[..., Any]:
     return version.entry_point
 
 
+def modules(package: str) -> list[str]:
+    """Full names of the kernel modules in `solvers` or `conversions`."""
+    files = sorted((_PACKAGE / package / "kernels").glob("[!_]*.py"))
+    return [f"cpbench.{package}.kernels.{file.stem}" for file in files]
+
+
 def is_compiled(module: str) -> bool:
     """Whether the cache has kernels of this module that are younger than its source."""
     source, directory = _file(module), ensure_cache_dir()

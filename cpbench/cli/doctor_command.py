@@ -7,13 +7,16 @@ from collections.abc import Iterator, Sequence
 
 import click
 
+from cpbench import kernel_cache
 from cpbench.bench import checkup, machine
 from cpbench.bench.checkup import Checkup
 from cpbench.bench.processes import isolation
 
 
 @click.command()
-@click.option("--warm", is_flag=True, help="Compile and load every solver now, so that the first run need not.")
+@click.option(
+    "--warm", is_flag=True, help="Compile and load every solver and conversion now, so that the first run need not."
+)
 def command(warm: bool) -> None:
     """Say what works on this machine and how to get what does not.
 
@@ -28,14 +31,25 @@ def command(warm: bool) -> None:
         click.echo(f"  {what:<10} {told}")
     chosen = list(solvers)
     seen: dict[str, Checkup] = {}
+    if warm:
+        click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
+        for module in kernel_cache.modules("conversions"):
+            kernel_cache.load(module)
     for one in checkup.examine(chosen, warm):
         seen[one.name] = one
-        if sys.stderr.isatty():
-            click.echo(f"\r\x1b[2Ktrying solvers {len(seen)}/{len(chosen)} {one.name}", nl=False, err=True)
+        _progress(len(seen), len(chosen), one.name, warm)
     if sys.stderr.isatty():
         click.echo("\r\x1b[2K", nl=False, err=True)
     for line in _told([seen[solver.spec.name] for solver in chosen]):
         click.echo(line)
+
+
+def _progress(done: int, of: int, name: str, warm: bool) -> None:
+    """A line that changes on a terminal; elsewhere one a tenth of the way, where it takes long."""
+    if sys.stderr.isatty():
+        click.echo(f"\r\x1b[2Ktrying solvers {done}/{of} {name}", nl=False, err=True)
+    elif warm and done % max(1, of // 10) == 0:
+        click.echo(f"{done}/{of} solvers", err=True)
 
 
 def _told(found: Sequence[Checkup]) -> Iterator[str]:

@@ -15,6 +15,7 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench import kernel_cache as cache
+from cpbench import storage
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Problem
 from cpbench.solvers import Budget, solvers
 
@@ -117,6 +118,33 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
         assert done.returncode == 0, done.stderr
         found.append(float(done.stdout))
     assert found == [2.0, 1.0]
+
+
+def test_what_is_compiled_is_asked_of_the_cache_in_use(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Not of the one beside the source, where another setting may have left kernels; and younger than the source."""
+    module = "cpbench.solvers.kernels.box_splitting"
+    fresh.setenv(cache.VARIABLE, str(tmp_path))
+    assert not cache.compiled(module)
+    index = tmp_path / "kernels_0" / "box_splitting.sweeps-10.py311.nbi"
+    index.parent.mkdir()
+    index.touch()
+    assert cache.compiled(module)
+    os.utime(index, (0, 0))
+    assert not cache.compiled(module)
+
+
+def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
+    path = tmp_path / "two.h5"
+    storage.save(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=[-1.0, -1.0], name="two"), path)
+    command = [sys.executable, "-m", "cpbench", "solve", str(path), "-s", "psor"]
+    environment = {**os.environ, cache.VARIABLE: str(tmp_path / "cache")}
+    first, second = (
+        subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)
+    )
+    assert first.stderr.startswith("psor: compiling")
+    assert len(first.stderr.splitlines()) == 1
+    assert second.stderr == ""
+    assert "solved" in first.stdout
 
 
 @pytest.mark.parametrize("name", NATIVE)

@@ -9,9 +9,8 @@ import contextlib
 import gc
 import os
 
-import cpbench.bench.referee  # pyright: ignore[reportUnusedImport] - to have it
-import cpbench.bench.worker  # pyright: ignore[reportUnusedImport]
 from cpbench import conversions, formulations, solvers, storage
+from cpbench.bench import referee, worker  # noqa: F401  # pyright: ignore[reportUnusedImport] - to have them
 
 
 def preload() -> None:

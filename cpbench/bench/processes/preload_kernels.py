@@ -9,24 +9,17 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import pkgutil
 
-import cpbench.conversions.kernels
-import cpbench.solvers.kernels
 from cpbench import kernel_cache
 from cpbench.solvers.base import package_version
-
-KERNELS = (cpbench.solvers.kernels, cpbench.conversions.kernels)
 
 
 def preload() -> None:
     """Load them; what cannot be loaded is left to whoever needs it, who will say why."""
-    for package in KERNELS:
-        for module in pkgutil.iter_modules(package.__path__):
-            name = f"{package.__name__}.{module.name}"
-            with contextlib.suppress(Exception):
-                if kernel_cache.is_compiled(name):
-                    kernel_cache.load(name)
+    for module in (*kernel_cache.modules("solvers"), *kernel_cache.modules("conversions")):
+        with contextlib.suppress(Exception):
+            if kernel_cache.is_compiled(module):
+                kernel_cache.load(module)
     package_version("numpy")  # reads what is installed, once for all
     gc.collect()
     gc.freeze()
