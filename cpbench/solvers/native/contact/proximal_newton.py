@@ -65,19 +65,22 @@ class ProximalSteps:
     def factorizations(self) -> int:
         return self._newton.factorizations
 
-    def step(self, deadline: float = math.inf) -> bool:
+    def step(self, most: float = math.inf, deadline: float = math.inf) -> bool:
         """One proximal point, or a larger α where it was not found; False where α cannot rise any more.
 
-        deadline : of `time.monotonic`, after which no further Newton step is begun.
+        Parameters
+        ----------
+        most : Newton steps, fewer than the options have. deadline : of `time.monotonic`, none is begun after it.
         """
         if self._alpha > ALPHA[1]:
             return False
         newton, centre, options = self._newton, self._centre, self._options
+        most = min(most, options.newton_steps)
         target = options.share * self._whole.at(centre).size
         newton.equation = self._whole.near(centre, self._alpha)
         newton.begin(self._s * centre)
         steps = 0
-        while newton.size > target and steps < options.newton_steps and time.monotonic() < deadline and newton.step():
+        while newton.size > target and steps < most and time.monotonic() < deadline and newton.step():
             steps += 1
         self.newton_steps += steps
         self.r = newton.r
@@ -112,7 +115,7 @@ class _ProximalNewton(Method):
             self._r = sweeps.best
             self._steps = ProximalSteps(self._contacts, self._options, self._r)
             return None
-        if not self._steps.step(time.monotonic() + seconds):
+        if not self._steps.step(deadline=time.monotonic() + seconds):
             return f"Newton's method fails for α = {ALPHA[1]:.0e}"
         self._r = self._steps.r
         self.counters |= {"newton_steps": self._steps.newton_steps, "factorizations": self._steps.factorizations}
