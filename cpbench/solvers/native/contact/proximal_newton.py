@@ -4,7 +4,8 @@ Where W is singular the reactions of a solution are not unique, and near one not
 the null space: the points P_α(c), solutions for W′ + αI and q′ − αc, drift until a contact changes its state. Only then
 does the error fall. A small α drifts fast, but Newton's method fails where too many states change at once, so α is
 driven to what it can just do; and c⁺ = c + ω(P_α(c) − c) with ω > 1 drifts faster for nothing (Eckstein and Bertsekas):
-on hyperstatic piles with 463 and 555 contacts ω = 1.5 took a sixth and a third of the Newton steps of ω = 1.
+from errors of 3e-7 and 3e-6 on hyperstatic piles with 463 and 555 contacts, 1e-8 took 132 and 411 Newton steps with
+ω = 1.5, 2804 and 812 with ω = 1.
 """
 
 from __future__ import annotations
