@@ -14,8 +14,8 @@ given folders, as `cpbench run` runs them: every solve in a process apart, with 
 
 Results are kept in the folder, a file a step: the same command goes on where it was cut. First come the single solvers
 that solve more than the automatic choice, then a row a solver: what it solved at each tolerance; of its rows at the
-finest how many were proved unsolvable, claimed and wrong, refused or out of time; the processor time of all its
-solves. Below, what the automatic choice did not solve, and who did.
+finest how many were proved unsolvable, claimed and wrong, refused or out of time; the seconds of all its solves by the
+clock, whoever else was busy. Below, what the automatic choice did not solve, and who did.
 """
 
 from __future__ import annotations
@@ -139,7 +139,8 @@ def table(title: str, rows: pd.DataFrame, names: Sequence[str], tolerances: Sequ
     count = {t: {name: sum(name == who for _, who in solved[t]) for name in names} for t in tolerances}
     addresses = sorted(set(rows["address"]))
     automatic = [name for name in names if name.startswith("auto-")]
-    print(f"\n{title}: {len(addresses)} problems, {len(names)} solvers, at {', '.join(f'{t:g}' for t in tolerances)}")
+    at = ", ".join(f"{t:g}" for t in tolerances)
+    print(f"\n{title}: {len(addresses)} different problems, {len(names)} solvers; solved at {at}")
     for auto in automatic:
         ahead = [(t, n) for t in tolerances for n in names if count[t][n] > count[t][auto]]
         for t, name in ahead:
@@ -153,13 +154,14 @@ def table(title: str, rows: pd.DataFrame, names: Sequence[str], tolerances: Sequ
             told = " / ".join(str(count[t][best]) for t in tolerances)
             print(f"  best {'of Siconos' if family else 'single solver'}: {best} {told}")
     heads = "".join(f"{t:>8.0e}" for t in tolerances) + "".join(f"{w:>12s}" for w in WORDS)
-    print(f"  {'':32s}{heads}    cpu s")
+    print(f"  {'':32s}{heads}  seconds")
     first = rows[rows["tolerance"] == min(tolerances)].drop_duplicates(["address", "solver"], keep="last")
     for name in ordered:
         own = first[first["solver"] == name]
         counts = "".join(f"{count[t][name]:8d}" for t in tolerances)
         statuses = "".join(f"{(own['status'] == word).sum():12d}" for word in WORDS)
-        print(f"  {name:32s}{counts}{statuses}{rows[rows['solver'] == name]['cpu'].sum():9.2f}")
+        seconds = rows[rows["solver"] == name][["setup", "solve"]].sum().sum()
+        print(f"  {name:32s}{counts}{statuses}{seconds:9.2f}")
     print(f"  {'any of them':32s}" + "".join(f"{len({a for a, _ in solved[t]}):8d}" for t in tolerances))
     for t in tolerances:
         for address in addresses:

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench import cones, matrices
 from cpbench.errors import ProblemError
-from cpbench.factorization import Factorization
+from cpbench.factorization import Factorization, sparse_lu
 
 
 @pytest.mark.parametrize("n", [2, 5, 40, 350])
@@ -82,3 +82,19 @@ def test_cone_projections_are_the_nearest_points(rng: np.random.Generator, d: in
     polar = x - p
     assert np.abs(np.einsum("ij,ij->i", p, polar)).max() < 1e-10
     assert np.allclose(cones.distance_to_dual_cone(-polar, mu), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("small", [False, True])
+def test_an_lu_of_symmetric_structure_is_an_lu(rng: np.random.Generator, small: bool) -> None:
+    """On a grid whose values are not symmetric: less fill than by columns, and small diagonals are passed over."""
+    T = sp.diags_array([np.ones(29), np.ones(30), np.ones(29)], offsets=[-1, 0, 1])
+    A = sp.csc_array(sp.kron(T, T))
+    A.data = rng.uniform(0.1, 1.0, A.nnz)
+    A.setdiag(np.where(np.arange(900) % 7 == 0, 1e-14, 2.0) if small else np.full(900, 2.0))
+    b = rng.standard_normal(900)
+    preferring, by_columns = (sparse_lu(A, symmetric_structure=flag) for flag in (True, False))
+    assert preferring is not None
+    assert by_columns is not None
+    np.testing.assert_allclose(A @ preferring.solve(b), b, atol=1e-9)
+    assert small or preferring.nnz < 0.8 * by_columns.nnz
+    assert sparse_lu(sp.csc_array((3, 3)), symmetric_structure=True) is None

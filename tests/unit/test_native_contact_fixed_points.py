@@ -14,6 +14,7 @@ from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
 from cpbench.solvers.native.contact.contact_frozen import Frozen, block_csr
 from cpbench.solvers.native.contact.contact_sweeps import scaled_contacts
+from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -109,6 +110,32 @@ def test_projection_steps_are_those_of_plain_numpy(rng: np.random.Generator, dim
         np.testing.assert_allclose(step, 1.5 * rho)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_proximal_point_solves_the_problem_that_it_is_of(rng: np.random.Generator, dimension: int) -> None:
+    """r is judged on the contact problem of W + αR⁻¹ and q − αR⁻¹r₀, written out."""
+    H = rng.standard_normal((8, 12 * dimension))
+    q, mu, before = H.T @ rng.standard_normal(8), np.full(12, 0.4), rng.standard_normal(12 * dimension)
+    problem = FrictionContact(W=H.T @ H, q=q, mu=mu, dimension=dimension)
+    alpha = 0.3
+    steps = ProximalSteps(scaled_contacts(problem), ProximalNewtonOptions(alpha=alpha, share=1e-13), before)
+    assert steps.step()
+    weight = alpha / np.repeat(problem.rho, dimension)
+    near = FrictionContact(W=problem.W + np.diag(weight), q=q - weight * before, mu=mu, dimension=dimension)
+    assert judge(near, FCPoint(steps.r), 1e-10).solved
+    assert not judge(problem, FCPoint(steps.r), 1e-10).solved
+
+
+def test_proximal_points_stop_at_their_limits(rng: np.random.Generator) -> None:
+    H = rng.standard_normal((24, 72))
+    problem = FrictionContact(W=H.T @ H, q=H.T @ rng.standard_normal(24), mu=np.full(24, 0.4), dimension=3)
+    steps = ProximalSteps(scaled_contacts(problem), ProximalNewtonOptions(share=1e-13), np.zeros(72))
+    assert steps.step(most=1)
+    assert steps.newton_steps <= 1
+    before = steps.newton_steps
+    assert steps.step(deadline=0.0)
+    assert steps.newton_steps == before
+
+
 @pytest.mark.parametrize("name", ALL)
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_planted_contacts_are_solved(name: str, dimension: int) -> None:
@@ -177,6 +204,8 @@ def test_gauss_seidel_does_for_nesterov(rng: np.random.Generator, name: str) -> 
         ("de-saxce-fixed-point", "RockPile_tob1.dat", 1e-4),
         ("apgd-contact", "Capsules-i125-1213.hdf5", 1e-8),
         ("apgd-contact", "RockPile_tob1.dat", 1e-4),
+        ("proximal-newton", "RockPile_tob1.dat", 1e-8),  # ω = 1: more than four times the steps
+        ("proximal-newton", "mj_boxes300_mu04-nc935.hdf5", 1e-8),
     ],
 )
 def test_real_files(shared_data: Path, name: str, file: str, tolerance: float) -> None:

@@ -110,12 +110,13 @@ def test_the_functions_are_those_of_their_definitions(
 @pytest.mark.parametrize("function", FUNCTIONS)
 @pytest.mark.parametrize("sparse", [False, True])
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("alpha", [0.0, 0.7])
 def test_the_jacobian_is_the_slope_of_the_function(
-    rng: np.random.Generator, dimension: int, sparse: bool, function: ContactFunction
+    rng: np.random.Generator, alpha: float, dimension: int, sparse: bool, function: ContactFunction
 ) -> None:
     """Central differences at random points, where all states of a contact occur; the direction solves with it."""
     problem = banded(rng, 14, dimension, sparse=sparse)
-    equation = ContactEquation(scaled_contacts(problem), function)
+    equation = ContactEquation(scaled_contacts(problem), function).near(rng.standard_normal(problem.q.size), alpha)
     x, h = rng.standard_normal(problem.q.size), 1e-6
     at = equation.at(x)
     J = equation.jacobian(at, 0.0, np.arange(problem.nc))
