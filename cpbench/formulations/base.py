@@ -160,7 +160,7 @@ class Point:
             if type(value) is np.ndarray and value.dtype is _FLOAT and value.ndim == 1:
                 # what solvers return needs no more than a copy, which takes a quarter of the time
                 own[name] = value = value.copy()
-                value.setflags(False)
+                matrices.freeze(value)
             else:
                 own[name] = self._vector(name, value)
 

@@ -16,7 +16,18 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
-from cpbench.solvers.native.contact.contact_sweeps import CONTINUE, LEAST, BlockRows, block_rows, conclude, kernel
+from cpbench.solvers.native.contact.contact_sweeps import (
+    CONTINUE,
+    ITERATION,
+    LEAST,
+    LOGGED,
+    NEXT_CHECK,
+    RANDOM,
+    BlockRows,
+    block_rows,
+    conclude,
+    kernel,
+)
 from cpbench.solvers.native.progress import Progress
 
 BLOCKS_A_CALL = 4_000_000
@@ -100,43 +111,48 @@ class Relaxation(Solver):
         sweeps = self.advance(prepared, budget, options, r)
         limit = budget.iterations or options.max_iterations
         call = max(50, BLOCKS_A_CALL // (prepared.column.size + 10 * problem.nc))
-        state = np.array([0, 1, 0, budget.seed, 0])
+        state = np.zeros(5, np.int64)
+        state[NEXT_CHECK], state[RANDOM] = 1, budget.seed
         log_iteration, log_error = np.empty(LOG, np.int64), np.empty(LOG)
         progress = Progress(options.stall_window)
         deadline = time.monotonic() + budget.seconds
-        evaluations = 1
-        claim, message = Claim.MAX_ITER, f"{limit} sweeps"
+        done, evaluations = 0, 1
+        claim, message = Claim.MAX_ITER, ""
         error = prepared.judged(r)
-        measured, best = np.array([np.inf, np.inf, error if error < np.inf else np.inf]), r.copy()
+        measured, best = np.full(3, np.inf), r.copy()
+        if error < np.inf:
+            measured[LEAST] = error
         if record is not None:
             record(0, error, lambda: FCPoint(r))
-        while not error <= budget.tolerance and state[0] < limit:
-            until = min(limit, int(state[0]) + call)
+        while not error <= budget.tolerance and done < limit:
+            until = min(limit, done + call)
+            log = (log_iteration, log_error)
             while True:
-                room = LOG if record is None else int(state[2]) + 1  # with one place left it is back at its next check
-                log = (log_iteration[:room], log_error[:room])
+                if record is not None:  # with one place left in the log it is back at its next check
+                    room = int(state[LOGGED]) + 1
+                    log = (log_iteration[:room], log_error[:room])
                 status = sweeps(budget.tolerance, until, state, measured, *log, best)
+                done, logged = int(state[ITERATION]), int(state[LOGGED])
                 if record is not None:
-                    record(int(state[0]), float(log_error[room - 1]), lambda: FCPoint(r))
-                if record is None or status != CONTINUE or state[0] == until or room == LOG:
+                    record(done, float(log_error[logged - 1]), lambda: FCPoint(r))
+                if record is None or status != CONTINUE or done == until or logged == LOG:
                     break
             why = None
-            for k in range(int(state[2])):
+            for k in range(logged):
                 error = float(log_error[k])
                 why = why or progress.trouble(int(log_iteration[k]), error)
-            evaluations += int(state[2])
-            state[2] = 0
+            evaluations += logged
+            state[LOGGED] = 0
             if why is None and time.monotonic() > deadline:
-                why = f"out of time after {state[0]} sweeps"
+                why = f"out of time after {done} sweeps"
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
         if error <= budget.tolerance:
             claim, message = Claim.INACCURATE, "converged up to rounding"
-        done = int(state[0])
         counters = {
             "iterations": done,
             "projections": done * problem.nc,
             "matrix_vector_products": evaluations,
         }
-        return conclude(problem, best, float(measured[LEAST]), budget, claim, message, counters)
+        return conclude(problem, best, float(measured[LEAST]), budget, claim, message or f"{limit} sweeps", counters)

@@ -29,7 +29,8 @@ LOG = 256
 
 
 CONTINUE, NOT_FINITE = 0, 2
-ITERATION, LOGGED, LEAST = 0, 2, 2
+ITERATION, NEXT_CHECK, LOGGED, RANDOM = range(4)
+LEAST = 2
 """Of what the sweeps return, of `state` and of `measured`: the names of the kernels."""
 
 
