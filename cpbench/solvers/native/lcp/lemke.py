@@ -168,8 +168,13 @@ class _Run:
         """From the basis that z points to; None where that basis or the way from there settles nothing."""
         lcp, budget = self._lcp, self._budget
         problem = lcp.problem
-        seen = transformed(lcp, lcp.points_to(z, lcp.M @ z + problem.q))
+        inside = lcp.points_to(z, lcp.M @ z + problem.q)
         self.counters["factorizations"] = 1
+        seen = transformed(lcp, inside)
+        if seen is None and (fewer := inside & (z > 0.0)).sum() < inside.sum():
+            # w = 0 beside z = 0, as semidefinite problems have it, points nowhere
+            self.counters["factorizations"] = 2
+            seen = transformed(lcp, fewer)
         if seen is None:
             return None
         if seen.q.min() >= 0.0:
