@@ -209,3 +209,11 @@ def test_infeasible_whatever_the_start() -> None:
     output = solvers.get("lemke").run(problem, start=LCPPoint(z=np.array([1.0, 1.0])))
     assert output.claim is Claim.INFEASIBLE
     assert problem.certifies_infeasibility(output.certificate)
+
+
+@pytest.mark.parametrize("sweeps", [0, 20])
+def test_nothing_to_do_on_a_large_problem(sweeps: int) -> None:
+    problem = LCP(M=np.eye(260), q=np.ones(260))
+    output = solvers.get("lemke").run(problem, None, lemke.LemkeOptions(crash_sweeps=sweeps))
+    assert output.claim is Claim.SOLVED
+    assert not output.point.z.any()
