@@ -10,6 +10,8 @@ from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.native.lcp import lemke, lemke_columns
+from cpbench.solvers.native.lcp.first_basis import dense_lcp
+from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -128,3 +130,90 @@ def test_a_ray_by_products(monkeypatch: pytest.MonkeyPatch) -> None:
     M = A @ A.T
     output = solvers.get("lemke").run(LCP(M=M, q=rng.standard_normal(30) - 3.0 * y))
     assert output.claim is Claim.INFEASIBLE, output.message
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_principal_transform_exchanges_w_and_z(kind: str) -> None:
+    """w' = M'z' + q' says of every z what w = Mz + q says of it, z' and w' having w_B and z_B exchanged."""
+    rng = np.random.default_rng(7)
+    problem, _ = planted.lcp(rng, 9, kind)
+    inside = np.arange(9) % 3 == 1
+    seen = transformed(dense_lcp(problem), inside)
+    assert seen is not None
+    columns = -seen.negated_columns(np.arange(9)).T
+    z = rng.standard_normal(9)
+    w = problem.M @ z + problem.q
+    w_unit, z_unit = np.abs(problem.q).max(), np.abs(seen.lifted(np.ones(9), np.ones(9))).max()
+    others = np.where(inside, w / w_unit, z / z_unit)
+    expected = np.where(inside, z / z_unit, w / w_unit)
+    np.testing.assert_allclose(columns @ others + seen.q, expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
+
+
+def test_no_transform_in_a_singular_basis() -> None:
+    problem = LCP(M=np.ones((3, 3)), q=-np.ones(3))
+    assert transformed(dense_lcp(problem), np.array([True, True, False])) is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("n", [12, 60])
+def test_a_start_near_the_answer_saves_pivots(kind: str, n: int) -> None:
+    """One component on the wrong side: what is found is a solution, and after fewer pivots in all."""
+    solver, saved = solvers.get("lemke"), 0
+    for seed in range(5):
+        problem, _ = planted.lcp(np.random.default_rng(seed), n, kind)
+        cold = solver.run(problem, Budget(tolerance=1e-9))
+        assert cold.claim is Claim.SOLVED
+        z = np.array(cold.point.z)
+        z[np.argmax(z)] = 0.0
+        warm = solver.run(problem, Budget(tolerance=1e-9), start=LCPPoint(z=z))
+        assert judge(problem, warm.point, 1e-9).solved
+        saved += cold.counters["pivots"] - warm.counters["pivots"]
+        again = solver.run(problem, Budget(tolerance=1e-9), start=cold.point)
+        assert again.counters["pivots"] == 0
+    assert saved > 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_guessed_bases_end_in_solutions(kind: str) -> None:
+    """Beyond SMALL: from sweeps and without, and a unique solution is the same one."""
+    problem, _ = planted.lcp(np.random.default_rng(3), 300, kind)
+    found = [
+        solvers.get("lemke").run(problem, Budget(tolerance=1e-9), lemke.LemkeOptions(crash_sweeps=sweeps))
+        for sweeps in (0, 3, 20)
+    ]
+    assert [output.claim for output in found] == [Claim.SOLVED] * 3
+    if kind == "positive definite":
+        assert found[2].counters["pivots"] < found[0].counters["pivots"] / 2
+        for output in found[1:]:
+            np.testing.assert_allclose(output.point.z, found[0].point.z, rtol=1e-7, atol=1e-9)
+
+
+def test_ties_from_a_start() -> None:
+    """Small whole numbers tie all the time: columns that nobody has asked for decide, and are brought then."""
+    rng, solver = np.random.default_rng(11), solvers.get("lemke")
+    asked = 0
+    for _ in range(60):
+        A = rng.integers(-1, 2, (8, 8)).astype(float)
+        problem = LCP(M=A @ A.T + np.eye(8), q=rng.integers(-2, 2, 8).astype(float))
+        start = LCPPoint(z=rng.integers(0, 2, 8).astype(float))
+        output = solver.run(problem, Budget(tolerance=1e-10), start=start)
+        assert output.claim is Claim.SOLVED, output.message
+        assert judge(problem, output.point, 1e-10).solved
+        asked += output.counters["pivots"]
+    assert asked > 0
+
+
+def test_infeasible_whatever_the_start() -> None:
+    """A transformed problem ends in a ray too; the proof comes from the plain run."""
+    problem = LCP(M=np.array([[0.0, 1.0], [-1.0, 0.0]]), q=np.array([-1.0, -1.0]))
+    output = solvers.get("lemke").run(problem, start=LCPPoint(z=np.array([1.0, 1.0])))
+    assert output.claim is Claim.INFEASIBLE
+    assert problem.certifies_infeasibility(output.certificate)
+
+
+@pytest.mark.parametrize("sweeps", [0, 20])
+def test_nothing_to_do_on_a_large_problem(sweeps: int) -> None:
+    problem = LCP(M=np.eye(260), q=np.ones(260))
+    output = solvers.get("lemke").run(problem, None, lemke.LemkeOptions(crash_sweeps=sweeps))
+    assert output.claim is Claim.SOLVED
+    assert not output.point.z.any()

@@ -22,7 +22,7 @@ from cpbench.solvers.options import fixed, searched
 
 SMALL = 250
 """Up to this size columns are updated by vectors alone; beyond it those that lack many pivots by matrix products."""
-LEAST, MOST = 8, 96
+LEAST, MOST = 8, 48
 """How many columns of a transformed LCP are computed at once: as many as q' has negative components, within these."""
 OMEGA = 0.6
 """Relaxation of the sweeps where M is not symmetric and 1 does not do."""
@@ -60,6 +60,10 @@ class Lemke(Solver):
     Ends in a solution for copositive-plus M (so for PSD M) when there is a feasible point, and for P and other
     Q_0 classes; elsewhere it may end in a ray, which by itself proves nothing. A ray is then followed by a linear
     program for a Farkas certificate.
+
+    A start, or sweeps on a large problem, name a complementary basis, and the pivots begin at the principal transform
+    of the LCP there, which has the same solutions and covers its own q' by e. Where that basis is singular, or the
+    way from it ends in a ray or takes more than n pivots, all begins again at w = q: claims of a ray come from there.
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -67,7 +71,7 @@ class Lemke(Solver):
         node="lcp",
         summary="Lemke's complementary pivoting, lexicographic ratio test",
         method="pivoting",
-        citation="Lemke 1965; Cottle, Pang and Stone 1992, algorithm 4.4.5 and section 4.9",
+        citation="Lemke 1965; Cottle, Pang and Stone 1992, algorithm 4.4.5, sections 2.3 and 4.9",
         traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
         options=LemkeOptions,
     )
@@ -168,8 +172,13 @@ class _Run:
         """From the basis that z points to; None where that basis or the way from there settles nothing."""
         lcp, budget = self._lcp, self._budget
         problem = lcp.problem
-        seen = transformed(lcp, lcp.points_to(z, lcp.M @ z + problem.q))
+        inside = lcp.points_to(z, lcp.M @ z + problem.q)
         self.counters["factorizations"] = 1
+        seen = transformed(lcp, inside)
+        if seen is None and (fewer := inside & (z > 0.0)).sum() < inside.sum():
+            # w = 0 beside z = 0, as semidefinite problems have it, points nowhere
+            self.counters["factorizations"] = 2
+            seen = transformed(lcp, fewer)
         if seen is None:
             return None
         if seen.q.min() >= 0.0:
@@ -177,7 +186,7 @@ class _Run:
         else:
             likely = min(max(int((seen.q < 0.0).sum()), LEAST), MOST)
             run = Columns(self._kernel, lcp.columns, seen.q, source=seen.negated_columns, likely=likely)
-            if self._products(run) != "complementary":
+            if self._products(run, most=z.size) != "complementary":
                 return None
             z = seen.lifted(run.w, run.z)
         output = ended_in_basis(problem, z, np.flatnonzero(z), budget, self.counters)
@@ -187,9 +196,11 @@ class _Run:
         """From w = q, where a ray may be followed by a proof."""
         lcp, budget, counters = self._lcp, self._budget, self.counters
         problem = lcp.problem
-        if lcp.problem.q.size <= SMALL:
+        if problem.q.size <= SMALL:
             z = np.empty(problem.q.size)
             outcome = self._vectors(z)
+        elif problem.q.min() >= 0.0:
+            return conclude(problem, np.zeros_like(problem.q), budget, counters)
         else:
             p = max_abs(problem.q) or 1.0
             run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
@@ -210,11 +221,12 @@ class _Run:
         self._spend(code // kernel.CODES)
         return self._word(code % kernel.CODES)
 
-    def _products(self, run: Columns) -> str:
-        """What lies far behind is brought by matrix products; outcome in words."""
+    def _products(self, run: Columns, most: int | None = None) -> str:
+        """What lies far behind is brought by matrix products; at most `most` pivots; outcome in words."""
         kernel, options = self._kernel, self._options
+        limit = self.left if most is None else min(self.left, most)
         while True:
-            status = run.advance(self.left, options.pivot_tolerance, options.tie_tolerance)
+            status = run.advance(limit, options.pivot_tolerance, options.tie_tolerance)
             if status == kernel.BEHIND:
                 run.bring_likely()
             elif status == kernel.FULL:
