@@ -140,6 +140,28 @@ def test_sparse_problems_have_the_answers_of_dense_ones(solver: str) -> None:
     np.testing.assert_allclose(first.point.v, second.point.v, atol=1e-8)  # positive definite: one solution
 
 
+@pytest.mark.parametrize(("n", "m", "flat"), [(4, 6, 0), (4, 6, 1), (12, 30, 0), (12, 30, 2), (30, 60, 0), (30, 60, 1)])
+@pytest.mark.parametrize("store", [np.array, sp.csr_array])
+def test_lemke_starts_from_the_basis_of_the_start(n: int, m: int, flat: int, store: Any) -> None:
+    """From its own answer no pivot is left, from one near it few; a start of which no basis can be made is forgotten.
+    A is singular in some: what is not regular without the pairs may be so with them."""
+    rng = np.random.default_rng([n, m, flat])
+    problem = kkt(rng, n, m, flat=flat)
+    problem = MLCP(**{name: store(X) if np.ndim(X) == 2 else X for name, X in problem.data().items()})
+    lemke, tight = solvers.get("lemke-mlcp"), Budget(tolerance=1e-9)
+    cold = lemke.run(problem, tight)
+    assert cold.claim is Claim.SOLVED
+    assert cold.counters["pivots"] > 2
+    warm = lemke.run(problem, tight, start=cold.point)
+    assert warm.claim is Claim.SOLVED
+    assert warm.counters["pivots"] == 0
+    np.testing.assert_allclose(warm.point.v, cold.point.v, atol=1e-8)
+    for other in (np.ones(m), rng.uniform(-1.0, 1.0, m)):
+        found = lemke.run(problem, tight, start=MLCPPoint(u=rng.standard_normal(n), v=other))
+        assert found.claim is Claim.SOLVED
+        assert judge(problem, found.point, 1e-9).solved
+
+
 def reference_sweeps(problem: MLCP, omega: float, sweeps: int) -> MLCPPoint:
     """Projected over-relaxed Gauss–Seidel, one component after the other (Cottle, Pang, Stone, 5.2)."""
     n = problem.a.size

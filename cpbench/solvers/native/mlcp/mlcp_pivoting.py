@@ -95,7 +95,7 @@ class LemkeMLCP(Solver):
         answer = np.zeros(scaled.k.size) if start is None else np.concatenate([start.u, start.v])
         code = kernel.lemke_mixed(data, answer, budget.iterations or prepared.limit, budget.tolerance)
         pivots, outcome = divmod(code, kernel.CODES)
-        counters = {"pivots": pivots, "factorizations": 0}
+        counters = {"iterations": pivots, "pivots": pivots, "factorizations": 0}
         if outcome == kernel.RIGHT:  # a ray at the height of rounding errors, too
             return SolverOutput(claim=Claim.SOLVED, point=MLCPPoint.adopt(answer, scaled.free), counters=counters)
         return _ended(scaled, answer / scaled.unit, outcome, budget, counters)
@@ -122,7 +122,7 @@ def _large(prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions, start:
         if outcome == kernel.STUCK:
             outcome, x = run.by_tableau()
         error = scaled.error(x)
-    counters = {"pivots": run.pivots, "factorizations": run.factorizations}
+    counters = {"iterations": run.pivots, "pivots": run.pivots, "factorizations": run.factorizations}
     if error <= budget.tolerance:
         return SolverOutput(claim=Claim.SOLVED, point=scaled.point(x), counters=counters)
     return _ended(scaled, x, outcome, budget, counters)

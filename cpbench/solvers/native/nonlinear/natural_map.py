@@ -91,14 +91,19 @@ def equilibrate(M: Matrix, groups: Any) -> Vector:
     d = np.ones(n)
     if n == 0:
         return d
-    size: Any = abs(sp.csr_array(M))
+    size: Any = abs(M)
     for _ in range(RUIZ_STEPS):
-        scaled = sp.diags_array(d) @ size @ sp.diags_array(d)
-        rows = np.maximum(scaled.max(axis=1).toarray().ravel(), scaled.max(axis=0).toarray().ravel())
+        rows = _tops(congruent(size, d))
         top = np.zeros(int(groups[-1]) + 1)
         np.maximum.at(top, groups, rows)
         d = d / np.sqrt(np.where(top > 0, top, 1.0))[groups]
     return d
+
+
+def _tops(size: Any) -> Vector:
+    """The largest number of every row and column with the same index."""
+    tops = [size.max(axis=axis) for axis in (0, 1)]
+    return np.maximum(*[top.toarray().ravel() if sp.issparse(size) else top for top in tops])
 
 
 def congruent(M: Matrix, d: Vector) -> Matrix:

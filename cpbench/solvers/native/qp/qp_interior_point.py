@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -42,6 +43,9 @@ class InteriorPointOptions:
     regularization: float = searched(1e-9, low=1e-12, high=1e-6, log=True)
     to_boundary: float = searched(0.995, low=0.9, high=0.9999)
     max_iterations: int = fixed(200)
+
+
+Solve: TypeAlias = Callable[[Vector, Vector], tuple[Vector, Vector]]
 
 
 class Iterate:
@@ -115,14 +119,14 @@ class Iterate:
         rows = np.flatnonzero(at >= n)
         off = form.lower[n:][self.rows] - s[n:][self.rows]
 
-        def direction(c: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        def direction(c: Vector, solve: Solve) -> tuple[Vector, Vector, Vector, Vector]:
             """For tz + t dz + z dt = tz − c: dx, dy of equalities, dt, dz."""
             h = self._sum(-sign * (c + z * rp) / t)
             a = h[:n] - self.rd
             a[self.fixed] = 0.0
             b = theta * h[n:]
             b[self.rows] = off
-            dx, v = self.kkt.solve(a, b)
+            dx, v = solve(a, b)
             dx[self.fixed] = 0.0
             ds = np.concatenate([dx, form.G @ dx])
             dt = sign * ds[at] + rp
@@ -132,11 +136,12 @@ class Iterate:
 
         count = max(t.size, 1)
         mu = float(t @ z) / count
-        dx, dy, dt, dz = direction(t * z)
+        # the predictor only says how far to aim and what the products of its steps are: it is not refined
+        dx, dy, dt, dz = direction(t * z, self.kkt.apply if t.size else self.kkt.solve)
         if t.size:
             alpha = min(_reach(t, dt), _reach(z, dz))
             sigma = (float((t + alpha * dt) @ (z + alpha * dz)) / count / mu) ** 3 if mu > 0 else 0.0
-            dx, dy, dt, dz = direction(t * z + dt * dz - max(min(sigma, 1.0) * mu, gap / count))
+            dx, dy, dt, dz = direction(t * z + dt * dz - max(min(sigma, 1.0) * mu, gap / count), self.kkt.solve)
         alpha = min(1.0, share * min(_reach(t, dt, np.inf), _reach(z, dz, np.inf)))
         self.x = self.x + alpha * dx
         self.t, self.z = t + alpha * dt, z + alpha * dz
