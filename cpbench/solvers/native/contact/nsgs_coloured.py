@@ -68,7 +68,7 @@ class Coloured:
 
     def here(self, r: Vector) -> Vector:
         """Reactions of the problem by colours."""
-        return r.reshape(self.contacts.size, -1)[self.contacts].ravel()
+        return r.reshape(self.contacts.size, self.problem.dimension)[self.contacts].ravel()
 
     def there(self, r: Vector) -> Vector:
         """Reactions by colours as the problem has them."""

@@ -31,7 +31,7 @@ def whitening(M: Sparse) -> Sparse:
     row: list[NDArray[Any]] = [np.zeros(0, np.int64)]
     col: list[NDArray[Any]] = [np.zeros(0, np.int64)]
     for part in diagonal_blocks(M, LARGEST):
-        lower: NDArray[np.float64] = np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))
+        lower: NDArray[Any] = np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))
         data.append(lower.ravel())
         row.append(np.broadcast_to(part.unknowns[:, :, None], lower.shape).ravel())
         col.append(np.broadcast_to(part.unknowns[:, None, :], lower.shape).ravel())
