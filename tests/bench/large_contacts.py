@@ -133,9 +133,8 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool) -> None:
             [sys.executable, __file__, "--memory", "nsgs", path], check=True, capture_output=True, text=True
         )
         added = int(told.stdout)
-    print(
-        f"set-up and sweeps add at most {added / MB:.1f} MB = {added / stored(W):.2f} of W, {1 + added / stored(W):.2f} with it"
-    )
+    added /= stored(W)
+    print(f"set-up and three sweeps add at most {added:.2f} of W, {1 + added:.2f} with it")
 
     whole, part = np.ones(stored(W) // 8), np.ones(swept // 8)
     r, way = np.zeros(problem.q.size), Sweeps(rows)

@@ -76,3 +76,10 @@ def test_it_solves_with_threads_and_starts_warm(threads: int) -> None:
 def test_a_run_takes_it_only_when_asked() -> None:
     assert not solvers.get("nsgs-coloured").spec.by_default
     assert ColouredOptions().threads == 1
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_no_contact_is_solved(threads: int) -> None:
+    none = FrictionContact(W=sp.csr_array((0, 0)), q=np.zeros(0), mu=np.zeros(0))
+    output = solvers.get("nsgs-coloured").run(none, Budget(), ColouredOptions(threads=threads))
+    assert output.claim is Claim.SOLVED

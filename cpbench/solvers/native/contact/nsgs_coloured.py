@@ -6,7 +6,7 @@ reactions, so that an answer is the same to the last bit for any number of threa
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -68,7 +68,7 @@ class Coloured:
 
     def here(self, r: Vector) -> Vector:
         """Reactions of the problem by colours."""
-        return r.reshape(self.contacts.size, -1)[self.contacts].ravel()
+        return r.reshape(self.contacts.size, self.problem.dimension)[self.contacts].ravel()
 
     def there(self, r: Vector) -> Vector:
         """Reactions by colours as the problem has them."""
@@ -119,7 +119,7 @@ class ColouredSweeps(Method):
 
 
 @contextmanager
-def helpers(threads: int) -> Iterator[ThreadPoolExecutor | None]:
+def helpers(threads: int) -> Generator[ThreadPoolExecutor | None]:
     """Threads beside the calling one, for one solve: a process that is forked afterwards misses none."""
     if threads <= 1:
         yield None

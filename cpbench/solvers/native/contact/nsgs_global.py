@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from cpbench.factorization import components, diagonal_blocks
 from cpbench.formulations.gfc import GlobalFrictionContact
@@ -26,9 +27,11 @@ LARGEST = 256
 
 def whitening(M: Sparse) -> Sparse:
     """L⁻¹ of M = LLᵀ over the components of M; raises numpy.linalg.LinAlgError when one is not positive definite."""
-    data, row, col = [np.zeros(0)], [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    data: list[NDArray[Any]] = [np.zeros(0)]
+    row: list[NDArray[Any]] = [np.zeros(0, np.int64)]
+    col: list[NDArray[Any]] = [np.zeros(0, np.int64)]
     for part in diagonal_blocks(M, LARGEST):
-        lower = np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))
+        lower: NDArray[Any] = np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))
         data.append(lower.ravel())
         row.append(np.broadcast_to(part.unknowns[:, :, None], lower.shape).ravel())
         col.append(np.broadcast_to(part.unknowns[:, None, :], lower.shape).ravel())
