@@ -60,15 +60,16 @@ def cube(cells: int, young: float) -> FrictionContact:
     dofs = (3 * places[:, :, None] + np.arange(3)).reshape(len(places), 24)
     rows, columns = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, 24).ravel()
     step = np.tile((M + STEP**2 * K).ravel(), len(places))
-    A = sp.csc_array(sp.coo_array((step, (rows, columns)), shape=(3 * side**3,) * 2))
+    n = 3 * side**3
+    A = sp.csc_array(sp.coo_array((step, (rows, columns)), shape=(n, n)))
     position = np.stack(np.meshgrid(*[np.arange(side) / cells] * 3, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
     free = np.array([0.6, 0.2, -1.0]) + np.cross([0.3, -0.8, 0.5], position - 0.5)
     bottom = nodes[0].ravel()
-    H = sp.csc_array(sp.eye_array(3 * side**3, format="csc"))[:, (3 * bottom[:, None] + [2, 0, 1]).ravel()]
-    W = H.T @ spla.splu(A).solve(H.toarray())
+    contact = (3 * bottom[:, None] + [2, 0, 1]).ravel()
+    W = spla.splu(A).solve(np.eye(n)[:, contact])[contact]
     return FrictionContact(
         W=0.5 * (W + W.T),
-        q=H.T @ free.ravel(),
+        q=free.ravel()[contact],
         mu=np.full(bottom.size, MU),
         dimension=3,
         name=f"cube-{cells}-{young:g}",

@@ -136,7 +136,7 @@ def duel(rows: list[Row], ahead: str, behind: str, tolerance: float) -> str:
     both = [b / a for a, b in open_ if math.isfinite(max(a, b))]
     mean = f"{statistics.geometric_mean(both):.2f} times as fast" if both else "never both"
     alone = f"alone on {sum(math.isinf(b) for _, b in open_)}, {behind} on {sum(math.isinf(a) for a, _ in open_)}"
-    verdict = "reproduced" if wins > losses else "CONTRADICTED" if wins < losses else "undecided"
+    verdict = ("undecided", "reproduced", "CONTRADICTED")[(wins > losses) - (wins < losses)]
     return f"{verdict:12s} {ahead} before {behind}: {wins} of {len(open_)}, after it {losses}; {mean}; {alone}"
 
 
@@ -163,7 +163,7 @@ def summary(rows: list[Row]) -> Iterator[str]:
         yield "proximal points are robust at 1e-8 where W is rank deficient, and Newton alone is not: files solved"
         counts = {label: solved(many, label) for label in [*OURS, *theirs]}
         for proximal, others in (("prox newton", ("nsgs", "pure newton")), ("PROX", ("NSGS", "NSN_AC"))):
-            if proximal in counts:
+            if many and proximal in counts:
                 most = all(counts[proximal] >= counts[other] for other in others) and 2 * counts[proximal] > len(many)
                 told = ", ".join(f"{label} {counts[label]}" for label in (proximal, *others))
                 yield f"  {'reproduced' if most else 'CONTRADICTED':12s} {told}, of {len(many)}"
