@@ -136,10 +136,10 @@ def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table)
 @njit(error_model="numpy")
 def _no_contact_closes(q, dimension):
     """Whether the error of r = 0 is exactly 0: no free velocity is towards the obstacle, so that every û is in K*."""
+    closing = False
     for k in range(0, q.size, dimension):
-        if q[k] < 0.0:
-            return False
-    return True
+        closing = closing or q[k] < 0.0
+    return not closing
 
 
 def work_size(n, contacts, memory):
