@@ -164,6 +164,16 @@ class Point:
             else:
                 own[name] = self._vector(name, value)
 
+    @classmethod
+    def adopt(cls, *vectors: Vector) -> Self:
+        """A point of vectors of float64 that nobody else holds, in the order of the fields: frozen, not copied."""
+        point = object.__new__(cls)
+        own = point.__dict__
+        for name, value in zip(cls.__dataclass_fields__, vectors, strict=True):
+            value.setflags(False)
+            own[name] = value
+        return point
+
     def _vector(self, name: str, value: Any) -> Vector:
         label = f"{type(self).__name__}.{name}"
         try:

@@ -29,15 +29,6 @@ class MLCPPoint(Point):
     u: Vector
     v: Vector
 
-    @classmethod
-    def adopt(cls, both: Vector, n: int) -> MLCPPoint:
-        """The first n numbers as u, the others as v, without a copy: of a vector of float64 that nobody else holds."""
-        both.setflags(False)
-        point = object.__new__(cls)
-        parts = point.__dict__
-        parts["u"], parts["v"] = both[:n], both[n:]
-        return point
-
 
 @formulations.register("mlcp")
 @dataclass(frozen=True, eq=False, kw_only=True)

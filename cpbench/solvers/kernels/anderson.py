@@ -150,7 +150,7 @@ def work_size(n, contacts, memory):
 @njit(
     types.Tuple((int64, int64, float64))(
         *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, int64[::1]),
-        *(VECTOR, int64, int64, float64, int64, boolean),
+        *(int64, int64, VECTOR, float64, int64, boolean),
     ),
     cache=True,
     fastmath=FAST,
@@ -166,9 +166,9 @@ def accelerated(
     mu,
     rho,
     order,
-    work,
     memory,
     dimension,
+    work,
     tolerance,
     until,
     watched,
@@ -177,8 +177,8 @@ def accelerated(
 
     Parameters
     ----------
-    As those of `sweeps_3d`, and: work : all that is remembered, 0 before the first call but for a start, which lies at
-    ANSWER when the first number is 1. memory : columns; with 0 the sweeps are plain ones. watched : come back after
+    As those of `sweeps_3d`, and: memory : columns; with 0 the sweeps are plain ones. work : all that is remembered, 0
+    before the first call but for a start, which lies at ANSWER when the first number is 1. watched : come back after
     every evaluation of the error.
 
     Returns

@@ -74,11 +74,13 @@ class BlockRows:
         return compiled(kernel("gauss_seidel").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
 
     @cached_property
-    def accelerated(self) -> tuple[Any, ...]:
-        """The kernel of accelerated sweeps, numbers it remembers, and where its answer begins and ends in these."""
+    def accelerated(self) -> tuple[Any, tuple[Any, ...], int, slice]:
+        """The kernel of accelerated sweeps, its first arguments, how many numbers it remembers, where its answer is."""
         anderson, n = kernel("anderson"), self.problem.q.size
-        size = anderson.work_size(n, self.problem.nc, min(MEMORY, n))
-        return compiled(anderson.accelerated), size, anderson.ANSWER, anderson.ANSWER + n
+        memory = min(MEMORY, n)
+        size = anderson.work_size(n, self.problem.nc, memory)
+        arguments = (*self.law, self.order, memory, self.problem.dimension)
+        return compiled(anderson.accelerated), arguments, size, slice(anderson.ANSWER, anderson.ANSWER + n)
 
 
 class Sweeps:
@@ -115,13 +117,14 @@ class AcceleratedSweeps:
         order: NDArray[np.int64] | None = None,
         memory: int = MEMORY,
     ) -> None:
-        self._sweeps, size, begin, end = rows.accelerated
+        self._sweeps, self._arguments, size, answer = rows.accelerated
         self._work = work = np.zeros(size)
-        self.best = work[begin:end]
+        self.best = work[answer]
         if start is not None:
             work[0], self.best[:] = 1.0, start
-        order = rows.order if order is None else order
-        self._arguments = (*rows.law, order, work, min(memory, end - begin), rows.problem.dimension)
+        if order is not None or memory != MEMORY:
+            order = rows.order if order is None else order
+            self._arguments = (*rows.law, order, min(memory, self.best.size), rows.problem.dimension)
         self.done, self.error = 0, math.inf
         """Sweeps, and the judged error of `best`, ∞ before the first."""
 
@@ -133,7 +136,9 @@ class AcceleratedSweeps:
         until, status = self.done + count, CONTINUE
         while status == CONTINUE:
             seen = self.error
-            status, self.done, self.error = self._sweeps(*self._arguments, tolerance, until, look is not None)
+            status, self.done, self.error = self._sweeps(
+                *self._arguments, self._work, tolerance, until, look is not None
+            )
             if look is not None and self.error < seen and self.done > 0:
                 look()
             if self.done >= until:
@@ -192,7 +197,7 @@ def conclude(
     """
     if not error <= budget.tolerance and not np.isfinite(r).all():  # an infinite r has no finite error
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
-    point = FCPoint(r)
+    point = FCPoint.adopt(r.copy())
     if not (budget.tolerance >= FINE and error <= MARGIN * budget.tolerance):
         error = problem.residuals(point, budget.tolerance).error
     if error <= budget.tolerance:

@@ -46,7 +46,8 @@ class ScaledMLCP:
     row_unit: Vector
 
     def point(self, x: Vector) -> MLCPPoint:
-        return MLCPPoint.adopt(self.unit * x, self.free)
+        both = self.unit * x
+        return MLCPPoint.adopt(both[: self.free], both[self.free :])
 
     def start(self, point: MLCPPoint | None) -> Vector:
         """x of a starting point with v ≥ 0; 0 without one."""

@@ -97,7 +97,11 @@ class LemkeMLCP(Solver):
         pivots, outcome = divmod(code, kernel.CODES)
         counters = {"iterations": pivots, "pivots": pivots, "factorizations": 0}
         if outcome == kernel.RIGHT:  # a ray at the height of rounding errors, too
-            return SolverOutput(claim=Claim.SOLVED, point=MLCPPoint.adopt(answer, scaled.free), counters=counters)
+            return SolverOutput(
+                claim=Claim.SOLVED,
+                point=MLCPPoint.adopt(answer[: scaled.free], answer[scaled.free :]),
+                counters=counters,
+            )
         return _ended(scaled, answer / scaled.unit, outcome, budget, counters)
 
 
