@@ -105,7 +105,7 @@ class NSGSRolling(Solver):
         limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
         best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed, 0]), np.full(2, np.inf)
         iterate = (r, best, np.zeros((problem.nc, 2)), np.arange(problem.nc), options.omega, options.shuffle)
-        progress, done = Progress(options.stall_window), 0
+        progress, done, error = Progress(options.stall_window), 0, np.inf
         piece = max(50, BLOCKS_A_CALL // (prepared.kernel[1].size + 10 * problem.nc))
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         while True:
