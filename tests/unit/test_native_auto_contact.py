@@ -114,7 +114,15 @@ FILES = [
     ("fclib_local_problem_test.hdf5", 4000),  # 1.8e-4
     ("OneObject-i100000-316.hdf5.dat", 400),  # 1.9e-3
     ("Capsules-i101-404.dat", 2000),  # 10179 sweeps
+    ("mj_boxes300_mu04-nc935.hdf5", 15_000),  # plain Newton steps in place of proximal points: 3e-7 after 200000
 ]
+
+
+def test_sweeps_that_stand_still_are_expected_to_go_on_standing() -> None:
+    near = Standing(error=1.01e-8, sweeps=1000, sweep=2e4, step=3e6, iteration=1e9)
+    assert policy(near, 1e-8) is Method.SWEEPS
+    assert policy(replace(near, idle_sweeps=900), 1e-8) is Method.SWEEPS
+    assert policy(replace(near, idle_sweeps=5000), 1e-8) is Method.NEWTON
 
 
 @pytest.mark.parametrize(("name", "most"), FILES)

@@ -15,7 +15,6 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.admm_contact import ADMMContactOptions, Splitting
-from cpbench.solvers.native.contact.contact_newton import ContactNewtonOptions, NewtonPhase
 from cpbench.solvers.native.contact.contact_policy import (
     HARDER,
     ITERATION,
@@ -36,10 +35,13 @@ from cpbench.solvers.native.contact.contact_sweeps import (
     kernel,
     scaled_contacts,
 )
+from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
 from cpbench.solvers.options import fixed, searched
 
 GAINED = 0.1
 """A method that took the error below this times what it was has not failed."""
+SHORTER = 8
+"""Sweeps are so many times fewer again where another method has come much nearer."""
 PIECE = 2_000
 """Sweeps between two looks at the clock."""
 WORDS = 12
@@ -138,9 +140,11 @@ class _Run:
         self.best, self.error, self.iterations = sweeps.best.copy(), sweeps.error, sweeps.done
         self.counters = _counters(sweeps.done)
         self.told = [f"{sweeps.done} sweeps to {sweeps.error:.1e}"]
-        self._count, self._starts = 2 * options.sweeps, 0
+        self._first, self._count, self._starts = options.sweeps, 2 * options.sweeps, 0
         self._sweeps: AcceleratedSweeps | None = sweeps
-        self._newton: NewtonPhase | None = None
+        self._proximal: ProximalSteps | None = None
+        self._drifted: Vector | None = None
+        self._mark = self.error
         step = step_work(contacts.rows.problem.W)
         self._standing = Standing(self.error, sweeps.done, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
 
@@ -151,24 +155,29 @@ class _Run:
             case Method.SWEEPS:
                 done, unit = self._sweep(), "sweeps"
             case Method.NEWTON:
-                done, unit = self._newton_steps(), "Newton steps"
+                done, unit = self._proximal_points(), "Newton steps to proximal points"
             case _:
                 done, unit = self._admm(), "ADMM iterations"
         self.told.append(f"{done} {unit} to {self.error:.1e}")
         if self.error <= self._budget.tolerance:
             return
         failed = not self.error <= GAINED * before
+        nearer = self.error <= GAINED * self._mark
         if method is not Method.SWEEPS:  # sweeps stood still before: others go on, or the same ones from much nearer
             self._sweeps, self._starts = None, self._starts + 1 if failed else 0
         now = replace(self._standing, error=self.error, sweeps=self.counters["sweeps"])
-        if not failed:  # from so much nearer, what failed may not
-            self._standing = replace(now, newton_failures=0, admm_failures=0)
+        if nearer:  # from so much nearer, what failed may not
+            self._mark = self.error
+            if method is not Method.SWEEPS:
+                self._count = max(self._count // SHORTER, self._first)
+            self._standing = replace(now, newton_failures=0, admm_failures=0, idle_sweeps=0)
         elif method is Method.NEWTON:
             self._standing = replace(now, newton_failures=now.newton_failures + 1)
         elif method is Method.ADMM:
             self._standing = replace(now, admm_failures=now.admm_failures + 1)
-        else:
-            self._standing = now
+        else:  # sweeps gain in jumps: only who gained nothing has failed
+            idle = now.idle_sweeps + done if self.error == before else 0
+            self._standing = replace(now, idle_sweeps=idle)
 
     def _sweep(self) -> int:
         sweeps = self._sweeps = self._sweeps or self._started()
@@ -199,13 +208,25 @@ class _Run:
         order = np.random.default_rng(self._budget.seed + times).permutation(rows.problem.nc)
         return AcceleratedSweeps(rows, None, order)
 
-    def _newton_steps(self) -> int:
-        newton = self._newton = self._newton or NewtonPhase(self._contacts, ContactNewtonOptions())
-        before = newton.factorizations
-        newton.begin(self.best)
-        done = self._repeat("newton_steps", 3 * STEPS, newton.step, lambda: newton.r)
-        self.counters["factorizations"] += newton.factorizations - before
-        return done
+    def _proximal_points(self) -> int:
+        """Newton steps to them. Those before go on, unless somebody else has found a better point since: their errors
+        rise and fall again, and a new beginning would lose the way that they have gone."""
+        if self._proximal is None or self._drifted is not self.best:
+            self._proximal = ProximalSteps(self._contacts, ProximalNewtonOptions(), self.best)
+        proximal = self._proximal
+        made, steps = proximal.factorizations, proximal.newton_steps
+        end = steps + 3 * STEPS * HARDER**self._standing.newton_failures
+        while proximal.newton_steps < end and self.iterations < self.limit and time.monotonic() < self.deadline:
+            before = proximal.newton_steps
+            if not proximal.step(self.limit - self.iterations, self.deadline):
+                break
+            self._made("newton_steps", max(proximal.newton_steps - before, 1))
+            self._seen(proximal.r, self._contacts.rows.judged(proximal.r))
+            if self.error <= self._budget.tolerance:
+                break
+        self._drifted = self.best
+        self.counters["factorizations"] += proximal.factorizations - made
+        return proximal.newton_steps - steps
 
     def _admm(self) -> int:
         splitting = Splitting(self._contacts, ADMMContactOptions(), self.best)

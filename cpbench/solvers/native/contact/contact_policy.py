@@ -16,7 +16,7 @@ STEPS, ITERATIONS = 10, 300
 HARDER = 3.0
 PER_BLOCK, PER_CONTACT = 3.0, 25.0
 """Of an accelerated sweep: nanoseconds for a block of W and for a contact."""
-STEP, PER_ENTRY, PER_CUBE = 5e5, 2.0, 0.02
+STEP, PER_ENTRY, PER_CUBE = 5e5, 1.0, 0.02
 """Of a Newton step: nanoseconds for all calls, for an entry of W times √n when W is sparse, for n³ when it is dense."""
 SOLVE_SHARE = 0.03
 """Of a Newton step that an iteration of ADMM is expected to take, before its factors are there to be counted."""
@@ -40,7 +40,7 @@ class Method(StrEnum):
 @dataclass(frozen=True)
 class Standing:
     """What a decision is made from: the error now, how many sweeps were made in all, the nanoseconds of a sweep, a
-    Newton step and an iteration of ADMM, and how often the last two have failed."""
+    Newton step and an iteration of ADMM, how often the last two have failed, and the sweeps since one has gained."""
 
     error: float
     sweeps: int
@@ -49,13 +49,15 @@ class Standing:
     iteration: float
     newton_failures: int = 0
     admm_failures: int = 0
+    idle_sweeps: int = 0
 
 
 def policy(standing: Standing, tolerance: float) -> Method:
     """The method that is expected to be done first; the sweeps to start with.
 
     Accelerated sweeps stand still for long and then gain a lot: they are expected to go on at the rate that they had on
-    average, so that the time for which they may stand still grows with the time that they have taken.
+    average, so that the time for which they may stand still grows with the time that they have taken; and to stand
+    still for as long again as they do now.
 
     >>> from dataclasses import replace
     >>> new = Standing(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
@@ -68,6 +70,7 @@ def policy(standing: Standing, tolerance: float) -> Method:
         return Method.SWEEPS
     gained = -math.log(standing.error) if 0 < standing.error < 1 else 0.0
     left = standing.sweeps * (-math.log(tolerance) / gained - 1.0) if gained > 0 else math.inf
+    left = max(left, standing.idle_sweeps)
     work = {
         Method.SWEEPS: left * standing.sweep,
         Method.NEWTON: STEPS * standing.step * HARDER**standing.newton_failures,
