@@ -29,7 +29,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from against_siconos import LONGEST, PAIRS, SHORTEST, loop
+import race_rows
+from lcp_against_siconos import LONGEST, PAIRS, SHORTEST, loop
 
 FINER = (("", 1.0), (" /10", 0.1), (" /100", 1e-2), (" /1000", 1e-3))
 """What they are asked for until our measure of their answer is within the tolerance: (label, its share)."""
@@ -206,6 +207,11 @@ class Row:
         """Slower, or not solved where they solved."""
         return self.ratio < 1.0 or (self.theirs.solved and not self.ours.solved)
 
+    def as_data(self) -> race_rows.Race:
+        ratio = None if math.isnan(self.ratio) else self.ratio
+        who = self.theirs.name, self.ours.name
+        return race_rows.Race(f"contact {self.what}", self.problem, self.nc, self.tolerance, ratio, self.lost, *who)
+
     def __str__(self) -> str:
         cells = [
             f"{1e3 * s.seconds:10.3f} ({s.error:.0e})" if s.solved else f"{'no':>10s} ({s.error:.0e})"
@@ -216,8 +222,8 @@ class Row:
         return f"{start} {self.tolerance:.0e} {end}"
 
 
-def read(paths: list[Path]) -> Iterator[tuple[str, Any]]:
-    """Every problem in space, in local form."""
+def read(paths: list[Path], most: int) -> Iterator[tuple[str, Any]]:
+    """Every problem in space of at most so many contacts, in local form."""
     import warnings
 
     from cpbench import graph, storage
@@ -232,7 +238,7 @@ def read(paths: list[Path]) -> Iterator[tuple[str, Any]]:
                     problem = graph.arrive(problem, "fc").problem
                 except CpbenchError:
                     continue
-        if problem.node == "fc" and problem.dimension == 3 and problem.nc:
+        if problem.node == "fc" and problem.dimension == 3 and 0 < problem.nc <= most:
             yield path.name, problem
 
 
@@ -352,15 +358,23 @@ def rows_of(
             yield row
 
 
-def main(python: str, paths: list[Path], races: list[str], tolerances: list[float], measure: str | None) -> None:
+def main(
+    python: str,
+    problems: Iterator[tuple[str, Any]],
+    races: list[str],
+    tolerances: list[float],
+    measure: str | None,
+    path: Path | None,
+) -> None:
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as name:
         siconos = Siconos(python, Path(name))
-        for label, problem in read(paths):
+        for label, problem in problems:
             for row in rows_of(label, problem, races, tolerances, siconos, measure):
                 rows.append(row)
                 print(f"# {row}", file=sys.stderr, flush=True)
         siconos.close()
+    race_rows.write(path, [row.as_data() for row in rows])
     rows.sort(key=lambda row: (not row.lost, not math.isnan(row.ratio), row.ratio))
     print(f"{'ratio':>7s}  {'least to most':16s} {'race':5s} {'problem':36s} {'nc':>5s} {'tol':5s}", end="")
     print(f" {'theirs [ms] (error)':>18s} {'ours [ms] (error)':>18s} {'setup':>8s}  theirs / ours")
@@ -387,6 +401,8 @@ if __name__ == "__main__":
     parser.add_argument("--races", default="auto", help="of " + ", ".join(RACES))
     parser.add_argument("--tolerances", default="1e-4,1e-8")
     parser.add_argument("--natural", action="store_true", help="judge them by the number they stop on, us by all")
+    parser.add_argument("--most", type=int, default=1_000_000, help="contacts of a problem")
+    parser.add_argument("--json", type=Path, help="write the races there, too")
     parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     # one thread on both sides, before any library of linear algebra is loaded
@@ -398,4 +414,5 @@ if __name__ == "__main__":
         files = [f for p in arguments.paths for f in (sorted(p.iterdir()) if p.is_dir() else [p])]
         chosen = [float(text) for text in arguments.tolerances.split(",")]
         judged_by = "natural" if arguments.natural else None
-        main(arguments.python, files, arguments.races.split(","), chosen, judged_by)
+        problems = read(files, arguments.most)
+        main(arguments.python, problems, arguments.races.split(","), chosen, judged_by, arguments.json)

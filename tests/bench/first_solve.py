@@ -22,6 +22,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import race_rows
+
 WARM_MOST, FRESH_MOST = 0.8, 15.0
 """Seconds that are allowed."""
 COMPILE = """
@@ -101,12 +103,20 @@ def fresh(names: list[str]) -> Iterator[tuple[float, str]]:
         yield float(seconds), f"{name}: {kernels or 'no kernels'}"
 
 
-def main(names: list[str], repeats: int, *, empty: bool) -> None:
+def main(names: list[str], repeats: int, path: Path | None, *, empty: bool) -> None:
     found: list[tuple[float, str]] = []
     for seconds, told in fresh(names) if empty else warm(names, repeats):
         found.append((seconds, told))
         print(f"# {seconds:6.3f} {told}", flush=True)
     limit = FRESH_MOST if empty else WARM_MOST
+    which = "first ever" if empty else "first warm"
+    race_rows.write(
+        path,
+        [
+            race_rows.race(which, told, 0, limit / seconds, f"{limit:g} s", f"{seconds:.2f} s")
+            for seconds, told in found
+        ],
+    )
     for seconds, told in sorted(found, reverse=True):
         print(f"{seconds:7.3f} {told}")
     print(f"{sum(seconds > limit for seconds, _ in found)} of {len(found)} above {limit:g} s")
@@ -116,8 +126,14 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--solvers", default="", help="names; native ones that run by default")
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--json", type=Path, help="write the ratios there, too")
     parser.add_argument("--fresh", action="store_true", help="compile, in an empty cache each")
     arguments = parser.parse_args()
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"
-    main([name for name in arguments.solvers.split(",") if name], arguments.repeats, empty=arguments.fresh)
+    main(
+        [name for name in arguments.solvers.split(",") if name],
+        arguments.repeats,
+        arguments.json,
+        empty=arguments.fresh,
+    )

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import race_rows
 import scipy.sparse as sp
 from numba import njit
 from sphere_lattice import lattice
@@ -113,7 +114,7 @@ def least_wall(rounds: int, works: list[Callable[[], float]]) -> list[float]:
     return np.min([[work() for work in works] for _ in range(rounds)], axis=0).tolist()
 
 
-def main(size: int, sweeps: int, rounds: int, siconos: bool) -> None:
+def main(size: int, sweeps: int, rounds: int, siconos: bool, path_of_races: Path | None) -> None:
     bodies = lattice(size)
     problem = condensed(bodies)
     W = sparse(problem.W)
@@ -161,6 +162,13 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool) -> None:
     print(f"sweep {1e3 * sweep:.2f} ms (median {1e3 * sweep_2:.2f}): {sweep / floor:.2f} of reading W, ", end="")
     print(f"{sweep / own:.2f} of reading the rows of blocks")
     print(f"set-up {1e3 * setup:.0f} ms (median {1e3 * setup_2:.0f}): {setup / floor:.0f} passes over W")
+    what, nc = f"lattice of {size}³", problem.nc
+    memory_kept, memory_peak = kept / stored(W), added
+    races = [
+        race_rows.race("large floor", what, nc, floor / sweep, "reading W", "nsgs"),
+        race_rows.race("large memory", what, nc, 1.3 / max(memory_kept, memory_peak), "1.3 W", "nsgs"),
+    ]
+    race_rows.write(path_of_races, races)
     on = size_of(on_bodies.start, on_bodies.unknown, on_bodies.A, on_bodies.diagonal, on_bodies.local)
     velocity = times["bodies"][0] / sweeps
     print(
@@ -187,10 +195,11 @@ if __name__ == "__main__":
     parser.add_argument("--size", type=int, default=32)
     parser.add_argument("--sweeps", type=int, default=5)
     parser.add_argument("--rounds", type=int, default=11)
+    parser.add_argument("--json", type=Path, help="write the ratios there, too")
     parser.add_argument("--siconos", action="store_true")
     parser.add_argument("--memory", nargs=2, metavar=("SOLVER", "FILE"), help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.memory:
         memory(*asked.memory)
     else:
-        main(asked.size, asked.sweeps, asked.rounds, asked.siconos)
+        main(asked.size, asked.sweeps, asked.rounds, asked.siconos, asked.json)

@@ -2,7 +2,7 @@
 
     python tests/bench/mlcp_against_siconos.py [--python /usr/bin/python3] [--data DIR_OF_DAT_FILES]
 
-As tests/bench/against_siconos.py, from which it has its measurements: both processes are warm, theirs and ours are
+As tests/bench/lcp_against_siconos.py, from which it has its measurements: both processes are warm, theirs and ours are
 timed in turn in processor time, a ratio is the median of the ratios of neighbours, and what is set up once a problem
 is not in it. Siconos gets A, B, C, D, a and b (and M with q, as its own files have both); its drivers change what they
 are given, so every call of theirs has z and w put to zero first, as ours start from zero. Every answer is measured by
@@ -32,7 +32,8 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
-from against_siconos import TOLERANCE, Row, Side, loop, registered
+import race_rows
+from lcp_against_siconos import TOLERANCE, Row, Side, loop, registered
 
 SWEEPS = 2_000
 SICONOS = {
@@ -304,7 +305,7 @@ def sets(families: list[str], data: Path | None) -> Iterator[tuple[str, list]]:
             yield f"{family}-{n}-{m}", [MLCP(**problem_data(family, n, m, seed)) for seed in range(count)]
 
 
-def main(python: str, families: list[str], data: Path | None, races: list[str]) -> None:
+def main(python: str, families: list[str], data: Path | None, races: list[str], path: Path | None) -> None:
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as name:
         siconos = Siconos(python, Path(name))
@@ -313,6 +314,7 @@ def main(python: str, families: list[str], data: Path | None, races: list[str]) 
                 rows.append(row)
                 print(f"# {row}", file=sys.stderr, flush=True)
         siconos.close()
+    race_rows.write(path, [row.race_as_data("mlcp") for row in rows])
     rows.sort(key=lambda row: (not math.isnan(row.ratio), row.ratio >= 1.0))
     print(f"{'ratio':>8s}  {'least to most':18s} {'race':8s} {'problems':16s} {'N':>5s}  ", end="")
     print(f"{'theirs [us] (error)':>19s} {'ours [us] (error)':>19s}  theirs / ours")
@@ -336,6 +338,7 @@ if __name__ == "__main__":
     parser.add_argument("--families", default=",".join(FAMILIES), help="of " + ", ".join(FAMILIES))
     parser.add_argument("--data", type=Path, help="a directory of Siconos' .dat files, which go first")
     parser.add_argument("--races", default=",".join(RACES), help="of " + ", ".join(RACES))
+    parser.add_argument("--json", type=Path, help="write the races there, too")
     parser.add_argument("--serve", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     # one thread on both sides, before any library of linear algebra is loaded
@@ -345,4 +348,4 @@ if __name__ == "__main__":
         serve(Path(arguments.serve))
     else:
         named = [text.split(",") if text else [] for text in (arguments.families, arguments.races)]
-        main(arguments.python, named[0], arguments.data, named[1])
+        main(arguments.python, named[0], arguments.data, named[1], arguments.json)

@@ -18,9 +18,11 @@ import math
 import time
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import race_rows
 import scipy.sparse as sp
 
 from cpbench.formulations import QP
@@ -141,6 +143,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--only", default="", help="families whose name contains this")
     parser.add_argument("--all", action="store_true", help="print the times of every solver")
+    parser.add_argument("--json", type=Path, help="write the ratios there, too")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     known = set(solvers.names())
@@ -148,11 +151,14 @@ def main() -> None:
     for name in names:
         solvers.get(name).warmup()
     lines: list[tuple[float, str]] = []
+    races: list[race_rows.Race] = []
     for family, make in FAMILIES.items():
         if arguments.only not in family:
             continue
         logs: list[float] = []
         winners: list[str] = []
+        pairs: list[tuple[str, str]] = []
+        size = 0
         for seed in range(arguments.seeds):
             problem = make(np.random.default_rng(seed))
             asked = [n for n in names if problem.p.size < 1000 or n in LARGE]
@@ -160,13 +166,19 @@ def main() -> None:
             ours = min((n for n in times if n in NATIVE), key=times.__getitem__, default="nobody")
             theirs = min((n for n in times if n not in NATIVE), key=times.__getitem__, default="nobody")
             logs.append(math.log(times.get(theirs, math.inf) / times[ours]) if ours in times else -math.inf)
+            pairs.append((theirs, ours))
+            size = problem.p.size
             winners.append(
                 f"{ours} {1e3 * times.get(ours, math.inf):.3g} ms, {theirs} {1e3 * times.get(theirs, math.inf):.3g} ms"
             )
             if arguments.all:
                 for name in sorted(times, key=times.__getitem__):
                     print(f"  {family} seed {seed}: {name} {1e3 * times[name]:.3g} ms", flush=True)
-        lines.append((math.exp(sum(logs) / len(logs)), f"{family:26}  {winners[-1]}"))
+        ratio = math.exp(sum(logs) / len(logs))
+        lines.append((ratio, f"{family:26}  {winners[-1]}"))
+        theirs, ours = ("/".join(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
+        races.append(race_rows.race("qp best", family, size, ratio, theirs, ours, tolerance=arguments.tolerance))
+    race_rows.write(arguments.json, races)
     print("backend / native  family, best native, best backend (last seed)")
     for ratio, line in sorted(lines):
         print(f"{ratio:16.2f}  {line}{'   LOSS' if ratio < 1.0 else ''}")

@@ -99,7 +99,7 @@ class Sweeps:
 
     def sweep(self, r: Vector, count: int, tolerance: float) -> float:
         """The judged error of r, changed in place, after `count` sweeps or as soon as it is at most `tolerance`."""
-        rows, state = self._rows, np.zeros(5, np.int64)
+        rows, state = self._rows, np.array([0, count, 0, 0, 0])  # the error is evaluated at the end
         iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
         self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)
         self.done += int(state[ITERATION])

@@ -16,7 +16,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.native.mlcp.mlcp_claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
 from cpbench.solvers.options import fixed, searched
 
-SMALL = 48
+SMALL = 64
 """Up to this many unknowns one compiled call does it all; beyond, A is factored by LAPACK or SuperLU."""
 BY_VECTORS = 250
 """Up to this many pairs Lemke's method is one compiled call; beyond, it is `lemke` with its matrix products."""
