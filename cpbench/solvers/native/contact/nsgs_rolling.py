@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.kernel_cache import compiled
 from cpbench.matrices import Dense, Vector, freeze
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.contact_sweeps import conclude, kernel
@@ -102,6 +103,7 @@ class NSGSRolling(Solver):
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
         rolling = kernel("rolling_gauss_seidel")
+        sweeps = compiled(rolling.sweeps)
         limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
         best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed, 0]), np.full(2, np.inf)
         iterate = (r, best, np.zeros((problem.nc, 2)), np.arange(problem.nc), options.omega, options.shuffle)
@@ -112,7 +114,7 @@ class NSGSRolling(Solver):
             until, state[rolling.RISKED] = min(limit, done + piece), 0
             going = True
             while going:  # who watches sees every evaluation, and changes nothing
-                rolling.sweeps(*prepared.kernel, *iterate, budget.tolerance, until, state, measured, record is not None)
+                sweeps(*prepared.kernel, *iterate, budget.tolerance, until, state, measured, record is not None)
                 done, error = int(state[0]), float(measured[0])
                 ended = error <= budget.tolerance or not np.isfinite(error)
                 going = not ended and done < until and state[rolling.RISKED] < rolling.HARD_A_CALL
