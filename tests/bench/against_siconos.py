@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from race_rows import Race, read
+from race_rows import Race, read, write
 
 HERE = Path(__file__).parent
 FEW_CONTACTS = 200
@@ -144,7 +144,8 @@ def draw(rows: list[Race], path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def main(data: Path | None, chosen: list[str], every: bool, picture: Path | None) -> None:
+def raced(data: Path | None, chosen: list[str]) -> list[Race]:
+    """All races of these parts."""
     rows: list[Race] = []
     known = parts(data)
     with tempfile.TemporaryDirectory() as folder:
@@ -152,6 +153,23 @@ def main(data: Path | None, chosen: list[str], every: bool, picture: Path | None
             if part in known:
                 print(f"# {part}", file=sys.stderr, flush=True)
                 rows += measured(known[part], Path(folder) / f"{part}.json")
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, help="real files, in the folders fc3d_local and mlcp")
+    parser.add_argument("--parts", default="lcp,contact,mlcp,qp,large,first,fresh")
+    parser.add_argument("--again", type=Path, nargs="+", metavar="FILE", help="races that --json kept, none are run")
+    parser.add_argument("--json", type=Path, help="keep the races there")
+    parser.add_argument("--rows", action="store_true", help="print every race, too")
+    parser.add_argument("--picture", type=Path, help="draw the ratios there (.png, .svg)")
+    asked_for = parser.parse_args()
+    if asked_for.again:
+        rows = [row for file in asked_for.again for row in read(file)]
+    else:
+        rows = raced(asked_for.data, asked_for.parts.split(","))
+    write(asked_for.json, rows)
     rows.sort(key=lambda row: math.inf if row.ratio is None else row.ratio)
     lost = [row for row in rows if row.lost]
     print(f"Lost: {len(lost)} of {len(rows)} races")
@@ -160,17 +178,11 @@ def main(data: Path | None, chosen: list[str], every: bool, picture: Path | None
     for asked in ASKED:
         if (line := asked.line(rows)) is not None:
             print(line)
-    if every:
+    if asked_for.rows:
         print("\n" + "\n".join(lines(rows)))
-    if picture is not None:
-        draw(rows, picture)
+    if asked_for.picture is not None:
+        draw(rows, asked_for.picture)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, help="real files, in the folders fc3d_local and mlcp")
-    parser.add_argument("--parts", default="lcp,contact,mlcp,qp,large,first,fresh")
-    parser.add_argument("--rows", action="store_true", help="print every race, too")
-    parser.add_argument("--picture", type=Path, help="draw the ratios there (.png, .svg)")
-    arguments = parser.parse_args()
-    main(arguments.data, arguments.parts.split(","), arguments.rows, arguments.picture)
+    main()
