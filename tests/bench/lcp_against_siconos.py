@@ -300,14 +300,14 @@ def batch(problems: list, threads: int = 1) -> Side:
     """All problems in one call; on several threads MANY times over, for threads take time to start, in wall time."""
     import numpy as np
 
-    from cpbench.solvers.native.lcp import lemke
+    from cpbench.solvers.native.lcp import lemke_batch
 
     many = 1 if threads == 1 else MANY
     M, q = np.array([p.M for p in problems] * many), np.array([p.q for p in problems] * many)
     found: list = [None]
 
     def solve_all() -> None:
-        found[0] = lemke.batch(M, q, threads=threads)
+        found[0] = lemke_batch.batch(M, q, threads=threads)
 
     def measure(repeats: int) -> float:
         return loop(solve_all, len(q), repeats, wall=threads > 1)

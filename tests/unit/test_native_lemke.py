@@ -9,7 +9,7 @@ from cpbench import kernel_cache
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp import lemke, lemke_columns
+from cpbench.solvers.native.lcp import lemke, lemke_batch, lemke_columns
 from cpbench.solvers.native.lcp.first_basis import dense_lcp
 from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.testing import planted
@@ -99,7 +99,7 @@ def test_hundreds_of_unknowns(kind: str) -> None:
 def test_a_batch_is_its_problems_one_by_one(n: int, threads: int) -> None:
     rng = np.random.default_rng(n)
     problems = [planted.lcp(rng, n, "positive definite")[0] for _ in range(9)]
-    found = lemke.batch(np.array([p.M for p in problems]), np.array([p.q for p in problems]), threads=threads)
+    found = lemke_batch.batch(np.array([p.M for p in problems]), np.array([p.q for p in problems]), threads=threads)
     assert found.complementary.all()
     for problem, z, pivots in zip(problems, found.z, found.pivots, strict=True):
         assert judge(problem, LCPPoint(z=z), 1e-10).solved
@@ -108,15 +108,15 @@ def test_a_batch_is_its_problems_one_by_one(n: int, threads: int) -> None:
 
 def test_a_batch_says_which_ended_in_a_ray() -> None:
     """-z - 1 = w has no solution, z - 1 = w has z = 1."""
-    found = lemke.batch(np.array([[[-1.0]], [[1.0]], [[np.nan]]]), np.array([[-1.0], [-1.0], [-1.0]]))
+    found = lemke_batch.batch(np.array([[[-1.0]], [[1.0]], [[np.nan]]]), np.array([[-1.0], [-1.0], [-1.0]]))
     assert found.complementary.tolist() == [False, True, False]
     assert found.z[1] == 1.0
 
 
 def test_a_batch_of_other_shapes_is_refused() -> None:
     with pytest.raises(ProblemError, match="M must be"):
-        lemke.batch(np.eye(3), np.ones(3))
-    assert lemke.batch(np.empty((0, 2, 2)), np.empty((0, 2))).z.shape == (0, 2)
+        lemke_batch.batch(np.eye(3), np.ones(3))
+    assert lemke_batch.batch(np.empty((0, 2, 2)), np.empty((0, 2))).z.shape == (0, 2)
 
 
 def test_a_ray_by_products(monkeypatch: pytest.MonkeyPatch) -> None:

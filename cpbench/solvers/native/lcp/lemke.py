@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.errors import ProblemError
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
@@ -20,6 +19,7 @@ from cpbench.solvers.native.lcp.lemke_columns import Columns
 from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.solvers.options import fixed, searched
 
+PIVOTING = "cpbench.solvers.kernels.pivoting"
 SMALL = 250
 """Up to this size columns are updated by vectors alone; beyond it those that lack many pivots by matrix products."""
 LEAST, MOST = 8, 48
@@ -39,18 +39,6 @@ class LemkeOptions:
     pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
     tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
     crash_sweeps: int = fixed(20)
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Answers to many LCPs: z (k, n), which runs ended in a complementary basis, and pivots (k,) of each.
-
-    Where `complementary` is false (a ray, too many pivots) z is that of the last basis and answers nothing.
-    """
-
-    z: np.ndarray[Any, Any]
-    complementary: np.ndarray[Any, Any]
-    pivots: np.ndarray[Any, Any]
 
 
 @register
@@ -93,8 +81,10 @@ class Lemke(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        run = _Run(prepared, budget, options)
         n = prepared.problem.q.size
+        if start is None and n <= SMALL and (output := _in_one_call(prepared, budget, options)) is not None:
+            return output
+        run = _Run(prepared, budget, options)
         if start is not None:
             z = np.maximum(start.z, 0.0)
             if (error := error_of(prepared.problem, z)) <= budget.tolerance:
@@ -109,45 +99,26 @@ class Lemke(Solver):
         return run.plain() if output is None else output
 
 
-def batch(
-    M: np.ndarray[Any, Any], q: np.ndarray[Any, Any], options: LemkeOptions | None = None, *, threads: int = 1
-) -> Batch:
-    """Solve many small LCPs of one size at once, without the overhead of a call for each.
-
-    Parameters
-    ----------
-    M : (k, n, n). q : (k, n). threads : over how many the k problems are spread.
-
-    Raises ProblemError where the shapes do not fit together. Data are not checked otherwise.
-    """
-    from cpbench.kernel_cache import load
-
-    kernel = load("cpbench.solvers.kernels.pivoting")
-    options = options or LemkeOptions()
-    M, q = (np.ascontiguousarray(a, dtype=float) for a in (M, q))
-    if q.ndim != 2 or M.shape != (*q.shape, q.shape[-1]):
-        raise ProblemError("batch", f"M must be (k, n, n) and q (k, n), got {M.shape} and {q.shape}")
-    k, n = q.shape
-    z, codes = np.zeros((k, n)), np.zeros(k, np.int64)
-    limit = options.max_pivots or _pivot_limit(n)
-
-    def part(begin: int, end: int) -> None:
-        cut = slice(begin, end)
-        kernel.lemke_batch(M[cut], q[cut], z[cut], codes[cut], limit, options.pivot_tolerance, options.tie_tolerance)
-
-    if threads > 1 and k > 1:
-        bounds = np.linspace(0, k, threads + 1).astype(int).tolist()
-        with ThreadPoolExecutor(threads - 1) as pool:
-            others = [pool.submit(part, *pair) for pair in pairwise(bounds[:-1])]
-            part(bounds[-2], k)
-            for other in others:
-                other.result()
-    else:
-        part(0, k)
-    return Batch(z=z, complementary=codes % kernel.CODES == kernel.COMPLEMENTARY, pivots=codes // kernel.CODES)
+def _in_one_call(lcp: DenseLCP, budget: Budget, options: LemkeOptions) -> SolverOutput | None:
+    """What solves most small problems, in less time than it takes to prepare for the others; None for these."""
+    problem, limit = lcp.problem, budget.iterations or options.max_pivots or pivot_limit(lcp.problem.q.size)
+    z = np.empty(problem.q.size)
+    lemke_judged, codes = _judged()
+    tolerances = options.pivot_tolerance, options.tie_tolerance
+    code, error = lemke_judged(lcp.M, problem.q, z, problem.z_unit, limit, *tolerances)
+    if not error <= budget.tolerance:
+        return None
+    pivots = code // codes
+    return SolverOutput(claim=Claim.SOLVED, point=LCPPoint.adopt(z), counters={"iterations": pivots, "pivots": pivots})
 
 
-def _pivot_limit(n: int) -> int:
+@cache
+def _judged() -> tuple[Any, int]:
+    return compiled(load("cpbench.solvers.kernels.lemke_judged").lemke_judged), load(PIVOTING).CODES
+
+
+def pivot_limit(n: int) -> int:
+    """Where nothing is said."""
     return 50 * n + 1000
 
 
@@ -155,11 +126,9 @@ class _Run:
     """What has been spent, and the two ways to begin."""
 
     def __init__(self, lcp: DenseLCP, budget: Budget, options: LemkeOptions) -> None:
-        from cpbench.kernel_cache import load
-
         self._lcp, self._budget, self._options = lcp, budget, options
-        self._kernel = load("cpbench.solvers.kernels.pivoting")
-        self._limit = budget.iterations or options.max_pivots or _pivot_limit(lcp.problem.q.size)
+        self._kernel = load(PIVOTING)
+        self._limit = budget.iterations or options.max_pivots or pivot_limit(lcp.problem.q.size)
         self._deadline = time.monotonic() + budget.seconds
         self.counters = {"iterations": 0, "pivots": 0}
 

@@ -1,0 +1,31 @@
+"""Lemke's method on a small LCP with the error of its answer, in one call."""
+
+import numpy as np
+from numba import float64, int64, njit, types
+
+from cpbench.solvers.kernels.pivoting import lemke
+from cpbench.solvers.kernels.splitting import judged
+
+DATA = types.Array(float64, 1, "C", readonly=True)
+MATRIX = float64[:, ::1]
+
+
+@njit(
+    types.Tuple((int64, float64))(MATRIX, DATA, float64[::1], float64, int64, float64, float64),
+    cache=True,
+    nogil=True,
+)
+def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
+    """(what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
+    n = q.size
+    w = np.empty(n)
+    code = lemke(M, q.copy(), z, max_pivots, pivot_tolerance, tie_tolerance)
+    for i in range(n):
+        total = q[i]
+        for j in range(n):
+            total += M[i, j] * z[j]
+        w[i] = total
+    return code, judged(q, z, w, z_unit)
+
+
+READY = True
