@@ -30,8 +30,8 @@ FEW_CONTACTS = 200
 
 @dataclass(frozen=True)
 class Asked:
-    """A requirement: `race` and, where given, `size` and `tolerance` of the rows that it is about; the least ratio and
-    the geometric mean that are asked for, 0 where nothing is; `aim` : of the least."""
+    """A requirement: `race` and, where given, `size` (or `sizes`) and `tolerance` of the rows that it is about; the least
+    ratio and the geometric mean that are asked for, 0 where nothing is; `aim` : of the least."""
 
     work: str
     race: str
@@ -39,12 +39,13 @@ class Asked:
     mean: float = 0.0
     aim: float = 0.0
     size: int | None = None
+    sizes: range = range(1_000_000)
     tolerance: float | None = None
 
     def of(self, row: Race) -> bool:
         """Whether the row counts."""
         alike = self.size in (None, row.size) and self.tolerance in (None, row.tolerance)
-        return row.race == self.race and alike
+        return row.race == self.race and alike and row.size in self.sizes
 
     def line(self, rows: list[Race]) -> str | None:
         """What was asked and what came out, None without rows."""
@@ -72,7 +73,11 @@ ASKED = (
     ),
     *(Asked(f"LCP n={n}, batch on two threads", "lcp batch-2", 4, size=n) for n in (5, 10, 20, 50)),
     Asked("NSGS, one sweep", "contact sweep", 8, aim=10),
-    *(Asked(f"NSGS to {t:.0e}, same rule", "contact nsgs", 6, 12, tolerance=t) for t in (1e-4, 1e-8)),
+    *(
+        Asked(f"NSGS to {t:.0e}, same rule, {words} contacts", "contact nsgs", least, mean, sizes=sizes, tolerance=t)
+        for words, sizes, least, mean in (("20 and more", range(20, 1_000_000), 6, 12), ("fewer", range(20), 1, 0))
+        for t in (1e-4, 1e-8)
+    ),
     *(Asked(f"auto-contact to {t:.0e}, best of eight", "contact auto", 1, 4, 5, tolerance=t) for t in (1e-4, 1e-8)),
     Asked("MLCP, best against best", "mlcp best", 1),
     Asked("QP, best native against best backend", "qp best", 0.5),
