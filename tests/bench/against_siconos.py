@@ -30,8 +30,8 @@ FEW_CONTACTS = 200
 
 @dataclass(frozen=True)
 class Asked:
-    """A requirement: `race` and, where given, `size` (or `sizes`) and `tolerance` of the rows that it is about; the least
-    ratio and the geometric mean that are asked for, 0 where nothing is; `aim` : of the least."""
+    """A requirement on the rows of `race`, and of `size`, `sizes` and `tolerance` where given: the least ratio and the
+    geometric mean that are asked for, 0 where nothing is; `aim` : of the least."""
 
     work: str
     race: str

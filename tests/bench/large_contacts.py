@@ -165,7 +165,7 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool, path_of_races: Path
     what, nc = f"lattice of {size}³", problem.nc
     memory_kept, memory_peak = kept / stored(W), added
     races = [
-        race_rows.race("large floor", what, nc, floor / sweep, "reading W", "nsgs"),
+        race_rows.race("large floor", what, nc, floor / sweep, "reading W", "nsgs", par=0.5),
         race_rows.race("large memory", what, nc, 1.3 / max(memory_kept, memory_peak), "1.3 W", "nsgs"),
     ]
     race_rows.write(path_of_races, races)

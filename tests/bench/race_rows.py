@@ -24,10 +24,20 @@ class Race:
     ours: str
 
 
-def race(name: str, problem: str, size: int, ratio: float, theirs: str, ours: str, *, tolerance: float = 0.0) -> Race:
-    """One in which both are at the goal; lost below 1."""
+def race(
+    name: str,
+    problem: str,
+    size: int,
+    ratio: float,
+    theirs: str,
+    ours: str,
+    *,
+    tolerance: float = 0.0,
+    par: float = 1.0,
+) -> Race:
+    """One in which both are at the goal; lost below `par`."""
     known = math.isfinite(ratio)
-    return Race(name, problem, size, tolerance, ratio if known else None, ratio < 1.0, theirs, ours)
+    return Race(name, problem, size, tolerance, ratio if known else None, ratio < par, theirs, ours)
 
 
 def write(path: Path | None, races: Iterable[Race]) -> None:
