@@ -124,13 +124,13 @@ def test_what_is_compiled_is_asked_of_the_cache_in_use(fresh: pytest.MonkeyPatch
     """Not of the one beside the source, where another setting may have left kernels; and younger than the source."""
     module = "cpbench.solvers.kernels.box_splitting"
     fresh.setenv(cache.VARIABLE, str(tmp_path))
-    assert not cache.compiled(module)
+    assert not cache.is_compiled(module)
     index = tmp_path / "kernels_0" / "box_splitting.sweeps-10.py311.nbi"
     index.parent.mkdir()
     index.touch()
-    assert cache.compiled(module)
+    assert cache.is_compiled(module)
     os.utime(index, (0, 0))
-    assert not cache.compiled(module)
+    assert not cache.is_compiled(module)
 
 
 def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
