@@ -45,7 +45,8 @@ def test_values_have_the_type_of_the_option() -> None:
 
 def test_globs_choose_among_the_names() -> None:
     assert labels("newton-m*") == ["newton-min", "newton-min-mlcp"]
-    assert labels("nsgs*[max_iterations=9]") == ["nsgs[max_iterations=9]", "nsgs-rolling[max_iterations=9]"]
+    asked = [f"{name}[max_iterations=9]" for name in ("nsgs", "nsgs-coloured", "nsgs-global", "nsgs-rolling")]
+    assert labels("nsgs*[max_iterations=9]") == asked
     assert labels("lemke", "l?mke", "lemke") == ["lemke"], "each once"
 
 
