@@ -122,13 +122,14 @@ def lines(rows: list[Race]) -> Iterator[str]:
 
 
 def draw(rows: list[Race], path: Path) -> None:
-    """Every race a dot on a line of its work, the lost ones filled; what is asked of each is a tick."""
+    """A race against others is a dot on the line of its work, orange below 1; a bar is what is asked of each."""
     import matplotlib
 
     matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
-    works = [asked for asked in ASKED if any(asked.of(row) and row.ratio is not None for row in rows)]
+    rivals = [asked for asked in ASKED if not asked.race.startswith(("large", "first"))]
+    works = [asked for asked in rivals if any(asked.of(row) and row.ratio is not None for row in rows)]
     figure, axes = plt.subplots(figsize=(8, 0.32 * len(works) + 1.0), layout="constrained")
     for line, asked in enumerate(reversed(works)):
         ratios = sorted(row.ratio for row in rows if asked.of(row) and row.ratio is not None)
@@ -143,7 +144,7 @@ def draw(rows: list[Race], path: Path) -> None:
     axes.axvline(1.0, color="#999999", lw=0.8)
     axes.set_xscale("log")
     axes.set_yticks(range(len(works)), [asked.work for asked in reversed(works)])
-    axes.set_xlabel("their time / ours (dots: races; bar: what is asked of every race; below 1 in orange)")
+    axes.set_xlabel("their time / ours")
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)
     figure.savefig(path, dpi=130)
