@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol, TypeAlias, cast
@@ -106,6 +106,20 @@ def diagonal_blocks(A: Sparse, limit: int) -> list[Blocks]:
     return found
 
 
+def assembled(blocks: Sequence[Blocks], shape: tuple[int, ...]) -> Sparse:
+    """The sparse matrix that has these blocks, and no entry elsewhere."""
+    data: list[NDArray[Any]] = [np.zeros(0)]
+    row: list[NDArray[Any]] = [np.zeros(0, np.int64)]
+    col: list[NDArray[Any]] = [np.zeros(0, np.int64)]
+    for block in blocks:
+        data.append(block.values.ravel())
+        row.append(np.broadcast_to(block.unknowns[:, :, None], block.values.shape).ravel())
+        col.append(np.broadcast_to(block.unknowns[:, None, :], block.values.shape).ravel())
+    matrix = sp.csr_array((np.concatenate(data), (np.concatenate(row), np.concatenate(col))), shape=shape)
+    matrix.eliminate_zeros()
+    return matrix
+
+
 class Factorization:
     """LU of a square matrix, made on first use and remade after pickling; part of a conversion's trace.
 
@@ -160,18 +174,7 @@ class Factorization:
     @cached_property
     def sparse_inverse(self) -> Sparse:
         """A⁻¹ over `blocks`, zero elsewhere: as sparse as they are."""
-        data: list[NDArray[Any]] = [np.zeros(0)]
-        row: list[NDArray[Any]] = [np.zeros(0, np.int64)]
-        col: list[NDArray[Any]] = [np.zeros(0, np.int64)]
-        for block in self.block_inverses:
-            shape = block.values.shape
-            data.append(block.values.ravel())
-            row.append(np.broadcast_to(block.unknowns[:, :, None], shape).ravel())
-            col.append(np.broadcast_to(block.unknowns[:, None, :], shape).ravel())
-        triplets = np.concatenate(data), (np.concatenate(row), np.concatenate(col))
-        inverse = sp.csr_array(triplets, shape=self.A.shape)
-        inverse.eliminate_zeros()
-        return inverse
+        return assembled(self.block_inverses, self.A.shape)
 
     @cached_property
     def _inverted(self) -> _BlockInverses:

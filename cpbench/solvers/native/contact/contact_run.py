@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cpbench.formulations.base import Problem
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
@@ -113,6 +114,23 @@ class MethodOptions:
 
     max_iterations: int = fixed(100_000)
     stall_window: int = fixed(2_000)
+
+
+def iterate_on(
+    problem: Problem,
+    answer: Callable[[Vector], Any],
+    method: Method,
+    budget: Budget,
+    options: MethodOptions,
+    record: Record | None,
+) -> SolverOutput:
+    """`iterate` and `finish`, judged by the problem's own residuals of the point that `answer` makes of reactions."""
+
+    def judged(r: Vector) -> float:
+        return problem.residuals(answer(r), budget.tolerance).error if np.isfinite(r).all() else float("nan")
+
+    limit = budget.iterations or options.max_iterations
+    return finish(iterate(method, judged, answer, budget, limit, options.stall_window, record), answer, budget)
 
 
 class ContactSolver(Solver):

@@ -21,7 +21,7 @@ from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.cone.conic_admm import ConicADMM, ConicADMMOptions, Delassus
-from cpbench.solvers.native.contact.contact_run import finish, iterate
+from cpbench.solvers.native.contact.contact_run import iterate_on
 
 RELAXED, REFINEMENTS = 1e-8, 3
 """δ over the inverse of the largest mass, where K is singular, and solutions that then take it back."""
@@ -110,15 +110,8 @@ class GlobalADMM(Solver):
         problem = prepared.problem
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)
 
-        def judged(r: Vector) -> float:
-            if not np.isfinite(r).all():
-                return float("nan")
-            return problem.residuals(prepared.point(r), budget.tolerance).error
-
         method = ConicADMM(prepared, options, r, budget)
-        limit = budget.iterations or options.max_iterations
-        end = iterate(method, judged, prepared.point, budget, limit, options.stall_window, record)
-        return finish(end, prepared.point, budget)
+        return iterate_on(problem, prepared.point, method, budget, options, record)
 
 
 def _spec(name: str, node: str, summary: str) -> SolverSpec:

@@ -11,14 +11,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from cpbench.factorization import components, diagonal_blocks
+from cpbench.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.matrices import Dense, Sparse, Vector, freeze, sparse
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.contact_run import Method, MethodOptions, finish, iterate
+from cpbench.solvers.native.contact.contact_run import Method, MethodOptions, iterate_on
 from cpbench.solvers.native.contact.contact_sweeps import kernel
 
 LARGEST = 256
@@ -27,17 +26,9 @@ LARGEST = 256
 
 def whitening(M: Sparse) -> Sparse:
     """L⁻¹ of M = LLᵀ over the components of M; raises numpy.linalg.LinAlgError when one is not positive definite."""
-    data: list[NDArray[Any]] = [np.zeros(0)]
-    row: list[NDArray[Any]] = [np.zeros(0, np.int64)]
-    col: list[NDArray[Any]] = [np.zeros(0, np.int64)]
-    for part in diagonal_blocks(M, LARGEST):
-        lower: NDArray[Any] = np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))
-        data.append(lower.ravel())
-        row.append(np.broadcast_to(part.unknowns[:, :, None], lower.shape).ravel())
-        col.append(np.broadcast_to(part.unknowns[:, None, :], lower.shape).ravel())
-    inverse = sp.csr_array((np.concatenate(data), (np.concatenate(row), np.concatenate(col))), shape=M.shape)
-    inverse.eliminate_zeros()
-    return inverse
+    parts = diagonal_blocks(M, LARGEST)
+    lower = [Blocks(part.unknowns, np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))) for part in parts]
+    return assembled(lower, M.shape)
 
 
 @dataclass(frozen=True)
@@ -155,12 +146,5 @@ class NSGSGlobal(Solver):
         problem = prepared.problem
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)
 
-        def judged(r: Vector) -> float:
-            if not np.isfinite(r).all():
-                return float("nan")
-            return problem.residuals(prepared.point(r), budget.tolerance).error
-
-        limit = budget.iterations or options.max_iterations
         method = VelocitySweeps(prepared, r)
-        end = iterate(method, judged, prepared.point, budget, limit, options.stall_window, record)
-        return finish(end, prepared.point, budget)
+        return iterate_on(problem, prepared.point, method, budget, options, record)

@@ -115,12 +115,12 @@ class NSGSRolling(Solver):
             going = True
             while going:  # who watches sees every evaluation, and changes nothing
                 sweeps(*prepared.kernel, *iterate, budget.tolerance, until, state, measured, record is not None)
-                done, error = int(state[0]), float(measured[0])
+                done, error = int(state[rolling.ITERATION]), float(measured[rolling.ERROR])
                 ended = error <= budget.tolerance or not np.isfinite(error)
                 going = not ended and done < until and state[rolling.RISKED] < rolling.HARD_A_CALL
                 if record is not None:
                     record(done, error, lambda: FCPoint(lengths * r))
-            if measured[1] <= budget.tolerance or done >= limit:
+            if measured[rolling.LEAST] <= budget.tolerance or done >= limit:
                 break
             why = progress.trouble(done, error)
             if why is None and time.monotonic() > deadline:
@@ -128,8 +128,9 @@ class NSGSRolling(Solver):
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
-        counters = {"iterations": done, "projections": done * problem.nc, "hard_contacts": int(state[2])}
-        return conclude(problem, lengths * best, float(measured[1]), budget, claim, message, counters)
+        counters = {"iterations": done, "projections": done * problem.nc, "hard_contacts": int(state[rolling.HARD])}
+        least = float(measured[rolling.LEAST])
+        return conclude(problem, lengths * best, least, budget, claim, message, counters)
 
 
 def _local(D: Dense) -> tuple[Dense, Dense, Dense, Dense]:

@@ -12,7 +12,7 @@ from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Vector, identity, scaled_both
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.cone.conic_admm import ConicADMM, ConicADMMOptions, Delassus
-from cpbench.solvers.native.contact.contact_run import finish, iterate
+from cpbench.solvers.native.contact.contact_run import iterate_on
 
 
 class _Local(Delassus):
@@ -66,9 +66,5 @@ class RollingADMM(Solver):
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
 
-        def judged(r: Vector) -> float:
-            return problem.residuals(FCPoint(r), budget.tolerance).error if np.isfinite(r).all() else float("nan")
-
         method = ConicADMM(prepared, options, r, budget)
-        limit = budget.iterations or options.max_iterations
-        return finish(iterate(method, judged, FCPoint, budget, limit, options.stall_window, record), FCPoint, budget)
+        return iterate_on(problem, FCPoint, method, budget, options, record)

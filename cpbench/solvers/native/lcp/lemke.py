@@ -82,8 +82,14 @@ class Lemke(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         n = prepared.problem.q.size
-        if start is None and n <= SMALL and (output := _in_one_call(prepared, budget, options)) is not None:
-            return output
+        if start is None and n <= SMALL:
+            limit = budget.iterations or options.max_pivots or pivot_limit(n)
+            z, code, error = _in_one_call(prepared, limit, options)
+            if error <= budget.tolerance:
+                pivots = code // _judged()[1]
+                counters = {"iterations": pivots, "pivots": pivots}
+                return SolverOutput(claim=Claim.SOLVED, point=LCPPoint.adopt(z), counters=counters)
+            return _Run(prepared, budget, options).settled(z, code)
         run = _Run(prepared, budget, options)
         if start is not None:
             z = np.maximum(start.z, 0.0)
@@ -99,17 +105,12 @@ class Lemke(Solver):
         return run.plain() if output is None else output
 
 
-def _in_one_call(lcp: DenseLCP, budget: Budget, options: LemkeOptions) -> SolverOutput | None:
-    """What solves most small problems, in less time than it takes to prepare for the others; None for these."""
-    problem, limit = lcp.problem, budget.iterations or options.max_pivots or pivot_limit(lcp.problem.q.size)
-    z = np.empty(problem.q.size)
-    lemke_judged, codes = _judged()
+def _in_one_call(lcp: DenseLCP, limit: int, options: LemkeOptions) -> tuple[Vector, int, float]:
+    """z, the kernel's code, and the judged error: all pivots from w = q in less time than their preparation takes."""
+    problem, z = lcp.problem, np.empty(lcp.problem.q.size)
     tolerances = options.pivot_tolerance, options.tie_tolerance
-    code, error = lemke_judged(lcp.M, problem.q, z, problem.z_unit, limit, *tolerances)
-    if not error <= budget.tolerance:
-        return None
-    pivots = code // codes
-    return SolverOutput(claim=Claim.SOLVED, point=LCPPoint.adopt(z), counters={"iterations": pivots, "pivots": pivots})
+    code, error = _judged()[0](lcp.M, problem.q, z, problem.z_unit, limit, *tolerances)
+    return z, code, error
 
 
 @cache
@@ -166,15 +167,22 @@ class _Run:
         lcp, budget, counters = self._lcp, self._budget, self.counters
         problem = lcp.problem
         if problem.q.size <= SMALL:
-            z = np.empty(problem.q.size)
-            outcome = self._vectors(z)
-        elif problem.q.min() >= 0.0:
+            z, code, _ = _in_one_call(lcp, self.left, self._options)
+            return self.settled(z, code)
+        if problem.q.min() >= 0.0:
             return conclude(problem, np.zeros_like(problem.q), budget, counters)
-        else:
-            p = max_abs(problem.q) or 1.0
-            run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
-            outcome = self._products(run)
-            z = run.z * (p / lcp.unit)
+        p = max_abs(problem.q) or 1.0
+        run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
+        outcome = self._products(run)
+        return self._ended(run.z * (p / lcp.unit), outcome)
+
+    def settled(self, z: Vector, code: int) -> SolverOutput:
+        """What follows from the end of the compiled loop."""
+        self._spend(code // self._kernel.CODES)
+        return self._ended(z, self._word(code % self._kernel.CODES))
+
+    def _ended(self, z: Vector, outcome: str) -> SolverOutput:
+        problem, budget, counters = self._lcp.problem, self._budget, self.counters
         if outcome == "ray":
             return _after_ray(problem, z, budget, counters)
         if outcome != "complementary":
@@ -182,13 +190,6 @@ class _Run:
             message = f"{outcome} after {counters['pivots']} pivots"
             return conclude(problem, z, budget, counters, otherwise=claim, message=message)
         return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
-
-    def _vectors(self, z: Vector) -> str:
-        """All in one compiled loop, z written; outcome in words."""
-        kernel, options, problem = self._kernel, self._options, self._lcp.problem
-        code = kernel.lemke(self._lcp.M, problem.q.copy(), z, self.left, options.pivot_tolerance, options.tie_tolerance)
-        self._spend(code // kernel.CODES)
-        return self._word(code % kernel.CODES)
 
     def _products(self, run: Columns, most: int | None = None) -> str:
         """What lies far behind is brought by matrix products; at most `most` pivots; outcome in words."""
