@@ -9,34 +9,32 @@ that lets ‖f‖ grow is not followed and its columns are forgotten. Answers ar
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
-from cpbench.solvers.kernels.gauss_seidel import (
-    COLUMN,
+from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
+from cpbench.solvers.kernels.contact_error import (
     CONTINUE,
     CONVERGED,
-    DATA,
-    DATA_2D,
-    FAST,
+    FIRST,
     ITERATION,
     LAST_ERROR,
     LEAST,
     NEXT_CHECK,
     PACE,
-    START,
-    VECTOR,
+    SEEN,
     checked,
-    due,
     judged,
-    sweep_2d,
-    sweep_3d,
+    looked,
 )
+from cpbench.solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
 
-COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = range(5, 9)
+COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = range(6, 10)
 """Places in `state` behind those of the sweeps: columns ever made since the last were forgotten; 1 where g and f are
 those of the iterate before; 1 where r was extrapolated; how many extrapolations were not followed."""
 RESIDUAL = 3
 """Place in `measured` behind those of the sweeps: ‖f‖² of the iterate before."""
-MEASURED, ANSWER = 10, 14
+MEASURED, ANSWER = 11, 15
 """Where `measured` and the best answer begin in `work`, behind `state`."""
+GOING = 2.0
+"""The first number in `work` after the first call."""
 PERIOD = 2
 WORSE = 4.0
 """‖f‖² may grow by this in an extrapolation."""
@@ -147,8 +145,14 @@ def work_size(n, contacts, memory):
     return ANSWER + 7 * n + contacts + 2 * memory * (n + memory + 1)
 
 
+def iterate(work, n, contacts):
+    """state, measured, best, r and λ in `work`, for the sweeps of `gauss_seidel` to go on from."""
+    state, measured, best = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER], work[ANSWER:][:n]
+    return state, measured, best, work[ANSWER + n :][:n], work[ANSWER + 7 * n :][:contacts]
+
+
 @njit(
-    types.Tuple((int64, int64, float64))(
+    types.Tuple((int64, int64, float64, int64))(
         *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, int64[::1]),
         *(int64, int64, VECTOR, float64, int64, boolean),
     ),
@@ -177,30 +181,37 @@ def accelerated(
 
     Parameters
     ----------
-    As those of `sweeps_3d`, and: memory : columns; with 0 the sweeps are plain ones. work : all that is remembered, 0
-    before the first call but for a start, which lies at ANSWER when the first number is 1. watched : come back after
-    every evaluation of the error.
+    As those of `sweeps_3d`, and: memory : columns; with 0 the sweeps are plain ones. work : all that is remembered;
+    before the first call its first number is 0, or 1 where a start lies at ANSWER. watched : come back after every
+    evaluation of the error.
 
     Returns
     -------
-    outcome, sweeps done, error of the answer at ANSWER (∞ where there is none).
+    outcome, sweeps done, error of the answer at ANSWER (∞ where there is none), contacts seen for errors.
     """
     n, contacts = q.size, mu.size
     state, measured = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER]
     best, r, g = work[ANSWER:][:n], work[ANSWER + n :][:n], work[ANSWER + 2 * n :][:n]
     f, g_old, f_old = work[ANSWER + 3 * n :][:n], work[ANSWER + 4 * n :][:n], work[ANSWER + 5 * n :][:n]
     root, lam, table = work[ANSWER + 6 * n :][:n], work[ANSWER + 7 * n :][:contacts], work[ANSWER + 7 * n + contacts :]
-    if state[NEXT_CHECK] == 0:
-        state[NEXT_CHECK] = 1
+    if work[0] != GOING:
+        state[:] = 0
+        state[NEXT_CHECK] = FIRST
+        lam[:] = 0.0
+        measured[PACE] = measured[RESIDUAL] = 0.0
         error = np.inf
-        if work[0] == 1.0:
+        if work[0] == 0.0:
+            best[:] = 0.0
+            if _no_contact_closes(q, dimension):
+                error = 0.0
+        else:
             error = judged(start, column, blocks, diagonal, q, mu, rho, best, dimension)
-        elif _no_contact_closes(q, dimension):
-            error = 0.0
-        measured[PACE] = measured[LAST_ERROR] = np.inf
+            state[SEEN] += contacts
+        work[0] = GOING
+        measured[LAST_ERROR] = np.inf
         measured[LEAST] = error if error < np.inf else np.inf
         if error <= tolerance:
-            return CONVERGED, 0, error
+            return CONVERGED, 0, error, state[SEEN]
         for k in range(n):
             r[k] = best[k]
             root[k] = 1.0 / np.sqrt(rho[k // dimension])
@@ -212,18 +223,18 @@ def accelerated(
         else:
             residual = sweep_2d(start, column, blocks, diagonal, q, mu, rho, g, order, 1.0)
         state[ITERATION] += 1
-        evaluated = due(state, until, residual, tolerance, measured)
+        law = (start, column, blocks, diagonal, q, mu, rho, g, dimension)
+        evaluated, error = looked(*law, state, until, residual, tolerance, measured)
         if evaluated:
-            error = judged(start, column, blocks, diagonal, q, mu, rho, g, dimension)
             outcome = checked(state, error, residual, tolerance, measured, g, best)
             if outcome != CONTINUE:
-                return outcome, state[ITERATION], measured[LEAST]
+                return outcome, state[ITERATION], measured[LEAST], state[SEEN]
             state[NEXT_CHECK] = min(state[NEXT_CHECK], state[ITERATION] + RARELY)
         _follow(state, residual, measured[RESIDUAL], memory, r, g, f, g_old, f_old, root, table)
         measured[RESIDUAL] = residual
         if evaluated and watched:
             break
-    return CONTINUE, state[ITERATION], measured[LEAST]
+    return CONTINUE, state[ITERATION], measured[LEAST], state[SEEN]
 
 
 READY = True

@@ -8,8 +8,9 @@ numbers. `apart` : the diagonal blocks are left out.
 import numpy as np
 from numba import boolean, float64, int32, int64, njit, types, uint32, uint64, void
 
+from cpbench.solvers.kernels.array_types import DATA
+
 INT32, INT64 = (types.Array(kind, 1, "C", readonly=True) for kind in (int32, int64))
-DATA = types.Array(float64, 1, "C", readonly=True)
 BLOCKS = types.Array(float64, 3, "C", readonly=True)
 
 SINGULAR = 1e-12

@@ -3,8 +3,7 @@
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
-DATA = types.Array(float64, 1, "C", readonly=True)
-INDEX = types.Array(int64, 1, "C", readonly=True)
+from cpbench.solvers.kernels.array_types import DATA, INDEX
 
 
 @njit(

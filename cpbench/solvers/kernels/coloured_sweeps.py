@@ -6,7 +6,8 @@ The kernels leave Python's lock alone while they run.
 import numpy as np
 from numba import int64, njit, uint32, void
 
-from cpbench.solvers.kernels.gauss_seidel import COLUMN, DATA, DATA_2D, FAST, START, VECTOR, sweep_2d, sweep_3d
+from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
+from cpbench.solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
 
 
 @njit(int64(START, COLUMN, int64[::1]), cache=True)

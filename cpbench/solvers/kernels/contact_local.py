@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from cpbench.solvers.kernels.contact_newton import projections
-from cpbench.solvers.kernels.gauss_seidel import natural_step
+from cpbench.solvers.kernels.one_contact import natural_step
 
 EPS = 1e-15
 NEWTON_STEPS, HALVINGS = 25, 10

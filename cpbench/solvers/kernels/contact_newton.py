@@ -14,10 +14,9 @@ such in space whose second tangential components are 0.
 import numpy as np
 from numba import boolean, float64, int32, int64, njit, types, void
 
-DATA = types.Array(float64, 1, "C", readonly=True)
-DATA_2D = types.Array(float64, 2, "C", readonly=True)
+from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX
+
 DATA_3D = types.Array(float64, 3, "C", readonly=True)
-INDEX = types.Array(int64, 1, "C", readonly=True)
 BLOCKS = float64[:, :, ::1]
 
 ALART_CURNIER, JEAN_MOREAU, NATURAL_MAP, FISCHER_BURMEISTER = range(4)

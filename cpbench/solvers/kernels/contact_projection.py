@@ -9,14 +9,10 @@ or P_K(x − ρF(y)) (Korpelevich's extragradient).
 """
 
 import numpy as np
-from numba import float64, int64, njit, types
+from numba import int64, njit
 
+from cpbench.solvers.kernels.array_types import DATA, FAST, INDEX, VECTOR
 from cpbench.solvers.kernels.frozen_contact import CONE, product, project
-
-FAST = {"reassoc", "contract", "arcp", "nsz"}
-DATA = types.Array(float64, 1, "C", readonly=True)
-INDEX = types.Array(int64, 1, "C", readonly=True)
-VECTOR = float64[::1]
 
 FIXED_POINT, EXTRAGRADIENT = 0, 1
 LARGE, SMALL = 0.9, 0.3

@@ -6,27 +6,20 @@
 import numpy as np
 from numba import boolean, float64, int64, njit
 
-from cpbench.solvers.kernels.contact_local import enumerate_modes, newton, project, project_often
-from cpbench.solvers.kernels.gauss_seidel import (
-    COLUMN,
+from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, START, VECTOR
+from cpbench.solvers.kernels.contact_error import (
     CONTINUE,
-    DATA,
-    DATA_2D,
     ITERATION,
     LEAST,
     LOGGED,
-    PROJECT,
-    START,
-    VECTOR,
     checked,
-    due,
-    judged,
-    one_contact_2d,
-    one_contact_3d,
-    shuffled,
+    looked,
     velocity_2d,
     velocity_3d,
 )
+from cpbench.solvers.kernels.contact_local import enumerate_modes, newton, project, project_often
+from cpbench.solvers.kernels.gauss_seidel import shuffled
+from cpbench.solvers.kernels.one_contact import PROJECT, one_contact_2d, one_contact_3d
 
 EXACT, NEWTON, PROJECTION, PROJECTIONS, QUARTIC = range(5)
 GROWN, IDLE = 4.0, 4
@@ -169,8 +162,9 @@ def relax(
                 change += gap * gap / rho[i]
                 r[d * i + k] += share * gap
         state[ITERATION] += 1
-        if due(state, until, change, tolerance, measured):
-            error = judged(start, column, blocks, diagonal, q, mu, rho, r, d)
+        law = (start, column, blocks, diagonal, q, mu, rho, r, d)
+        known, error = looked(*law, state, until, change, tolerance, measured)
+        if known:
             if simultaneous:
                 omega[1] = 0.0 if error < measured[LEAST] else omega[1] + 1.0
                 if omega[1] >= IDLE or not error <= GROWN * measured[LEAST]:

@@ -1,11 +1,9 @@
 """What an iteration of ADMM on frictional contact does besides its linear solve: relaxation, cones, duals, shift."""
 
 import numpy as np
-from numba import float64, int64, njit, types, void
+from numba import float64, int64, njit, void
 
-FAST = {"reassoc", "contract", "arcp", "nsz"}
-DATA = types.Array(float64, 1, "C", readonly=True)
-VECTOR = float64[::1]
+from cpbench.solvers.kernels.array_types import DATA, FAST, VECTOR
 
 
 @njit(

@@ -6,12 +6,9 @@ W is block-CSR with its diagonal blocks, rows of a block one after the other; d 
 """
 
 import numpy as np
-from numba import float64, int64, njit, types, void
+from numba import float64, int64, njit, void
 
-FAST = {"reassoc", "contract", "arcp", "nsz"}
-DATA = types.Array(float64, 1, "C", readonly=True)
-INDEX = types.Array(int64, 1, "C", readonly=True)
-VECTOR = float64[::1]
+from cpbench.solvers.kernels.array_types import DATA, FAST, INDEX, VECTOR
 
 CONE, CYLINDER, NORMAL, TANGENT = 0, 1, 2, 3
 """Sets: ‖x_T‖ ≤ μ x_N; x_N ≥ 0 and ‖x_T‖ ≤ radius; x_N ≥ 0 with x_T kept; ‖x_T‖ ≤ radius with x_N kept."""

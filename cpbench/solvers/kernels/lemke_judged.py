@@ -3,10 +3,10 @@
 import numpy as np
 from numba import float64, int64, njit, types
 
+from cpbench.solvers.kernels.array_types import DATA
 from cpbench.solvers.kernels.pivoting import lemke
 from cpbench.solvers.kernels.splitting import judged
 
-DATA = types.Array(float64, 1, "C", readonly=True)
 MATRIX = float64[:, ::1]
 
 

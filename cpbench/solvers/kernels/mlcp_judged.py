@@ -1,10 +1,9 @@
 """The judged error of an MLCP in scaled data: rows K x + k in units of `row_unit`, x in units of `unit`."""
 
 import numpy as np
-from numba import float64, int64, njit, types
+from numba import float64, int64, njit
 
-DATA = types.Array(float64, 1, "C", readonly=True)
-DATA_2D = types.Array(float64, 2, "C", readonly=True)
+from cpbench.solvers.kernels.array_types import DATA, DATA_2D
 
 
 @njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), cache=True, error_model="numpy", nogil=True)

@@ -6,8 +6,9 @@ tableau is N x (N + 1), k in its last column.
 """
 
 import numpy as np
-from numba import float64, int64, njit, types
+from numba import float64, int64, njit
 
+from cpbench.solvers.kernels.array_types import DATA
 from cpbench.solvers.kernels.mlcp_judged import error_with
 from cpbench.solvers.kernels.pivoting import WHOLE, lemke
 from cpbench.solvers.kernels.tableau import CODES as CODES
@@ -22,8 +23,6 @@ HEAD = 6
 """Numbers before the matrix in what `lemke_mixed` reads: n, v_unit, push, and the tolerances of rank, pivots, ties."""
 ROUNDING = 1e-13
 """Of what is left after the elimination of free unknowns, data having size one."""
-DATA = types.Array(float64, 1, "C", readonly=True)
-DATA_2D = types.Array(float64, 2, "C", readonly=True)
 VECTOR, MATRIX, INDEX = float64[::1], float64[:, ::1], int64[::1]
 
 

@@ -4,15 +4,12 @@ The rows K x are carried along, those of the free unknowns and those of the othe
 Only reassociation and contraction are allowed to the compiler, so NaN and infinity keep their meaning.
 """
 
-from numba import float64, int64, njit, types
+from numba import float64, int64, njit
 
+from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
 from cpbench.solvers.kernels.mlcp_judged import judged
 
 FAST = {"reassoc", "contract"}
-DATA = types.Array(float64, 1, "C", readonly=True)
-DATA_2D = types.Array(float64, 2, "C", readonly=True)
-INDEX = types.Array(int64, 1, "C", readonly=True)
-VECTOR = float64[::1]
 LAW = (DATA, DATA, int64, DATA, DATA, float64, float64)
 
 

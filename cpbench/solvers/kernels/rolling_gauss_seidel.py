@@ -4,15 +4,12 @@ Moments are in units of a length of the contact: r and u are (N, T, M/ℓ) and (
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, void
 
-from cpbench.solvers.kernels.gauss_seidel import ITERATION, NEXT_CHECK, shuffled
+from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
+from cpbench.solvers.kernels.contact_error import ITERATION, NEXT_CHECK
+from cpbench.solvers.kernels.gauss_seidel import shuffled
 from cpbench.solvers.kernels.rolling_local import natural_step, one_contact
-
-DATA = types.Array(float64, 1, "C", readonly=True)
-DATA_2D = types.Array(float64, 2, "C", readonly=True)
-INDEX = types.Array(int64, 1, "C", readonly=True)
-VECTOR = float64[::1]
 
 HARD, RISKED = 2, 4
 """Places in `state`: contacts that the last sweep solved without Newton, and as many since the caller put it to 0."""

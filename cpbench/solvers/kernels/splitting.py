@@ -5,13 +5,11 @@ reassociation and contraction are allowed to the compiler, so NaN and infinity k
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
+from numba import boolean, float64, int64, njit
+
+from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
 
 FAST = {"reassoc", "contract"}
-DATA = types.Array(float64, 1, "C", readonly=True)
-DATA_2D = types.Array(float64, 2, "C", readonly=True)
-INDEX = types.Array(int64, 1, "C", readonly=True)
-VECTOR = float64[::1]
 
 
 @njit(float64(DATA, DATA, DATA, float64), cache=True, fastmath=FAST, error_model="numpy")

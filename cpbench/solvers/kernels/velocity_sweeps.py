@@ -7,18 +7,8 @@ unknowns of the bodies that c touches. Contact c has the unknowns unknown[start[
 import numpy as np
 from numba import float64, int64, njit, void
 
-from cpbench.solvers.kernels.gauss_seidel import (
-    COLUMN,
-    DATA,
-    DATA_2D,
-    FAST,
-    PROJECT,
-    START,
-    VECTOR,
-    natural_step,
-    one_contact_2d,
-    one_contact_3d,
-)
+from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
+from cpbench.solvers.kernels.one_contact import PROJECT, natural_step, one_contact_2d, one_contact_3d
 
 
 @njit(void(START, DATA, float64[:, :, ::1]), cache=True, fastmath=FAST, error_model="numpy")

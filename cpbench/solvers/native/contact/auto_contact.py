@@ -14,6 +14,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.contact_phases import Phases, counters
 from cpbench.solvers.native.contact.contact_sweeps import (
+    ROUNDED,
     AcceleratedSweeps,
     ScaledContacts,
     conclude,
@@ -24,7 +25,6 @@ from cpbench.solvers.options import fixed, searched
 
 WORDS = 12
 """Phases that the message tells of, the last ones."""
-ROUNDED = "converged up to rounding"
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class AutoContact(Solver):
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
-        for name in ("gauss_seidel", "anderson", "contact_splitting"):
+        for name in ("contact_error", "gauss_seidel", "anderson", "contact_splitting"):
             kernel(name)
 
     def solve(

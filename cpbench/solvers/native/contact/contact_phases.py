@@ -126,9 +126,9 @@ class Phases:
         if times == 0:
             return AcceleratedSweeps(rows, self.best)
         if times % 2 == 1:
-            return AcceleratedSweeps(rows, self.best, memory=0)
+            return AcceleratedSweeps(rows, self.best, rows.plain)
         order = np.random.default_rng(self._budget.seed + times).permutation(rows.problem.nc)
-        return AcceleratedSweeps(rows, None, order)
+        return AcceleratedSweeps(rows, None, rows.sweeping(order))
 
     def _proximal_points(self) -> int:
         """Newton steps to them. Those before go on, unless somebody else has found a better point since: their errors

@@ -21,17 +21,21 @@ from cpbench.solvers.native.contact.contact_sweeps import (
     ITERATION,
     LEAST,
     LOGGED,
-    NEXT_CHECK,
-    RANDOM,
+    ROUNDED,
+    SEEN,
     BlockRows,
+    Iterate,
     block_rows,
     conclude,
     kernel,
+    work,
 )
 from cpbench.solvers.native.progress import Progress
 
 BLOCKS_A_CALL = 4_000_000
 """About 20 ms of block products between two looks at the clock."""
+AT_FIRST = 50
+"""Sweeps in the first call, which is one for small problems."""
 LOG = 256
 """Error evaluations a call can log."""
 TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
@@ -62,11 +66,10 @@ class Shape:
     simultaneous: bool = False
 
 
-def general(prepared: BlockRows, shape: Shape, r: Vector) -> Advance:
-    """Sweeps of any shape, in place on r."""
+def general(prepared: BlockRows, shape: Shape, at: Iterate) -> Advance:
+    """Sweeps of any shape, in place."""
     problem, relax = prepared.problem, compiled(kernel("contact_relaxation").relax)
-    nc = problem.nc
-    iterate = (r, np.zeros(nc), _lengths(problem), np.arange(nc), np.array([shape.omega, 0.0]))
+    iterate = (at.r, at.lam, _lengths(problem), np.arange(problem.nc), np.array([shape.omega, 0.0]))
     method = list(Local).index(shape.local)
     way = (method, shape.simultaneous, shape.shuffle, shape.symmetric, problem.dimension)
     return lambda tolerance, until, *progress: relax(*prepared.law, *iterate, *way, tolerance, until, *progress)
@@ -84,8 +87,8 @@ class Relaxation(Solver):
     """Sweeps until the judged error is small, or falls no longer; its options have `max_iterations`, `stall_window`."""
 
     @abstractmethod
-    def advance(self, prepared: BlockRows, budget: Budget, options: Any, r: Vector) -> Advance:
-        """The sweeps of one solve, in place on r."""
+    def advance(self, prepared: BlockRows, options: Any, at: Iterate) -> Advance:
+        """The sweeps of one solve, in place."""
 
     def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> BlockRows:
         return block_rows(problem)
@@ -108,30 +111,38 @@ class Relaxation(Solver):
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
-        sweeps = self.advance(prepared, budget, options, r)
+        at = Iterate.at(r, problem.nc, budget.seed)
+        if start is None:
+            error = np.inf if (problem.q[:: problem.dimension] < 0.0).any() else 0.0
+        else:
+            error, at.state[SEEN] = prepared.judged(r), problem.nc
+        if error < np.inf:
+            at.measured[LEAST] = error
+        if record is not None:
+            record(0, prepared.judged(r), lambda: FCPoint(r))
+        return self.swept(prepared, budget, options, at, error, record)
+
+    def swept(
+        self, prepared: BlockRows, budget: Budget, options: Any, at: Iterate, error: float, record: Record | None
+    ) -> SolverOutput:
+        """Sweeps from where `at` is, whose error was measured or is not known (∞)."""
+        problem, r, state = prepared.problem, at.r, at.state
+        sweeps = self.advance(prepared, options, at)
         limit = budget.iterations or options.max_iterations
         call = max(50, BLOCKS_A_CALL // (prepared.column.size + 10 * problem.nc))
-        state = np.zeros(5, np.int64)
-        state[NEXT_CHECK], state[RANDOM] = 1, budget.seed
         log_iteration, log_error = np.empty(LOG, np.int64), np.empty(LOG)
         progress = Progress(options.stall_window)
         deadline = time.monotonic() + budget.seconds
-        done, evaluations = 0, 1
+        done = int(state[ITERATION])
         claim, message = Claim.MAX_ITER, ""
-        error = prepared.judged(r)
-        measured, best = np.full(3, np.inf), r.copy()
-        if error < np.inf:
-            measured[LEAST] = error
-        if record is not None:
-            record(0, error, lambda: FCPoint(r))
         while not error <= budget.tolerance and done < limit:
-            until = min(limit, done + call)
+            until = min(limit, done + call if done >= AT_FIRST else AT_FIRST)
             log = (log_iteration, log_error)
             while True:
                 if record is not None:  # with one place left in the log it is back at its next check
                     room = int(state[LOGGED]) + 1
                     log = (log_iteration[:room], log_error[:room])
-                status = sweeps(budget.tolerance, until, state, measured, *log, best)
+                status = sweeps(budget.tolerance, until, state, at.measured, *log, at.best)
                 done, logged = int(state[ITERATION]), int(state[LOGGED])
                 if record is not None:
                     record(done, float(log_error[logged - 1]), lambda: FCPoint(r))
@@ -141,7 +152,6 @@ class Relaxation(Solver):
             for k in range(logged):
                 error = float(log_error[k])
                 why = why or progress.trouble(int(log_iteration[k]), error)
-            evaluations += logged
             state[LOGGED] = 0
             if why is None and time.monotonic() > deadline:
                 why = f"out of time after {done} sweeps"
@@ -149,10 +159,6 @@ class Relaxation(Solver):
                 claim, message = Claim.FAILED, why
                 break
         if error <= budget.tolerance:
-            claim, message = Claim.INACCURATE, "converged up to rounding"
-        counters = {
-            "iterations": done,
-            "projections": done * problem.nc,
-            "matrix_vector_products": evaluations,
-        }
-        return conclude(problem, best, float(measured[LEAST]), budget, claim, message or f"{limit} sweeps", counters)
+            claim, message = Claim.INACCURATE, ROUNDED
+        made, message = work(problem, done, int(state[SEEN])), message or f"{limit} sweeps"
+        return conclude(problem, at.best, float(at.measured[LEAST]), budget, claim, message, made)

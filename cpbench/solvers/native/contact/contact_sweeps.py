@@ -24,20 +24,31 @@ MEMORY = 15
 """Columns of Anderson's acceleration. Of 25 choices of this (5 to 20) and of the kernel's constants, the one with the
 fewest sweeps to 1e-4 and 1e-8 on 18 real files: 195 in the geometric mean, 6000 where it did not get there; the others
 201 to 322."""
+ROUNDED = "converged up to rounding"
 LOG = 256
 """Error evaluations a call of the sweeps can log."""
 
 
 CONTINUE, NOT_FINITE = 0, 2
-ITERATION, NEXT_CHECK, LOGGED, RANDOM = range(4)
-LEAST = 2
-"""Of what the sweeps return, of `state` and of `measured`: the names of the kernels."""
+ITERATION, NEXT_CHECK, LOGGED, RANDOM, SEEN, PLACES = 0, 1, 2, 3, 5, 6
+PACE, LEAST, FIRST = 0, 2, 4
+"""Of what the sweeps return, of `state` and of `measured`: the names of the kernel `contact_error`."""
 
 
 @cache
 def kernel(name: str) -> ModuleType:
     """The compiled module of that name in `solvers/kernels`."""
     return load(f"cpbench.solvers.kernels.{name}")
+
+
+@dataclass(frozen=True)
+class Sweeping:
+    """A way to sweep: the kernel, its first arguments, how many numbers it remembers, and where its answer is."""
+
+    kernel: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    size: int
+    answer: slice
 
 
 @dataclass(frozen=True)
@@ -71,16 +82,25 @@ class BlockRows:
     def judged(self, r: Vector) -> float:
         """The error that `residuals` judges r by."""
         *matrix, _, q, mu, rho = self.law
-        return compiled(kernel("gauss_seidel").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
+        return compiled(kernel("contact_error").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
 
     @cached_property
-    def accelerated(self) -> tuple[Any, tuple[Any, ...], int, slice]:
-        """The kernel of accelerated sweeps, its first arguments, how many numbers it remembers, where its answer is."""
+    def accelerated(self) -> Sweeping:
+        """With Anderson's acceleration."""
+        return self.sweeping(self.order)
+
+    @cached_property
+    def plain(self) -> Sweeping:
+        """Without it."""
+        return self.sweeping(self.order, 0)
+
+    def sweeping(self, order: NDArray[np.int64], most: int = MEMORY) -> Sweeping:
+        """In any order, with at most so many columns."""
         anderson, n = kernel("anderson"), self.problem.q.size
-        memory = min(MEMORY, n)
+        memory = min(most, n)
         size = anderson.work_size(n, self.problem.nc, memory)
-        arguments = (*self.law, self.order, memory, self.problem.dimension)
-        return compiled(anderson.accelerated), arguments, size, slice(anderson.ANSWER, anderson.ANSWER + n)
+        arguments = (*self.law, order, memory, self.problem.dimension)
+        return Sweeping(compiled(anderson.accelerated), arguments, size, slice(anderson.ANSWER, anderson.ANSWER + n))
 
 
 class Sweeps:
@@ -99,7 +119,7 @@ class Sweeps:
 
     def sweep(self, r: Vector, count: int, tolerance: float) -> float:
         """The judged error of r, changed in place, after `count` sweeps or as soon as it is at most `tolerance`."""
-        rows, state = self._rows, np.array([0, count, 0, 0, 0])  # the error is evaluated at the end
+        rows, state = self._rows, np.array([0, count, 0, 0, 0, 0])  # the error is evaluated at the end
         iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
         self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)
         self.done += int(state[ITERATION])
@@ -107,43 +127,64 @@ class Sweeps:
         return float(self._log[1][state[LOGGED] - 1])
 
 
+@dataclass(frozen=True)
+class Iterate:
+    """What sweeps write: reactions, multipliers of sliding, `state` and `measured`, and the best reactions."""
+
+    r: Vector
+    lam: Vector
+    state: NDArray[np.int64]
+    measured: Vector
+    best: Vector
+
+    @classmethod
+    def at(cls, r: Vector, contacts: int, seed: int) -> Iterate:
+        """Before the first sweep."""
+        state, measured = np.zeros(PLACES, np.int64), np.full(3, np.inf)
+        state[NEXT_CHECK], state[RANDOM], measured[PACE] = FIRST, seed, 0.0
+        return cls(r, np.zeros(contacts), state, measured, r.copy())
+
+
 class AcceleratedSweeps:
     """Sweeps with Anderson's acceleration, in pieces, from `start` or from 0; see the kernel `anderson`."""
 
-    def __init__(
-        self,
-        rows: BlockRows,
-        start: Vector | None = None,
-        order: NDArray[np.int64] | None = None,
-        memory: int = MEMORY,
-    ) -> None:
-        self._sweeps, self._arguments, size, answer = rows.accelerated
-        self._work = work = np.zeros(size)
-        self.best = work[answer]
+    def __init__(self, rows: BlockRows, start: Vector | None = None, way: Sweeping | None = None) -> None:
+        self._rows, self._way = rows, way or rows.accelerated
+        self._work = work = np.empty(self._way.size)
+        self.best = work[self._way.answer]
+        work[0] = 0.0
         if start is not None:
             work[0], self.best[:] = 1.0, start
-        if order is not None or memory != MEMORY:
-            order = rows.order if order is None else order
-            self._arguments = (*rows.law, order, min(memory, self.best.size), rows.problem.dimension)
-        self.done, self.error = 0, math.inf
-        """Sweeps, and the judged error of `best`, ∞ before the first."""
+        self.done, self.error, self.seen = 0, math.inf, 0
+        """Sweeps, the judged error of `best`, ∞ before the first, and contacts seen for errors."""
 
     def sweep(self, count: int, tolerance: float, look: Callable[[], None] | None = None) -> bool:
         """At most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN.
 
         `look` is called when a better answer was found, and changes nothing in the sweeps.
         """
+        sweeps, arguments = self._way.kernel, (*self._way.arguments, self._work, tolerance)
         until, status = self.done + count, CONTINUE
         while status == CONTINUE:
             seen = self.error
-            status, self.done, self.error = self._sweeps(
-                *self._arguments, self._work, tolerance, until, look is not None
-            )
+            status, self.done, self.error, self.seen = sweeps(*arguments, until, look is not None)
             if look is not None and self.error < seen and self.done > 0:
                 look()
             if self.done >= until:
                 break
         return status != NOT_FINITE
+
+    def iterate(self) -> Iterate:
+        """For other sweeps to go on from, in the memory of these."""
+        problem = self._rows.problem
+        state, measured, best, r, lam = kernel("anderson").iterate(self._work, problem.q.size, problem.nc)
+        return Iterate(r, lam, state, measured, best)
+
+
+def work(problem: FrictionContact, done: int, seen: int) -> dict[str, int]:
+    """What so many sweeps are counted as, errors of so many contacts among them."""
+    products = -(-seen // problem.nc)
+    return {"iterations": done, "projections": done * problem.nc, "matrix_vector_products": products}
 
 
 def block_rows(problem: FrictionContact) -> BlockRows:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.contact.contact_relaxation import TRAITS, Advance, Local, Relaxation, Shape, general
-from cpbench.solvers.native.contact.contact_sweeps import BlockRows
+from cpbench.solvers.native.contact.contact_sweeps import BlockRows, Iterate
 from cpbench.solvers.options import fixed, searched
 
 
@@ -43,9 +42,9 @@ class PSORContact(Relaxation):
         by_default=False,
     )
 
-    def advance(self, prepared: BlockRows, budget: Budget, options: PSORContactOptions, r: Vector) -> Advance:
+    def advance(self, prepared: BlockRows, options: PSORContactOptions, at: Iterate) -> Advance:
         shape = Shape(Local.PROJECTION, options.omega, shuffle=options.shuffle, symmetric=options.symmetric)
-        return general(prepared, shape, r)
+        return general(prepared, shape, at)
 
 
 @dataclass(frozen=True)
@@ -78,5 +77,5 @@ class JacobiContact(Relaxation):
         by_default=False,
     )
 
-    def advance(self, prepared: BlockRows, budget: Budget, options: JacobiContactOptions, r: Vector) -> Advance:
-        return general(prepared, Shape(options.local, options.omega, simultaneous=True), r)
+    def advance(self, prepared: BlockRows, options: JacobiContactOptions, at: Iterate) -> Advance:
+        return general(prepared, Shape(options.local, options.omega, simultaneous=True), at)

@@ -3,16 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled
-from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, SolverSpec, register
-from cpbench.solvers.native.contact.contact_relaxation import TRAITS, Advance, Local, Relaxation, Shape, general
-from cpbench.solvers.native.contact.contact_sweeps import BlockRows, kernel
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
+from cpbench.solvers.native.contact.contact_relaxation import (
+    AT_FIRST,
+    TRAITS,
+    Advance,
+    Local,
+    Relaxation,
+    Shape,
+    general,
+)
+from cpbench.solvers.native.contact.contact_sweeps import (
+    LOGGED,
+    ROUNDED,
+    AcceleratedSweeps,
+    BlockRows,
+    Iterate,
+    conclude,
+    kernel,
+    work,
+)
 from cpbench.solvers.options import fixed, searched
 
 
@@ -53,11 +69,32 @@ class NSGS(Relaxation):
             kernel("contact_relaxation")  # so that it is not loaded, nor compiled the first time, while solving
         return super().setup(problem, budget, options)
 
-    def advance(self, prepared: BlockRows, budget: Budget, options: NSGSOptions, r: Vector) -> Advance:
+    def solve(
+        self,
+        prepared: BlockRows,
+        budget: Budget,
+        options: NSGSOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        if start is not None or record is not None or not _plain(options) or prepared.problem.nc == 0:
+            return super().solve(prepared, budget, options, start, record)
+        sweeps = AcceleratedSweeps(prepared, way=prepared.plain)
+        limit = budget.iterations or options.max_iterations
+        sweeps.sweep(min(AT_FIRST, limit), budget.tolerance)
+        # most small problems are done here, in less time than it takes to prepare for more
+        if sweeps.error <= budget.tolerance:
+            made = work(prepared.problem, sweeps.done, sweeps.seen)
+            return conclude(prepared.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
+        at = sweeps.iterate()
+        at.state[LOGGED] = 0
+        return self.swept(prepared, budget, options, at, np.inf, None)
+
+    def advance(self, prepared: BlockRows, options: NSGSOptions, at: Iterate) -> Advance:
         if _fast(options):
-            return _exact(prepared, options, r)
+            return _exact(prepared, options, at)
         shape = Shape(options.local, options.omega, shuffle=options.shuffle, symmetric=options.symmetric)
-        return general(prepared, shape, r)
+        return general(prepared, shape, at)
 
 
 def _fast(options: NSGSOptions) -> bool:
@@ -65,11 +102,16 @@ def _fast(options: NSGSOptions) -> bool:
     return options.local is Local.EXACT and not options.symmetric
 
 
-def _exact(prepared: BlockRows, options: NSGSOptions, r: Vector) -> Advance:
+def _plain(options: NSGSOptions) -> bool:
+    """Whether the sweeps are those of `AcceleratedSweeps` without acceleration."""
+    return _fast(options) and options.omega == 1.0 and not options.shuffle
+
+
+def _exact(prepared: BlockRows, options: NSGSOptions, at: Iterate) -> Advance:
     """The fast sweeps."""
     problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
     sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
     order = prepared.order.copy() if options.shuffle else prepared.order
-    iterate = (r, np.zeros(problem.mu.size), order)
+    iterate = (at.r, at.lam, order)
     relaxed = (options.omega, options.shuffle)
     return lambda tolerance, until, *progress: sweeps(*prepared.law, *iterate, *relaxed, tolerance, until, *progress)

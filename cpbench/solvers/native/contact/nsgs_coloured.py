@@ -79,7 +79,7 @@ class Coloured:
     def judged(self, r: Vector) -> float:
         if not r.size:
             return 0.0
-        return kernel("gauss_seidel").judged(*self.matrix[:4], *self.law, r, self.problem.dimension)
+        return kernel("contact_error").judged(*self.matrix[:4], *self.law, r, self.problem.dimension)
 
     def shares(self, threads: int) -> list[list[NDArray[np.int64]]]:
         """For every colour its contacts in as many shares, of about as many blocks each."""
@@ -144,7 +144,7 @@ class NSGSColoured(Solver):
     )
 
     def setup(self, problem: FrictionContact, budget: Budget, options: ColouredOptions) -> Coloured:
-        kernel("gauss_seidel")
+        kernel("contact_error")
         return Coloured.of(problem)
 
     def warmup(self) -> None:
