@@ -79,7 +79,12 @@ ASKED = (
         for t in (1e-4, 1e-8)
     ),
     *(Asked(f"auto-contact to {t:.0e}, best of eight", "contact auto", 1, 4, 5, tolerance=t) for t in (1e-4, 1e-8)),
+    *(
+        Asked(f"auto-contact to {t:.0e}, where one compiled call is all", "contact kernel", 1, tolerance=t)
+        for t in (1e-4, 1e-8)
+    ),
     Asked("MLCP, best against best", "mlcp best", 1),
+    Asked("MLCP, one compiled call", "mlcp kernel", 1),
     Asked("QP, best native against best backend", "qp best", 0.5),
     Asked("95,000 contacts: reading W once / one sweep", "large floor", 0.5, aim=0.67),
     Asked("95,000 contacts: 1.3 W / memory of NSGS", "large memory", 1),
@@ -94,7 +99,7 @@ def parts(data: Path | None) -> dict[str, list[str]]:
     mixed = ["--data", str(data / "mlcp")] if data else []
     table = {
         "lcp": ["lcp_against_siconos.py", "--sizes", "5,10,20,50,1000"],
-        "mlcp": ["mlcp_against_siconos.py", "--races", "best", *mixed],
+        "mlcp": ["mlcp_against_siconos.py", "--races", "best,kernel", *mixed],
         "qp": ["qp_against_backends.py"],
         "large": ["large_contacts.py"],
         "first": ["first_solve.py"],

@@ -8,7 +8,10 @@ numbers of `residuals`; as they stop on one of these, `natural`, they are asked 
 within the tolerance, too. With --natural they are judged by that one alone, and we still by all.
 
 `auto` is auto-contact against the fastest of eight of their solvers, chosen afterwards for every problem and
-tolerance. `nsgs` is NSGS with the error evaluated in full against nsgs, and `sweep` the time of a sweep of both.
+tolerance. With it comes `kernel` on problems that are solved by the first compiled call of auto-contact: that call
+alone, with memory that the caller holds, as theirs is called; the rest of our time there is the frozen answer that
+Python makes of it. `nsgs` is NSGS with the error evaluated in full against nsgs, and `sweep` the time of a sweep of
+both.
 Their object and our `setup` are made once and are not in the time; what `setup` takes is printed beside it.
 """
 
@@ -39,6 +42,8 @@ PATIENCE = 8.0
 SLOW = 0.5
 """A solve that takes longer than this is raced in fewer pairs."""
 SWEEPS = 20_000
+FEW = 50
+"""Contacts up to which the first call is raced alone."""
 MEASURED_SWEEPS, FEWEST = 120, 12
 """Sweeps of the longer of two runs whose difference is the time of sweeps, the shorter has a sixth; less where one side
 comes to rest earlier, and there is no race where that takes less than FEWEST."""
@@ -265,6 +270,29 @@ def ours_on(name: str, problem: Any, tolerance: float, iterations: int | None = 
     return side, setup
 
 
+def call_on(problem: Any, tolerance: float) -> Side:
+    """The first compiled call of auto-contact; not solved where there are others."""
+    import numpy as np
+
+    from cpbench.formulations import FCPoint
+    from cpbench.solvers.native.contact.auto_contact import AutoContactOptions
+    from cpbench.solvers.native.contact.contact_sweeps import block_rows
+    from cpbench.verification import judge
+
+    way, sweeps = block_rows(problem).accelerated, AutoContactOptions().sweeps
+    work = np.empty(way.size)
+
+    def call() -> None:
+        work[0] = 0.0  # from the beginning
+        way.kernel(*way.arguments, work, tolerance, sweeps, False)
+
+    side = Side("first call", lambda repeats: loop(call, 1, repeats))
+    side.seconds = side.measure(3)
+    verdict = judge(problem, FCPoint(r=work[way.answer].copy()), tolerance)
+    side.error, side.solved = verdict.error, verdict.solved
+    return side
+
+
 def theirs_on(siconos: Siconos, label: str, solver: str, problem: Any, tolerance: float, measure: str | None) -> Side:
     """The first solve, and where it is short others."""
     import numpy as np
@@ -356,6 +384,10 @@ def rows_of(
             row = Row(what, name, problem.nc, tolerance, best, mine, setup=setup)
             row.race()
             yield row
+            if what == "auto" and problem.nc <= FEW and (call := call_on(problem, tolerance)).solved:
+                row = Row("kernel", name, problem.nc, tolerance, best, call)
+                row.race()
+                yield row
 
 
 def main(
@@ -380,7 +412,7 @@ def main(
     print(f" {'theirs [ms] (error)':>18s} {'ours [ms] (error)':>18s} {'setup':>8s}  theirs / ours")
     for row in rows:
         print(row)
-    for what in races:
+    for what in dict.fromkeys(row.what for row in rows):
         for tolerance in dict.fromkeys(row.tolerance for row in rows if row.what == what):
             chosen = [row for row in rows if row.what == what and row.tolerance == tolerance]
             ratios = [row.ratio for row in chosen if not math.isnan(row.ratio)]
