@@ -167,11 +167,14 @@ class Point:
     @classmethod
     def adopt(cls, *vectors: Vector) -> Self:
         """A point of vectors of float64 that nobody else holds, in the order of the fields: frozen, not copied."""
+        names = cls.__match_args__  # type: ignore[attr-defined]
+        if len(vectors) != len(names):
+            raise TypeError(f"{cls.__name__} has {len(names)} vectors, not {len(vectors)}")
         point = object.__new__(cls)
         own = point.__dict__
-        for name, value in zip(cls.__dataclass_fields__, vectors, strict=True):
+        for place, value in enumerate(vectors):
             value.setflags(False)
-            own[name] = value
+            own[names[place]] = value
         return point
 
     def _vector(self, name: str, value: Any) -> Vector:

@@ -148,15 +148,17 @@ class Iterate:
 class AcceleratedSweeps:
     """Sweeps with Anderson's acceleration, in pieces, from `start` or from 0; see the kernel `anderson`."""
 
+    done, error, seen = 0, math.inf, 0
+    """Sweeps, the judged error of `best`, ∞ before the first, and contacts seen for errors."""
+
     def __init__(self, rows: BlockRows, start: Vector | None = None, way: Sweeping | None = None) -> None:
-        self._rows, self._way = rows, way or rows.accelerated
-        self._work = work = np.empty(self._way.size)
-        self.best = work[self._way.answer]
+        self._rows = rows
+        self._way = way = way or rows.accelerated
+        self._work = work = np.empty(way.size)
+        self.best = work[way.answer]
         work[0] = 0.0
         if start is not None:
             work[0], self.best[:] = 1.0, start
-        self.done, self.error, self.seen = 0, math.inf, 0
-        """Sweeps, the judged error of `best`, ∞ before the first, and contacts seen for errors."""
 
     def sweep(self, count: int, tolerance: float, look: Callable[[], None] | None = None) -> bool:
         """At most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN.
@@ -236,11 +238,12 @@ def conclude(
 
     The kernel's error is the same formula; only where rounding could part the two is it measured afresh.
     """
+    if budget.tolerance >= FINE and error <= MARGIN * budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=FCPoint.adopt(r.copy()), counters=counters)
     if not error <= budget.tolerance and not np.isfinite(r).all():  # an infinite r has no finite error
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
     point = FCPoint.adopt(r.copy())
-    if not (budget.tolerance >= FINE and error <= MARGIN * budget.tolerance):
-        error = problem.residuals(point, budget.tolerance).error
+    error = problem.residuals(point, budget.tolerance).error
     if error <= budget.tolerance:
         return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
     return SolverOutput(claim=claim, point=point, counters=counters, message=f"{message}, error {error:.1e}")
