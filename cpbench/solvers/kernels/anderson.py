@@ -21,6 +21,7 @@ from cpbench.solvers.kernels.contact_error import (
     PACE,
     SEEN,
     checked,
+    due,
     judged,
     looked,
 )
@@ -223,8 +224,10 @@ def accelerated(
         else:
             residual = sweep_2d(start, column, blocks, diagonal, q, mu, rho, g, order, 1.0)
         state[ITERATION] += 1
-        law = (start, column, blocks, diagonal, q, mu, rho, g, dimension)
-        evaluated, error = looked(*law, state, until, residual, tolerance, measured)
+        evaluated, error = False, np.inf
+        if due(state, until, residual, tolerance, measured):
+            law = (start, column, blocks, diagonal, q, mu, rho, g, dimension)
+            evaluated, error = looked(*law, state, until, residual, tolerance, measured)
         if evaluated:
             outcome = checked(state, error, residual, tolerance, measured, g, best)
             if outcome != CONTINUE:

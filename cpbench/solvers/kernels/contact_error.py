@@ -122,17 +122,23 @@ def _lengths(q, rho, r, dimension):
 
 
 @njit(error_model="numpy")
+def due(state, until, change, tolerance, measured):
+    """Whether the error is to be looked at: it is time, or the change in this sweep says that it may be small enough,
+    or is no number."""
+    it = state[ITERATION]
+    foretold = not measured[PACE] * change > tolerance * tolerance and measured[PACE] < np.inf
+    return it >= state[NEXT_CHECK] or it == until or foretold
+
+
+@njit(error_model="numpy")
 def looked(
     start, column, blocks, diagonal, q, mu, rho, r, dimension, state, until, change, tolerance, measured
 ):  # fmt: skip
-    """(whether the error of r is known, the error). It is where it is time, and where it is small; change : of the
+    """(whether the error of r is known, the error): always where it is time, else where it is small. change : of the
     sweep that made r."""
     it, square = state[ITERATION], tolerance * tolerance
     natural_most = energy_most = np.inf
     if it < state[NEXT_CHECK] and it != until:
-        # what is no number is looked at
-        if measured[PACE] * change > square or measured[PACE] == np.inf:
-            return False, np.inf
         natural_most, energy_most = _lengths(q, rho, r, dimension)
         natural_most, energy_most = square * natural_most, square * energy_most
     error, seen = _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_most, energy_most)

@@ -13,6 +13,7 @@ from cpbench.solvers.kernels.contact_error import (
     LEAST,
     LOGGED,
     checked,
+    due,
     looked,
     velocity_2d,
     velocity_3d,
@@ -162,8 +163,10 @@ def relax(
                 change += gap * gap / rho[i]
                 r[d * i + k] += share * gap
         state[ITERATION] += 1
-        law = (start, column, blocks, diagonal, q, mu, rho, r, d)
-        known, error = looked(*law, state, until, change, tolerance, measured)
+        known, error = False, np.inf
+        if due(state, until, change, tolerance, measured):
+            law = (start, column, blocks, diagonal, q, mu, rho, r, d)
+            known, error = looked(*law, state, until, change, tolerance, measured)
         if known:
             if simultaneous:
                 omega[1] = 0.0 if error < measured[LEAST] else omega[1] + 1.0

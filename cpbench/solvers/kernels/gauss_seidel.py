@@ -11,6 +11,7 @@ from cpbench.solvers.kernels.contact_error import (
     LOGGED,
     RANDOM,
     checked,
+    due,
     looked,
     velocity_2d,
     velocity_3d,
@@ -150,8 +151,10 @@ def sweeps_3d(
             shuffled(order, state)
         change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
         state[ITERATION] += 1
-        law = (start, column, blocks, diagonal, q, mu, rho, r, 3)
-        known, error = looked(*law, state, until, change, tolerance, measured)
+        known, error = False, np.inf
+        if due(state, until, change, tolerance, measured):
+            law = (start, column, blocks, diagonal, q, mu, rho, r, 3)
+            known, error = looked(*law, state, until, change, tolerance, measured)
         if known:
             log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
             outcome = checked(state, error, change, tolerance, measured, r, best)
@@ -189,8 +192,10 @@ def sweeps_2d(
             shuffled(order, state)
         change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
         state[ITERATION] += 1
-        law = (start, column, blocks, diagonal, q, mu, rho, r, 2)
-        known, error = looked(*law, state, until, change, tolerance, measured)
+        known, error = False, np.inf
+        if due(state, until, change, tolerance, measured):
+            law = (start, column, blocks, diagonal, q, mu, rho, r, 2)
+            known, error = looked(*law, state, until, change, tolerance, measured)
         if known:
             log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
             outcome = checked(state, error, change, tolerance, measured, r, best)
