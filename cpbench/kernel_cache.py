@@ -38,6 +38,8 @@ def ensure_cache_dir() -> Path:
     """
     given = os.environ.get(VARIABLE)
     if given:
+        with contextlib.suppress(OSError):  # numba makes it too, but later than the lock and the stamps need it
+            Path(given).mkdir(parents=True, exist_ok=True)
         return Path(given)
     beside = _PACKAGE / "__pycache__"
     if _writable(beside):

@@ -141,7 +141,7 @@ def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: in
 
 
 def test_places_have_the_kernels_names() -> None:
-    kernel = kernel_cache.load("cpbench.solvers.kernels.contact_error")
+    kernel = kernel_cache.load("cpbench.solvers.kernels.sweep_progress")
     for name in (
         "CONTINUE",
         "NOT_FINITE",

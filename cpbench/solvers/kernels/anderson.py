@@ -10,7 +10,9 @@ import numpy as np
 from numba import boolean, float64, int64, njit, types
 
 from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
-from cpbench.solvers.kernels.contact_error import (
+from cpbench.solvers.kernels.contact_error import judged, looked
+from cpbench.solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
+from cpbench.solvers.kernels.sweep_progress import (
     CONTINUE,
     CONVERGED,
     FIRST,
@@ -22,10 +24,7 @@ from cpbench.solvers.kernels.contact_error import (
     SEEN,
     checked,
     due,
-    judged,
-    looked,
 )
-from cpbench.solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
 
 COLUMNS, FOLLOWS, EXTRAPOLATED, REJECTED = range(6, 10)
 """Places in `state` behind those of the sweeps: columns ever made since the last were forgotten; 1 where g and f are

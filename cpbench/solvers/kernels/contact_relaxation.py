@@ -7,20 +7,10 @@ import numpy as np
 from numba import boolean, float64, int64, njit
 
 from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, START, VECTOR
-from cpbench.solvers.kernels.contact_error import (
-    CONTINUE,
-    ITERATION,
-    LEAST,
-    LOGGED,
-    checked,
-    due,
-    looked,
-    velocity_2d,
-    velocity_3d,
-)
+from cpbench.solvers.kernels.contact_error import looked, velocity_2d, velocity_3d
 from cpbench.solvers.kernels.contact_local import enumerate_modes, newton, project, project_often
-from cpbench.solvers.kernels.gauss_seidel import shuffled
 from cpbench.solvers.kernels.one_contact import PROJECT, one_contact_2d, one_contact_3d
+from cpbench.solvers.kernels.sweep_progress import CONTINUE, ITERATION, LEAST, LOGGED, checked, due, shuffled
 
 EXACT, NEWTON, PROJECTION, PROJECTIONS, QUARTIC = range(5)
 GROWN, IDLE = 4.0, 4

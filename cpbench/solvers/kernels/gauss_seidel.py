@@ -5,18 +5,9 @@ from numba import boolean, float64, int64, njit
 
 from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
 from cpbench.solvers.kernels.block_row import fetch
-from cpbench.solvers.kernels.contact_error import (
-    CONTINUE,
-    ITERATION,
-    LOGGED,
-    RANDOM,
-    checked,
-    due,
-    looked,
-    velocity_2d,
-    velocity_3d,
-)
+from cpbench.solvers.kernels.contact_error import looked, velocity_2d, velocity_3d
 from cpbench.solvers.kernels.one_contact import PROJECT, natural_step, one_contact_2d, one_contact_3d
+from cpbench.solvers.kernels.sweep_progress import CONTINUE, ITERATION, LOGGED, checked, due, shuffled
 
 CACHED, AHEAD, LINE = 1 << 20, 20, 8
 """Of more numbers than a near cache holds, the blocks of the contact that is AHEAD places on are asked for, a LINE of
@@ -77,17 +68,6 @@ def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
         r[2 * i] = old0 + omega * (x0 - old0)
         r[2 * i + 1] = old1 + omega * (x1 - old1)
     return change
-
-
-@njit(error_model="numpy")
-def shuffled(order, state):
-    """Fisher–Yates in place, with the 64-bit linear congruential generator of Knuth (MMIX)."""
-    x = np.uint64(state[RANDOM])
-    for k in range(order.size - 1, 0, -1):
-        x = x * np.uint64(6364136223846793005) + np.uint64(1442695040888963407)
-        other = np.int64((x >> np.uint64(33)) % np.uint64(k + 1))
-        order[k], order[other] = order[other], order[k]
-    state[RANDOM] = np.int64(x)
 
 
 _ARGUMENTS = (

@@ -186,7 +186,7 @@ def advance(
     error_model="numpy",
     nogil=True,
 )
-def _solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
+def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
     """`lemke` in workspace: C (n+1, n), E (K, n), reals (2, n), numbers (7, max(2n+1, K))."""
     n = q.size
     p = 0.0
@@ -268,82 +268,7 @@ def lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
         return whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
     C, E, reals = np.empty((n + 1, n)), np.empty((n + SPARE, n)), np.empty((2, n))
     numbers = np.empty((7, 2 * n + SPARE), np.int64)
-    return _solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
-
-
-@njit(
-    "void(float64[:,:,::1], float64[:,::1], float64[:,::1], int64[::1], int64, float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
-def lemke_batch(M, q, z, codes, max_pivots, pivot_tolerance, tie_tolerance):
-    """`lemke` on each of M (k, n, n), q (k, n): writes z (k, n) and codes (k,)."""
-    n = q.shape[1]
-    if n <= WHOLE:
-        T, reals = np.empty((n, n + 1)), np.empty((4, n + 1))
-        numbers = np.empty((4, 2 * n + 1), np.int64)
-        for i in range(q.shape[0]):
-            codes[i] = whole_tableau(M[i], q[i], z[i], T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
-        return
-    C, E, reals = np.empty((n + 1, n)), np.empty((n + SPARE, n)), np.empty((2, n))
-    numbers = np.empty((7, 2 * n + SPARE), np.int64)
-    for i in range(q.shape[0]):
-        codes[i] = _solve(M[i], q[i], z[i], C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
-
-
-@njit(
-    void(ANY_ORDER, float64, float64[:, ::1], int64[::1], int64[::1], float64[:, ::1], int64[::1], int64),
-    cache=True,
-    nogil=True,
-)
-def align(columns, factor, C, age, slots, E, rows, block):
-    """Bring the columns of `slots` to the next multiple of `block` pivots, one after the other."""
-    for slot in slots:
-        update(columns, factor, C, age, slot, E, rows, (max(age[slot], 0) + block - 1) // block * block)
-
-
-@njit(
-    "void(float64[:,::1], int64, float64[:,::1], int64[::1], int64, float64[:,::1], float64[:,::1])",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
-def prepare(W, count, E, rows, begin, t, x):
-    """The factors t (count, K) of K pivots from `begin` on the first columns W, and their entries x in those rows.
-
-    The caller takes t E from W, and `restore` puts x where the pivots are: written afresh, without cancellation.
-    """
-    K = t.shape[1]
-    S = np.empty((K, K))
-    first = np.empty(K, np.int64)
-    for p in range(K):
-        # a row that is pivoted on twice has two places in x: the first is the one that counts
-        first[p] = p
-        for a in range(p):
-            if rows[begin + a] == rows[begin + p]:
-                first[p] = first[a]
-        for a in range(K):
-            S[p, a] = E[begin + p, rows[begin + a]]
-    for c in range(count):
-        for a in range(K):
-            x[c, a] = W[c, rows[begin + a]]
-        for p in range(K):
-            factor = x[c, first[p]] * S[p, p]
-            t[c, p] = factor
-            for a in range(K):
-                x[c, a] -= S[p, a] * factor
-            x[c, first[p]] = factor
-        for a in range(K):
-            x[c, a] = x[c, first[a]]
-
-
-@njit("void(float64[:,::1], int64, int64[::1], int64, float64[:,::1])", cache=True, nogil=True)
-def restore(W, count, rows, begin, x):
-    """W of the first columns in the rows of the pivots, as `prepare` has found them."""
-    for c in range(count):
-        for a in range(x.shape[1]):
-            W[c, rows[begin + a]] = x[c, a]
+    return solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
 
 
 READY = True

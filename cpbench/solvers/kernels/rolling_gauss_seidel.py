@@ -7,9 +7,8 @@ import numpy as np
 from numba import boolean, float64, int64, njit, void
 
 from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
-from cpbench.solvers.kernels.contact_error import ITERATION, NEXT_CHECK
-from cpbench.solvers.kernels.gauss_seidel import shuffled
 from cpbench.solvers.kernels.rolling_local import natural_step, one_contact
+from cpbench.solvers.kernels.sweep_progress import ITERATION, NEXT_CHECK, shuffled
 
 HARD, RISKED = 2, 4
 """Places in `state`: contacts that the last sweep solved without Newton, and as many since the caller put it to 0."""

@@ -32,7 +32,7 @@ LOG = 256
 CONTINUE, NOT_FINITE = 0, 2
 ITERATION, NEXT_CHECK, LOGGED, RANDOM, SEEN, PLACES = 0, 1, 2, 3, 5, 6
 PACE, LEAST, FIRST = 0, 2, 4
-"""Of what the sweeps return, of `state` and of `measured`: the names of the kernel `contact_error`."""
+"""Of what the sweeps return, of `state` and of `measured`: the names of the kernels, in `sweep_progress`."""
 
 
 @cache

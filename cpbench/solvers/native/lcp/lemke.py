@@ -15,7 +15,7 @@ from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lcp_claims import conclude, dense_obstacle, ended_in_basis, error_of, farkas
-from cpbench.solvers.native.lcp.lemke_columns import Columns
+from cpbench.solvers.native.lcp.lemke_columns import BLOCKS, Columns
 from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.solvers.options import fixed, searched
 
@@ -68,6 +68,8 @@ class Lemke(Solver):
         return dense_obstacle(problem)
 
     def setup(self, problem: LCP, budget: Budget, options: LemkeOptions) -> DenseLCP:
+        if problem.q.size > SMALL:
+            load(BLOCKS)  # so that it is not loaded, nor compiled the first time, while solving
         return dense_lcp(problem, by_columns=problem.q.size > SMALL)
 
     def warmup(self) -> None:

@@ -38,6 +38,7 @@ def batch(
     Raises ProblemError where the shapes do not fit together. Data are not checked otherwise.
     """
     kernel = load(PIVOTING)
+    every = load("cpbench.solvers.kernels.pivoting_batch").lemke_batch
     options = options or LemkeOptions()
     M, q = (np.ascontiguousarray(a, dtype=float) for a in (M, q))
     if q.ndim != 2 or M.shape != (*q.shape, q.shape[-1]):
@@ -48,7 +49,7 @@ def batch(
 
     def part(begin: int, end: int) -> None:
         cut = slice(begin, end)
-        kernel.lemke_batch(M[cut], q[cut], z[cut], codes[cut], limit, options.pivot_tolerance, options.tie_tolerance)
+        every(M[cut], q[cut], z[cut], codes[cut], limit, options.pivot_tolerance, options.tie_tolerance)
 
     if threads > 1 and k > 1:
         bounds = np.linspace(0, k, threads + 1).astype(int).tolist()

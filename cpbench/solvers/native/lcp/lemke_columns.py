@@ -8,8 +8,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.linalg import blas
 
+from cpbench.kernel_cache import load
 from cpbench.matrices import Vector
 
+BLOCKS = "cpbench.solvers.kernels.column_blocks"
 BLOCK = 32
 """Pivots that are applied to several columns as one matrix product."""
 FAR = 3
@@ -130,7 +132,7 @@ class Columns:
         self._age[:] = 0
 
     def _bring(self, slots: np.ndarray[Any, Any]) -> None:
-        block, kernel, E, rows = self._block, self._kernel, self._E, self._rows
+        block, blocks, E, rows = self._block, load(BLOCKS), self._E, self._rows
         end = int(self._state[0]) // block * block
         if self._source is not None:
             new = slots[self._age[slots] < 0]
@@ -139,16 +141,16 @@ class Columns:
         slots = slots[self._age[slots] < end]
         if slots.size == 0:
             return
-        kernel.align(self._columns, self._factor, self._C, self._age, slots, E, rows, block)
+        blocks.align(self._columns, self._factor, self._C, self._age, slots, E, rows, block)
         slots = slots[np.argsort(self._age[slots], kind="stable")]
         ages = self._age[slots]
         W = self._C[slots]
         t, x = np.empty((2, slots.size, block))
         for begin in range(int(ages[0]), end, block):
             count = int(np.searchsorted(ages, begin, side="right"))
-            kernel.prepare(W, count, E, rows, begin, t, x)
+            blocks.prepare(W, count, E, rows, begin, t, x)
             # W -= t E in place; BLAS wants columns, so on the transposes
             blas.dgemm(-1.0, E[begin : begin + block].T, t[:count].T, 1.0, W[:count].T, overwrite_c=True)
-            kernel.restore(W, count, rows, begin, x)
+            blocks.restore(W, count, rows, begin, x)
         self._C[slots] = W
         self._age[slots] = end
