@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 
 from cpbench.solvers.kernels.pivoting import update
-from cpbench.solvers.kernels.tableau import COMPLEMENTARY, LIMIT, NOT_FINITE, RAY, finite
+from cpbench.solvers.kernels.tableau import COMPLEMENTARY, LIMIT, NOT_FINITE, RAY
+from cpbench.solvers.kernels.vectors import finite
 
 
 @njit(

@@ -13,6 +13,7 @@ from numba import int64, njit
 
 from cpbench.solvers.kernels.array_types import DATA, FAST, INDEX, VECTOR
 from cpbench.solvers.kernels.frozen_contact import CONE, product, project
+from cpbench.solvers.kernels.vectors import put
 
 FIXED_POINT, EXTRAGRADIENT = 0, 1
 LARGE, SMALL = 0.9, 0.3
@@ -76,8 +77,8 @@ def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
             _step(x, rho[0], G, mu, d, y)
             _shifted(start, column, blocks, q, mu, d, y, G)
             evaluations += 1
-        x[:] = y
-        F[:] = G
+        put(x, y)
+        put(F, G)
         if ratio < SMALL:
             rho[0] = min(rho[0] / SHORTER, LONGEST)
     return evaluations

@@ -11,6 +11,7 @@ from cpbench.solvers.kernels.contact_error import looked, velocity_2d, velocity_
 from cpbench.solvers.kernels.contact_local import enumerate_modes, newton, project, project_often
 from cpbench.solvers.kernels.one_contact import PROJECT, one_contact_2d, one_contact_3d
 from cpbench.solvers.kernels.sweep_progress import CONTINUE, ITERATION, LEAST, LOGGED, checked, due, shuffled
+from cpbench.solvers.kernels.vectors import put
 
 EXACT, NEWTON, PROJECTION, PROJECTIONS, QUARTIC = range(5)
 GROWN, IDLE = 4.0, 4
@@ -108,7 +109,7 @@ def relax(
             shuffled(order, state)
         backwards = symmetric and state[ITERATION] % 2 == 1
         if simultaneous:
-            old[:] = r
+            put(old, r)
         change = 0.0
         for place in range(order.size):
             i = order[order.size - 1 - place] if backwards else order[place]
@@ -161,7 +162,7 @@ def relax(
             if simultaneous:
                 omega[1] = 0.0 if error < measured[LEAST] else omega[1] + 1.0
                 if omega[1] >= IDLE or not error <= GROWN * measured[LEAST]:
-                    r[:] = best
+                    put(r, best)
                     omega[0] *= 0.5
                     omega[1] = 0.0
                     error = measured[LEAST]

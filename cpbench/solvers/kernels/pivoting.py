@@ -18,12 +18,12 @@ from cpbench.solvers.kernels.tableau import (
     NOT_FINITE,
     RAY,
     blocking,
-    finite,
     first_row,
     kept,
     largest,
     whole_tableau,
 )
+from cpbench.solvers.kernels.vectors import finite
 
 BEHIND, FULL = 4, 5
 """Two more outcomes of `advance`: the entering column is far behind; there is no room for more pivots."""

@@ -106,13 +106,13 @@ def equilibrate(H, G, column, row, passes):
                 tops[j] = max(tops[j], a)
             sides[i] = side
         for i in range(n):
-            tops[i] = 2.0 ** np.round(-0.5 * np.log2(tops[i])) if tops[i] > 0.0 else 1.0
+            tops[i] = 2.0 ** np.rint(-0.5 * np.log2(tops[i])) if tops[i] > 0.0 else 1.0
             column[i] *= tops[i]
         for i in range(n):
             for j in range(n):
                 H[i, j] *= tops[i] * tops[j]
         for i in range(r):
-            side = 2.0 ** np.round(-0.5 * np.log2(sides[i])) if sides[i] > 0.0 else 1.0
+            side = 2.0 ** np.rint(-0.5 * np.log2(sides[i])) if sides[i] > 0.0 else 1.0
             row[i] *= side
             for j in range(n):
                 G[i, j] *= side * tops[j]

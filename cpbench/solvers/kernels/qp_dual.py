@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit, types
 
 from cpbench.solvers.kernels.qp_dense import dot
+from cpbench.solvers.kernels.vectors import put
 
 SOLVED, LIMIT, INFEASIBLE, STALLED = 0, 1, 2, 3
 JOINED, GONE, RAY = 0, 1, 2
@@ -88,7 +89,7 @@ def _outside(M, R, W, count, p, work):
         return np.sqrt(square)
     rest, change = work[n : 2 * n], work[2 * n : 2 * n + count]
     column[:] = 0.0
-    rest[:] = m
+    put(rest, m)
     for _ in range(2):
         for j in range(count):
             change[j] = dot(M[W[j]], rest)
@@ -317,7 +318,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
             value += (v[k] - v0[k]) ** 2
         if not value > gained[0] * (1.0 + 1e-14):
             if state[TOGETHER]:
-                y[:] = before
+                put(y, before)
                 state[PART] *= 2
                 state[TOGETHER] = 0
                 begin(M, lower, upper, v0, v, y, R, W, where, side, state, work)
@@ -327,7 +328,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
             if state[STUCK] > PATIENCE:
                 return STALLED
         gained[0] = max(gained[0], value)
-        before[:] = y
+        put(before, y)
         sign = 1.0 if violation[p] > 0.0 else -1.0
         side[p] = 0 if lower[p] == upper[p] else int(sign)
         state[REFINED], state[INNER], state[TOGETHER] = 0, 1, 0

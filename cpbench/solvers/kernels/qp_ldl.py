@@ -7,6 +7,8 @@ is their dense Schur complement. Davis 2005, ACM Trans. Math. Softw. 31:587 (up-
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.vectors import put
+
 _DATA = types.Array(types.float64, 1, "C", readonly=True)
 _INDEX = types.Array(types.int32, 1, "C", readonly=True)
 _OUT = types.float64[::1]
@@ -42,7 +44,7 @@ def factor(indptr, indices, data, parent, starts, rows, L, D, S, tail):
     y = np.zeros(N)
     seen = np.full(N, -1, np.int64)
     end = np.empty(tail, np.int64)
-    end[:] = starts[:tail]
+    put(end, starts)
     pattern, path = np.empty(N, np.int64), np.empty(N, np.int64)
     for k in range(N):
         top = tail

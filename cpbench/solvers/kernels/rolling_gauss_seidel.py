@@ -9,6 +9,7 @@ from numba import boolean, float64, int64, njit, void
 from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
 from cpbench.solvers.kernels.rolling_local import natural_step, one_contact
 from cpbench.solvers.kernels.sweep_progress import ITERATION, NEXT_CHECK, shuffled
+from cpbench.solvers.kernels.vectors import put
 
 HARD, RISKED = 2, 4
 """Places in `state`: contacts that the last sweep solved without Newton, and as many since the caller put it to 0."""
@@ -125,7 +126,7 @@ def sweeps(
     A, pivots = np.empty((n, n)), np.empty(n, np.int64)
     if state[NEXT_CHECK] == 0:
         measured[ERROR] = measured[LEAST] = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r)
-        best[:] = r
+        put(best, r)
         state[NEXT_CHECK] = 1
         if watched or measured[ERROR] <= tolerance or not np.isfinite(measured[ERROR]):
             return
@@ -166,7 +167,7 @@ def sweeps(
             measured[ERROR] = error
             if error < measured[LEAST]:
                 measured[LEAST] = error
-                best[:] = r
+                put(best, r)
             if watched or error <= tolerance or not np.isfinite(error):
                 return
         if state[RISKED] >= HARD_A_CALL:

@@ -8,6 +8,7 @@ import numpy as np
 from numba import boolean, float64, int64, njit
 
 from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
+from cpbench.solvers.kernels.vectors import put
 
 FAST = {"reassoc", "contract"}
 
@@ -100,7 +101,7 @@ def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetr
 @njit(float64(DATA_2D, DATA, DATA, float64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def afresh_dense(columns, q, z, z_unit, w):
     """w = Mz + q without what sweeps have left in it, from the columns that z needs; returns the judged error."""
-    w[:] = q
+    put(w, q)
     for i in range(q.size):
         if z[i] != 0.0:
             for j in range(q.size):
@@ -111,7 +112,7 @@ def afresh_dense(columns, q, z, z_unit, w):
 @njit(float64(INDEX, INDEX, DATA, DATA, DATA, float64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def afresh_sparse(start, rows, values, q, z, z_unit, w):
     """As `afresh_dense`."""
-    w[:] = q
+    put(w, q)
     for i in range(q.size):
         if z[i] != 0.0:
             for e in range(start[i], start[i + 1]):

@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from cpbench.solvers.kernels.vectors import put
+
 CONTINUE, CONVERGED, NOT_FINITE = 0, 1, 2
 """What the sweeps return: they have come to `until` or the log is full; the error is small enough; NaN."""
 
@@ -30,7 +32,7 @@ def checked(state, error, change, tolerance, measured, r, best):
     at most. Whether that was the end: CONVERGED, NOT_FINITE, else CONTINUE."""
     if error < measured[LEAST]:
         measured[LEAST] = error
-        best[:] = r
+        put(best, r)
     state[LOGGED] += 1
     if error <= tolerance:
         return CONVERGED

@@ -7,6 +7,8 @@ nonbasic variable.
 import numpy as np
 from numba import float64, int64, njit, types
 
+from cpbench.solvers.kernels.vectors import finite
+
 ANY_ORDER = types.Array(float64, 2, "A", readonly=True)
 """A matrix that is read only, by rows or by columns."""
 COMPLEMENTARY, RAY, LIMIT, NOT_FINITE = 0, 1, 2, 3
@@ -103,11 +105,6 @@ def largest(col, ties, count):
         if col[ties[t]] > col[r]:
             r = ties[t]
     return r
-
-
-@njit("boolean(float64[::1])", cache=True, nogil=True)
-def finite(x):
-    return np.isfinite(x).all()
 
 
 @njit(

@@ -1,0 +1,21 @@
+"""What numba takes seconds to compile as NumPy has it, for any shape and type: loops over vectors."""
+
+import math
+
+from numba import njit
+
+
+@njit(error_model="numpy")
+def put(x, y):
+    """x[:] = y."""
+    for k in range(x.size):
+        x[k] = y[k]
+
+
+@njit(error_model="numpy")
+def finite(x):
+    """Whether every number of x is finite."""
+    odd = 0
+    for value in x:
+        odd += not math.isfinite(value)
+    return odd == 0
