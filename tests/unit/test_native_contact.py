@@ -172,6 +172,16 @@ def test_sweeps_end_where_the_error_is_first_small(rng: np.random.Generator, dim
         assert output.counters["matrix_vector_products"] <= sweeps.done
 
 
+def test_a_sum_that_is_given_up_at_the_last_contact_is_no_error() -> None:
+    """Relaxed, so that no contact of a sweep is solved exactly, and few, so that this is often the last."""
+    for seed in range(40):
+        problem, _ = planted.fc(np.random.default_rng(seed), 2, 3, "positive definite")
+        for name, options in (("nsgs", {"omega": 0.8}), ("psor-contact", {}), ("jacobi-contact", {"omega": 0.5})):
+            solver = solvers.get(name)
+            output = solver.run(problem, Budget(tolerance=1e-8), solver.spec.options(**options))
+            assert output.claim is Claim.SOLVED, (seed, name, output.message)
+
+
 def test_the_best_measured_point_is_the_answer() -> None:
     """Over-relaxed sweeps on a hyperstatic problem: the error does not fall from sweep to sweep."""
     rng = np.random.default_rng(5)

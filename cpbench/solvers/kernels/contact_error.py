@@ -64,7 +64,7 @@ def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_mo
         p0, p1, p2 = natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
         energy += ((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2) / rho[i]
         if natural > natural_most or energy > energy_most:
-            return np.inf, i + 1
+            return np.inf, i
         if not u0 >= 0.0:  # else û is in K*
             p0, p1, p2 = natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
             opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)

@@ -20,6 +20,7 @@ from cpbench.solvers.native.contact.contact_sweeps import (
     CONTINUE,
     ITERATION,
     LEAST,
+    LOG,
     LOGGED,
     ROUNDED,
     SEEN,
@@ -36,8 +37,6 @@ BLOCKS_A_CALL = 4_000_000
 """About 20 ms of block products between two looks at the clock."""
 AT_FIRST = 50
 """Sweeps in the first call, which is one for small problems."""
-LOG = 256
-"""Error evaluations a call can log."""
 TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 Advance: TypeAlias = Callable[..., int]
