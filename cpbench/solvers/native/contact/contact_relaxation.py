@@ -118,7 +118,7 @@ class Relaxation(Solver):
         if error < np.inf:
             at.measured[LEAST] = error
         if record is not None:
-            record(0, prepared.judged(r), lambda: FCPoint(r))
+            record(0, prepared.judged(r) if start is None else error, lambda: FCPoint(r))
         return self.swept(prepared, budget, options, at, error, record)
 
     def swept(
