@@ -62,7 +62,7 @@ def small(solver: Any, folder: Path) -> str:
     return str(path)
 
 
-def warm(names: list[str], repeats: int) -> Iterator[tuple[float, str]]:
+def warm(names: list[str], repeats: int) -> Iterator[tuple[str, float, str]]:
     from cpbench.bench.lane import Lane
     from cpbench.bench.planning import plan
     from cpbench.bench.staff import Setting
@@ -86,13 +86,13 @@ def warm(names: list[str], repeats: int) -> Iterator[tuple[float, str]]:
                 ready = time.perf_counter() - before
                 row = lane.run(pair, prepared).row
                 total = time.perf_counter() - before
-                told = f"{ready:6.3f} ready, solve {row['solve'] or 0:9.6f}, {row['status']:10s} {name}"
+                told = f"{ready:6.3f} ready, solve {row['solve'] or 0:9.6f}, {row['status']}"
                 least = min(least, (total, told))
             lane.workers.drop(name)
-            yield least
+            yield name, *least
 
 
-def fresh(names: list[str]) -> Iterator[tuple[float, str]]:
+def fresh(names: list[str]) -> Iterator[tuple[str, float, str]]:
     for solver in chosen(names):
         name = solver.spec.name
         with tempfile.TemporaryDirectory() as cache:
@@ -100,26 +100,26 @@ def fresh(names: list[str]) -> Iterator[tuple[float, str]]:
             command = [sys.executable, "-c", COMPILE, name]
             done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
         seconds, _, kernels = done.stdout.strip().partition(" ")
-        yield float(seconds), f"{name}: {kernels or 'no kernels'}"
+        yield name, float(seconds), kernels or "no kernels"
 
 
 def main(names: list[str], repeats: int, path: Path | None, *, empty: bool) -> None:
-    found: list[tuple[float, str]] = []
-    for seconds, told in fresh(names) if empty else warm(names, repeats):
-        found.append((seconds, told))
-        print(f"# {seconds:6.3f} {told}", flush=True)
+    found = []
+    for name, seconds, told in fresh(names) if empty else warm(names, repeats):
+        found.append((seconds, name, told))
+        print(f"# {seconds:6.3f} {name}: {told}", flush=True)
     limit = FRESH_MOST if empty else WARM_MOST
     which = "first ever" if empty else "first warm"
     race_rows.write(
         path,
         [
-            race_rows.race(which, told, 0, limit / seconds, f"{limit:g} s", f"{seconds:.2f} s")
-            for seconds, told in found
+            race_rows.race(which, name, 0, limit / seconds, f"{limit:g} s", f"{seconds:.2f} s")
+            for seconds, name, _ in found
         ],
     )
-    for seconds, told in sorted(found, reverse=True):
-        print(f"{seconds:7.3f} {told}")
-    print(f"{sum(seconds > limit for seconds, _ in found)} of {len(found)} above {limit:g} s")
+    for seconds, name, told in sorted(found, reverse=True):
+        print(f"{seconds:7.3f} {name}: {told}")
+    print(f"{sum(seconds > limit for seconds, *_ in found)} of {len(found)} above {limit:g} s")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ that lets ‖f‖ grow is not followed and its columns are forgotten. Answers ar
 
 import numpy as np
 from numba import boolean, float64, int64, njit, types
+from numba.extending import register_jitable
 
 from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
 from cpbench.solvers.kernels.contact_error import judged, looked
@@ -145,6 +146,7 @@ def work_size(n, contacts, memory):
     return ANSWER + 7 * n + contacts + 2 * memory * (n + memory + 1)
 
 
+@register_jitable
 def iterate(work, n, contacts):
     """state, measured, best, r and λ in `work`, for the sweeps of `gauss_seidel` to go on from."""
     state, measured, best = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER], work[ANSWER:][:n]
@@ -190,10 +192,10 @@ def accelerated(
     outcome, sweeps done, error of the answer at ANSWER (∞ where there is none), contacts seen for errors.
     """
     n, contacts = q.size, mu.size
-    state, measured = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER]
-    best, r, g = work[ANSWER:][:n], work[ANSWER + n :][:n], work[ANSWER + 2 * n :][:n]
+    state, measured, best, r, lam = iterate(work, n, contacts)
+    g = work[ANSWER + 2 * n :][:n]
     f, g_old, f_old = work[ANSWER + 3 * n :][:n], work[ANSWER + 4 * n :][:n], work[ANSWER + 5 * n :][:n]
-    root, lam, table = work[ANSWER + 6 * n :][:n], work[ANSWER + 7 * n :][:contacts], work[ANSWER + 7 * n + contacts :]
+    root, table = work[ANSWER + 6 * n :][:n], work[ANSWER + 7 * n + contacts :]
     if work[0] != GOING:
         state[:] = 0
         state[NEXT_CHECK] = FIRST

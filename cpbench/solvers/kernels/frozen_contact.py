@@ -9,6 +9,7 @@ import numpy as np
 from numba import float64, int64, njit, void
 
 from cpbench.solvers.kernels.array_types import DATA, FAST, INDEX, VECTOR
+from cpbench.solvers.kernels.one_contact import projected
 
 CONE, CYLINDER, NORMAL, TANGENT = 0, 1, 2, 3
 """Sets: ‖x_T‖ ≤ μ x_N; x_N ≥ 0 and ‖x_T‖ ≤ radius; x_N ≥ 0 with x_T kept; ‖x_T‖ ≤ radius with x_N kept."""
@@ -25,16 +26,9 @@ def project(kind, y0, y1, y2, x0, x1, x2, mu, radius):
     """The nearest point of the set to y; x is where the kept part comes from."""
     if kind == NORMAL:
         return max(y0, 0.0), x1, x2
-    square = y1 * y1 + y2 * y2
     if kind == CONE:
-        t = np.sqrt(square)
-        if t <= mu * y0:
-            return y0, y1, y2
-        if mu * t <= -y0:
-            return 0.0, 0.0, 0.0
-        normal = (mu * t + y0) / (1.0 + mu * mu)
-        factor = mu * normal / t
-        return normal, factor * y1, factor * y2
+        return projected(y0, y1, y2, mu)
+    square = y1 * y1 + y2 * y2
     normal = x0 if kind == TANGENT else max(y0, 0.0)
     if square <= radius * radius:
         return normal, y1, y2

@@ -23,7 +23,7 @@ LINEAR = 1e-14
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _projected(x0, x1, x2, mu):
+def projected(x0, x1, x2, mu):
     """P_K of one vector."""
     t = np.sqrt(x1 * x1 + x2 * x2)
     if t <= mu * x0:
@@ -39,7 +39,7 @@ def _projected(x0, x1, x2, mu):
 def natural_step(r0, r1, r2, u0, u1, u2, mu, rho):
     """P_K(r - ρ û): a fixed point is a solution, whatever the block is like."""
     hat = u0 + mu * np.sqrt(u1 * u1 + u2 * u2)
-    return _projected(r0 - rho * hat, r1 - rho * u1, r2 - rho * u2, mu)
+    return projected(r0 - rho * hat, r1 - rho * u1, r2 - rho * u2, mu)
 
 
 @njit(fastmath=FAST, error_model="numpy")

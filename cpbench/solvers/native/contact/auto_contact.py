@@ -55,7 +55,7 @@ class AutoContact(Solver):
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
-        for name in ("contact_error", "gauss_seidel", "anderson", "contact_splitting"):
+        for name in ("gauss_seidel", "anderson", "contact_splitting"):
             kernel(name)
 
     def solve(

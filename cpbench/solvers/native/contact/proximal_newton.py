@@ -35,7 +35,7 @@ WORSE = 2.0
 class ProximalNewtonOptions(MethodOptions):
     """`alpha` : the first one, in units where every W_cc has mean diagonal 1. `relaxation` : ω. `share` : of ‖Φ‖, to
     which a proximal point is solved. `newton_steps` : of one, at most. `sweeps` : of Gauss–Seidel with acceleration
-    where there is no start. `max_iterations` : proximal points."""
+    before the first. `max_iterations` : proximal points."""
 
     alpha: float = searched(1e-3, low=1e-6, high=1.0, log=True)
     relaxation: float = searched(1.5, low=1.0, high=1.9)
@@ -101,7 +101,8 @@ class ProximalSteps:
 class _ProximalNewton(Method):
     def __init__(self, contacts: ScaledContacts, options: ProximalNewtonOptions, start: Vector, budget: Budget) -> None:
         self._contacts, self._options, self._tolerance = contacts, options, budget.tolerance
-        self._r, self._steps = start, None if not start.any() else ProximalSteps(contacts, options, start)
+        self._r = start
+        self._steps: ProximalSteps | None = None
         self.counters = {"sweeps": 0, "newton_steps": 0, "factorizations": 0}
 
     @property
@@ -110,7 +111,7 @@ class _ProximalNewton(Method):
 
     def step(self, many: int, error: float, seconds: float) -> str | None:
         if self._steps is None:
-            sweeps = AcceleratedSweeps(self._contacts.rows)
+            sweeps = AcceleratedSweeps(self._contacts.rows, self._r)
             sweeps.sweep(self._options.sweeps, self._tolerance)
             self.counters["sweeps"] = sweeps.done
             self._r = sweeps.best
