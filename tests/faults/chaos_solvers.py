@@ -46,9 +46,10 @@ def _sleep(problem):
 
 
 def _eat(problem):
+    """Address space is refused at once, memory is eaten page by page: what is limited is met well within the second."""
     hoard = []
     while True:
-        hoard.append(np.empty(2**22))
+        hoard.append(np.empty(2**28))
         hoard[-1][::512] = 1.0
 
 

@@ -63,8 +63,9 @@ def solve(M: np.ndarray, q: np.ndarray) -> None:
         case "close":
             os.close(1)
             time.sleep(60.0)
-        case "twice":  # not flushed: both lines are sent at once, none is late by chance
-            sys.stdout.write('{"ok": true, "claim": "solved"}\n')
+        case "twice":  # one write(2) whatever buffers there are (PYTHONUNBUFFERED): no line is late by chance
+            os.write(1, b'{"ok": true, "claim": "solved"}\n{"ok": true}\n')
+            return
         case "claim":
             return reply(ok=True, claim="splendid")
         case "error":
