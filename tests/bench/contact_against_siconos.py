@@ -227,7 +227,7 @@ class Row:
         return f"{start} {self.tolerance:.0e} {end}"
 
 
-def read(paths: list[Path], most: int) -> Iterator[tuple[str, Any]]:
+def read(paths: list[Path], most: float = math.inf) -> Iterator[tuple[str, Any]]:
     """Every problem in space of at most so many contacts, in local form."""
     import warnings
 
