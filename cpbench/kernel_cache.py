@@ -2,8 +2,8 @@
 
 Kernels live in `solvers/kernels` and `conversions/kernels`, and numba writes its cache beside the source. Where that
 is not writable (a system-wide installation, a read-only image) the user's cache directory is taken. One process
-compiles at a time: the others wait and then read what it wrote, instead of compiling the same code and racing for
-the index.
+compiles a module: the others wait and then read what it wrote, instead of compiling the same code and racing for
+the index. Different modules are compiled side by side.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import importlib
 import logging
 import os
 import re
+import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -27,6 +28,12 @@ VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parent
 _TAKEN = re.compile(r"^from (cpbench\.\w+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
+_KEPT = "cache=True"
+"""What is in the source of a module that has kernels of its own in the cache; the others are compiled where they are
+used."""
+
+_SIDE = "import sys; from cpbench.kernel_cache import load; [load(name) for name in sys.argv[1:]]"
+"""What the other process of `load_all` runs."""
 
 
 @cache
@@ -59,16 +66,38 @@ def ensure_cache_dir() -> Path:
 
 def load(module: str) -> ModuleType:
     """The kernel module of that full name, compiled on the first call on this machine, read from the cache later."""
-    loaded = sys.modules.get(module)
-    if loaded is not None and hasattr(loaded, "READY"):
-        return loaded
+    if _is_loaded(module):
+        return sys.modules[module]
     directory = ensure_cache_dir()
     importlib.import_module("numba")  # slow, and needs no lock
-    with _one_at_a_time(directory / "cpbench-kernels.lock"):
+    for taken, path in _taken(module):  # before its own lock: nobody holds one and waits for another
+        if _KEPT in path.read_text("utf-8"):
+            load(taken)
+    with _one_at_a_time(directory / f"{module}.lock"):
         _drop_stale(module, directory)
         if not is_compiled(module):
             LOG.info("compiling %s", module)
         return importlib.import_module(module)
+
+
+def load_all(package: str, names: Sequence[str]) -> None:
+    """Load kernel modules of `package`, side by side where they are to be compiled: another process begins with the
+    last."""
+    modules = [f"cpbench.{package}.kernels.{name}" for name in names]
+    cold = [module for module in modules if not (_is_loaded(module) or is_compiled(module))]
+    side = None
+    if len(cold) > 1 and (os.cpu_count() or 1) > 1:
+        command = [sys.executable, "-c", _SIDE, *reversed(cold[1:])]
+        quiet = subprocess.DEVNULL
+        with contextlib.suppress(OSError):  # it only saves time
+            side = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)
+    try:
+        for module in modules:  # one that the other process holds is waited for, what it failed on is compiled here
+            load(module)
+    finally:
+        if side is not None:
+            side.kill()
+            side.wait()
 
 
 @cache
@@ -97,18 +126,24 @@ def is_compiled(module: str) -> bool:
     return any(index.stat().st_mtime >= changed for index in found)
 
 
+def _is_loaded(module: str) -> bool:
+    """Whether it was loaded to its end."""
+    return hasattr(sys.modules.get(module), "READY")
+
+
 def _drop_stale(module: str, directory: Path) -> None:
     """Remove what was compiled of `module` when a kernel module from which it takes functions is not what it was.
 
     numba looks at the module's own file only: without this, code compiled from an older one would go on running.
     """
-    own, *taken = _sources(module)
+    taken = [path for _, path in _taken(module)]
     if not taken:
         return
     now = "\n".join(f"{path.name} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in taken)
     stamp = directory / f"{module}.taken"
     with contextlib.suppress(OSError):  # a cache that cannot be written is not ours to mend
         if not stamp.is_file() or stamp.read_text() != now:
+            own = _file(module)
             for place in {own.parent / "__pycache__", directory}:
                 for index in place.rglob(f"{own.stem}.*.nbi"):
                     index.unlink()
@@ -119,15 +154,15 @@ def _file(module: str) -> Path:
     return _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
 
 
-def _sources(module: str) -> list[Path]:
-    """The file of a kernel module, and of those that it takes functions from."""
-    found: list[Path] = []
+def _taken(module: str) -> list[tuple[str, Path]]:
+    """The kernel modules that one takes functions from, directly or through others, and their files."""
+    found: list[tuple[str, Path]] = []
     names = [module]
     for name in names:
         path = _file(name)
-        found.append(path)
+        found.append((name, path))
         names += [other for other in _TAKEN.findall(path.read_text("utf-8")) if other not in names]
-    return found
+    return found[1:]
 
 
 def _writable(directory: Path) -> bool:

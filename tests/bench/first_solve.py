@@ -1,7 +1,7 @@
 """How long a first answer takes: of a worker whose kernels lie in the cache, and where the cache is empty.
 
     python tests/bench/first_solve.py [--solvers nsgs,lemke,...] [--repeats 3]      warm, seconds from request to answer
-    python tests/bench/first_solve.py --fresh [--solvers ...]                       seconds of processor time to compile
+    python tests/bench/first_solve.py --fresh [--solvers ...]                       seconds to compile, by the clock
 
 Warm is what `cpbench run` does with a solver that it has not started yet: a process forked, the solver warmed up, a
 small problem of its node loaded, solved and judged; the least of some, as a busy machine only adds. Before the first of
@@ -33,9 +33,9 @@ from cpbench.solvers import solvers
 solver = solvers.get(sys.argv[1])
 kernel_cache.ensure_cache_dir()
 import numba
-before = time.process_time()
+before = time.perf_counter()
 solver.warmup()
-print(time.process_time() - before, " ".join(m.rsplit(".", 1)[1] for m in sys.modules if ".kernels." in m))
+print(time.perf_counter() - before, " ".join(m.rsplit(".", 1)[1] for m in sys.modules if ".kernels." in m))
 """
 
 

@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from cpbench import kernel_cache as cache
 from cpbench import storage
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Problem
-from cpbench.solvers import Budget, solvers
+from cpbench.solvers import Budget, Solver, solvers
 
 MADE: dict[str, Callable[[Any, Any], Problem]] = {
     "lcp": lambda M, q: LCP(M=M, q=q),
@@ -99,6 +99,23 @@ def test_processes_that_start_at_once_share_one_compilation(tmp_path: Path) -> N
     assert len(compiled) == 5  # the judge; sweeps and products, dense and sparse
 
 
+def test_several_are_compiled_side_by_side_and_each_once(tmp_path: Path) -> None:
+    names = ("pivoting", "complementary_bases", "mlcp_judged")
+    code = (
+        "import os, sys; from cpbench import kernel_cache; begun = [];"
+        "before, kernel_cache.subprocess.Popen = kernel_cache.subprocess.Popen, lambda *a, **k: "
+        "begun.append(a[0][3:]) or before(*a, **k);"
+        f"kernel_cache.load_all('solvers', {names}); kernel_cache.load_all('solvers', {names}); print(begun)"
+    )
+    environment = {**os.environ, cache.VARIABLE: str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    other = [f"cpbench.solvers.kernels.{name}" for name in ("mlcp_judged", "complementary_bases")]
+    assert done.stdout.strip() == str([other] if (os.cpu_count() or 1) > 1 else [])
+    compiled = [p.name.rsplit(".", 2)[0] for p in tmp_path.rglob("*.nbc")]
+    assert len(compiled) == len(set(compiled))
+    assert {name.partition(".")[0] for name in compiled} == {*names, "tableau"}
+
+
 def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_changed(tmp_path: Path) -> None:
     """numba looks at the file of the kernel alone, and would go on with what it compiled of the other as it was."""
     package = tmp_path / "cpbench"
@@ -147,6 +164,54 @@ def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
     assert "solved" in first.stdout
 
 
+LOADED = """
+import json, os, sys
+sys.path.insert(0, {folder!r})
+import numpy as np, scipy.sparse as sp
+import numba
+from cpbench.solvers import Budget, solvers
+from test_native_cache import MADE, NATIVE, problems
+
+def kernels():
+    return {{module for module in sys.modules if ".kernels." in module}}
+
+assert not kernels()
+for name in NATIVE:
+    if os.fork() == 0:
+        solver = solvers.get(name)
+        for member in getattr(solver, "members", ()):
+            solvers.get(member).warmup()
+        unused = {{f"cpbench.solvers.kernels.{{k}}" for k in getattr(solver, "kernels", ())}} - kernels()
+        solver.warmup()
+        before = kernels()
+        for problem in problems(solver):
+            solver.run(problem, Budget(iterations=50))
+        late = kernels() - before
+        if late or unused:
+            print(name, sorted(late), sorted(unused), flush=True)
+        os._exit(0)
+    assert os.wait()[1] == 0, name
+"""
+
+
+def test_nothing_is_loaded_after_the_warm_up_nor_more_than_is_used() -> None:
+    """Whatever lies in the cache: what a solve would have to compile the first time, on its own clock, is known."""
+    code = LOADED.format(folder=str(Path(__file__).parent))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+
+
+def problems(solver: Solver) -> Iterator[Problem]:
+    """Of three sizes, dense by rows and by columns, and sparse."""
+    for n in (1, 3, 70):
+        M = np.eye(3 * n) * 2 + np.diag(np.full(3 * n - 1, -0.5), 1)
+        for matrix in (M, sp.csr_array(M), np.asfortranarray(M)):
+            problem = MADE[solver.spec.node](matrix, np.tile([-1.0, 0.5, 0.0], n))
+            if solver.obstacle(problem) is None:
+                yield problem
+
+
 @pytest.mark.parametrize("name", NATIVE)
 def test_nothing_compiles_after_the_warm_up(name: str) -> None:
     """Read-only data, views and another size meet the signatures that the warm-up has compiled."""
@@ -163,10 +228,6 @@ def test_nothing_compiles_after_the_warm_up(name: str) -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(CompilerBase, "compile_extra", watched)
-        for n in (1, 3, 70):
-            M = np.eye(3 * n) * 2 + np.diag(np.full(3 * n - 1, -0.5), 1)
-            for matrix in (M, sp.csr_array(M), np.asfortranarray(M)):
-                problem = MADE[solver.spec.node](matrix, np.tile([-1.0, 0.5, 0.0], n))
-                if solver.obstacle(problem) is None:
-                    solver.run(problem, Budget(iterations=50))
+        for problem in problems(solver):
+            solver.run(problem, Budget(iterations=50))
     assert compiled == []

@@ -6,7 +6,7 @@ A contact in the plane is one in space whose second tangent is apart from the re
 import numpy as np
 from numba import njit
 
-from cpbench.solvers.kernels.contact_newton import projections
+from cpbench.solvers.kernels.contact_functions import projections
 from cpbench.solvers.kernels.one_contact import natural_step
 
 EPS = 1e-15

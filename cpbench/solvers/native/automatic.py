@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from cpbench.formulations.base import Problem
+from cpbench.kernel_cache import load_all
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -57,6 +58,8 @@ class AutomaticChoice(Solver):
 
     members: ClassVar[tuple[str, ...]]
     """Every solver that `phases` may name."""
+    kernels: ClassVar[tuple[str, ...]] = ()
+    """Modules that take long to compile and that one or the other of them needs: they are compiled side by side."""
 
     @abstractmethod
     def phases(self, problem: Any) -> Sequence[Phase]:
@@ -71,6 +74,7 @@ class AutomaticChoice(Solver):
         return Plan(problem, phases, solver.setup(solver.hand_over(problem), budget, own), own)
 
     def warmup(self) -> None:
+        load_all("solvers", self.kernels)
         for name in self.members:
             solvers.get(name).warmup()
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import load_all
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.contact_phases import Phases, counters
 from cpbench.solvers.native.contact.contact_sweeps import (
@@ -18,7 +19,6 @@ from cpbench.solvers.native.contact.contact_sweeps import (
     AcceleratedSweeps,
     ScaledContacts,
     conclude,
-    kernel,
     scaled_contacts,
 )
 from cpbench.solvers.options import fixed, searched
@@ -55,8 +55,7 @@ class AutoContact(Solver):
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
-        for name in ("gauss_seidel", "anderson", "contact_splitting"):
-            kernel(name)
+        load_all("solvers", ("anderson", "block_layout", "contact_splitting", "contact_newton"))
 
     def solve(
         self,

@@ -17,6 +17,7 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
 from cpbench.solvers.native.contact.contact_equation import At, ContactEquation, ContactFunction
@@ -169,6 +170,7 @@ class ContactNewton(Solver):
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
+        load_all("solvers", ("gauss_seidel", "block_layout", "contact_newton"))
         for d in (2, 3):
             q = np.zeros(d)
             q[0] = -1.0

@@ -74,6 +74,7 @@ class FacetsLemke(Solver):
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
+        Lemke().warmup()
         for d in (2, 3):
             q = -np.eye(d)[0]
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))

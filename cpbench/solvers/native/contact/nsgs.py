@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.fc import FrictionContact
-from cpbench.kernel_cache import compiled
+from cpbench.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.native.contact.contact_relaxation import (
     AT_FIRST,
@@ -64,10 +63,9 @@ class NSGS(Relaxation):
         options=NSGSOptions,
     )
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: NSGSOptions) -> BlockRows:
-        if not _fast(options):
-            kernel("contact_relaxation")  # so that it is not loaded, nor compiled the first time, while solving
-        return super().setup(problem, budget, options)
+    def warmup(self) -> None:
+        load_all("solvers", ("block_layout", "anderson", "contact_relaxation"))
+        super().warmup()
 
     def solve(
         self,

@@ -15,6 +15,7 @@ import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.contact_newton import ContactNewtonOptions, NewtonPhase
@@ -137,3 +138,7 @@ class ProximalNewton(ContactSolver):
         ProximalNewtonOptions,
     )
     method: ClassVar[Any] = _ProximalNewton
+
+    def warmup(self) -> None:
+        load_all("solvers", ("anderson", "block_layout", "contact_newton"))
+        super().warmup()

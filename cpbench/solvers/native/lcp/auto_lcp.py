@@ -42,6 +42,7 @@ class AutoLCP(AutomaticChoice):
         "newton-pfb",
         "lcp-enumeration",
     )
+    kernels: ClassVar[tuple[str, ...]] = ("pivoting", "lemke_judged", "mprgp", "complementary_bases")
 
     def phases(self, problem: LCP) -> Sequence[Phase]:
         n = problem.q.size

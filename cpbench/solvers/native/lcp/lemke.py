@@ -68,11 +68,10 @@ class Lemke(Solver):
         return dense_obstacle(problem)
 
     def setup(self, problem: LCP, budget: Budget, options: LemkeOptions) -> DenseLCP:
-        if problem.q.size > SMALL:
-            load(BLOCKS)  # so that it is not loaded, nor compiled the first time, while solving
         return dense_lcp(problem, by_columns=problem.q.size > SMALL)
 
     def warmup(self) -> None:
+        load(BLOCKS)  # for problems that are larger than the one that is solved here
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
 
     def solve(

@@ -29,6 +29,7 @@ class AutoMLCP(AutomaticChoice):
         "interior-point-mlcp",
         "mlcp-enumeration",
     )
+    kernels: ClassVar[tuple[str, ...]] = ("mlcp_pivoting", "mlcp_judged", "complementary_bases")
 
     def phases(self, problem: MLCP) -> Sequence[Phase]:
         newton = [Phase("newton-min-mlcp"), Phase("newton-fb-mlcp")]

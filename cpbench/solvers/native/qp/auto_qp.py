@@ -31,6 +31,7 @@ class AutoQP(AutomaticChoice):
         "mprgp-qp",
         "qp-augmented-lagrangian",
     )
+    kernels: ClassVar[tuple[str, ...]] = ("qp_dual", "qp_ldl", "mprgp")
 
     def phases(self, problem: QP) -> Sequence[Phase]:
         n, rows = problem.p.size, problem.b.size + problem.d.size
