@@ -74,11 +74,11 @@ class NewtonContact(Solver):
     def warmup(self) -> None:
         import casadi as ca
 
+        solvers.get(NewtonContactOptions().inner).warmup()
         v = ca.SX.sym("v", 2)
         F = Map.from_casadi(v, v + ca.sin(v))
         mu, w = np.array([0.5]), np.array([-1.0, 0.0])
         self.run(NonlinearFrictionContact(F=F, H=np.eye(2), w=w, mu=mu, dimension=2))
-        solvers.get(NewtonContactOptions().inner).warmup()
 
     def solve(
         self,
