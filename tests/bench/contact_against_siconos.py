@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import one_core
 import race_rows
 from lcp_against_siconos import LONGEST, PAIRS, SHORTEST, loop
 
@@ -437,9 +438,7 @@ if __name__ == "__main__":
     parser.add_argument("--json", type=Path, help="write the races there, too")
     parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    # one thread on both sides, before any library of linear algebra is loaded
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[variable] = "1"
+    one_core.hold()
     if arguments.serve:
         serve(arguments.serve)
     else:

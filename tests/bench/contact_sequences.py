@@ -10,10 +10,11 @@ A ratio is warm over cold processor time of one step, in turn, the median of som
 from __future__ import annotations
 
 import argparse
-import os
 import statistics
 import time
 from typing import Any
+
+import one_core
 
 SECONDS = 5.0
 """A solve that takes longer is given up."""
@@ -87,6 +88,5 @@ if __name__ == "__main__":
     parser.add_argument("--solvers", default="", help="names; all of ours that can start warm")
     parser.add_argument("--pairs", type=int, default=3)
     arguments = parser.parse_args()
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[variable] = "1"
+    one_core.hold()
     main([name for name in arguments.solvers.split(",") if name], arguments.tolerance, arguments.pairs)

@@ -19,6 +19,7 @@ lemke from M and q to z, called as Siconos' function is called, and `batch` the 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import os
@@ -33,6 +34,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import one_core
 import race_rows
 
 TOLERANCE = 1e-8
@@ -310,7 +312,8 @@ def batch(problems: list, threads: int = 1) -> Side:
         found[0] = lemke_batch.batch(M, q, threads=threads)
 
     def measure(repeats: int) -> float:
-        return loop(solve_all, len(q), repeats, wall=threads > 1)
+        with one_core.let_go() if threads > 1 else contextlib.nullcontext():
+            return loop(solve_all, len(q), repeats, wall=threads > 1)
 
     return Side("batch" if threads == 1 else f"batch-{threads}", measure, lambda: found[0].z[: len(problems)])
 
@@ -402,9 +405,7 @@ if __name__ == "__main__":
     parser.add_argument("--json", type=Path, help="write the races there, too")
     parser.add_argument("--serve", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    # one thread on both sides, before any library of linear algebra is loaded
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[variable] = "1"
+    one_core.hold()
     if arguments.serve:
         serve(Path(arguments.serve))
     else:

@@ -32,6 +32,7 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
+import one_core
 import race_rows
 from lcp_against_siconos import TOLERANCE, Row, Side, loop, registered
 
@@ -341,9 +342,7 @@ if __name__ == "__main__":
     parser.add_argument("--json", type=Path, help="write the races there, too")
     parser.add_argument("--serve", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    # one thread on both sides, before any library of linear algebra is loaded
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-        os.environ[variable] = "1"
+    one_core.hold()
     if arguments.serve:
         serve(Path(arguments.serve))
     else:

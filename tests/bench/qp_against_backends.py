@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import one_core
 import race_rows
 import scipy.sparse as sp
 
@@ -146,6 +147,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the ratios there, too")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
+    one_core.hold()
     known = set(solvers.names())
     names = [n for n in (*NATIVE, *BACKENDS) if n in known and solvers.get(n).availability().ok]
     for name in names:
