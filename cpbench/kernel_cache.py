@@ -32,7 +32,13 @@ _KEPT = "cache=True"
 """What is in the source of a module that has kernels of its own in the cache; the others are compiled where they are
 used."""
 
-_SIDE = "import sys; from cpbench.kernel_cache import load; [load(name) for name in sys.argv[1:]]"
+_SIDE = """
+import sys
+sys.path[:] = {path}
+from cpbench.kernel_cache import load
+for module in sys.argv[1:]:
+    load(module)
+"""
 """What the other process of `load_all` runs."""
 
 
@@ -87,7 +93,7 @@ def load_all(package: str, names: Sequence[str]) -> None:
     cold = [module for module in modules if not (_is_loaded(module) or is_compiled(module))]
     side = None
     if len(cold) > 1 and (os.cpu_count() or 1) > 1:
-        command = [sys.executable, "-c", _SIDE, *reversed(cold[1:])]
+        command = [sys.executable, "-P", "-c", _SIDE.format(path=sys.path), *reversed(cold[1:])]
         quiet = subprocess.DEVNULL
         with contextlib.suppress(OSError):  # it only saves time
             side = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)

@@ -104,7 +104,7 @@ def test_several_are_compiled_side_by_side_and_each_once(tmp_path: Path) -> None
     code = (
         "import os, sys; from cpbench import kernel_cache; begun = [];"
         "before, kernel_cache.subprocess.Popen = kernel_cache.subprocess.Popen, lambda *a, **k: "
-        "begun.append(a[0][3:]) or before(*a, **k);"
+        "begun.append(a[0][4:]) or before(*a, **k);"
         f"kernel_cache.load_all('solvers', {names}); kernel_cache.load_all('solvers', {names}); print(begun)"
     )
     environment = {**os.environ, cache.VARIABLE: str(tmp_path)}
