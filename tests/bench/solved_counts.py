@@ -46,7 +46,9 @@ NAMED = 6
 
 def problems(nodes: Sequence[str], folders: Sequence[str], only: Sequence[str], largest: int) -> Iterator[str]:
     """Addresses of the problems of these nodes; files that cannot be read, and those of more unknowns, are left out."""
-    for address in storage.problem_files([str(builtin_folder()) if f == "builtin" else f for f in folders]):
+    for address in storage.problem_files(
+        [str(builtin_folder()) if f == "builtin" else str(Path(f).resolve()) for f in folders]
+    ):
         if not any(fnmatch(Path(address).name, glob) for glob in only):
             continue
         try:
