@@ -165,9 +165,8 @@ def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
 
 
 LOADED = """
-import json, os, sys
+import os, sys
 sys.path.insert(0, {folder!r})
-import numpy as np, scipy.sparse as sp
 import numba
 from cpbench.solvers import Budget, solvers
 from test_native_cache import MADE, NATIVE, problems
