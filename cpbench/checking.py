@@ -139,7 +139,7 @@ def pushed(
 def answers(
     problem: Problem, tolerance: float, tried: list[str], *, native: bool = False, seconds: float = 10.0
 ) -> Iterator[Answer]:
-    """Answers of registered solvers whose strictest error on `problem` is at most `tolerance`, one solver at a time.
+    """Answers of registered solvers whose error on `problem` is at most `tolerance`, one solver at a time.
 
     Native solvers come first (alone with `native`), those of the problem's own node before those behind further exact
     conversions. Who was asked in vain goes into `tried`, with the reason; nobody is asked for less than rounding.
@@ -163,7 +163,7 @@ def answers(
             error = math.inf
             if out.point is not None:
                 point = graph.lift(arrival.problem, out.point, steps)
-                error = strictest(verification.judge(problem, point, tolerance))
+                error = verification.judge(problem, point, tolerance).error
                 if error <= tolerance:
                     yield Answer(point, f"solved by {who}", error)
                     continue
@@ -189,15 +189,6 @@ def _solvers_ahead(problem: Problem, tried: list[str], native: bool) -> Iterator
             continue
         for solver in serving[node]:
             yield arrival, solver
-
-
-def strictest(verdict: Verdict) -> float:
-    """The largest judged or relative number.
-
-    A QP's verdict takes the smaller of an absolute and a relative number. In units of 1e-8 the absolute one says
-    nothing, and the source may measure relative ones: what is to be carried back has to pass both.
-    """
-    return max([verdict.error, *(value for name, value in verdict.parts.items() if name.endswith("_relative"))])
 
 
 def _largest_ratio(problem: Problem, converted: Problem, steps: int, point: Any) -> float | None:

@@ -261,7 +261,7 @@ def push(problem: Problem, point: Any, steps: int | None = None) -> Any:
 def tolerance(problem: Problem, asked: float, steps: int) -> float:
     """What to ask of a solver of a converted problem (its last `steps` conversions) to get `asked` on the source."""
     for step in _last(problem, steps):
-        asked = make(step.conversion, dict(step.parameters)).tolerance(asked)
+        asked = make(step.conversion, dict(step.parameters)).tolerance(asked, step.trace)
     return asked
 
 

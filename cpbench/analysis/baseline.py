@@ -78,8 +78,8 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
             "measure": rows["measure"],
             "sequence": place,
             "status": rows["status"],
-            "error": decades(rows["error"], rows["tolerance"]).where(answered | rows_of.solved(rows), ""),
-            "counters": _written(rows["counters"]).where(rows_of.solved(rows), ""),
+            "error": decades(rows["error"], rows["tolerance"]).where(answered | rows_of.met(rows), ""),
+            "counters": _written(rows["counters"]).where(rows_of.met(rows), ""),
         }
     )
     return _ordered(plain.assign(known="").astype(object), "the results")

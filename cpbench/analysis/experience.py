@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.origins import family_of, origins
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.sizes import sizes_read
 from cpbench.errors import CpbenchError
@@ -77,19 +77,14 @@ class Experience:
         return times / np.fmin.reduce(times, axis=1, initial=math.inf)[:, None]
 
     @cached_property
-    def nodes(self) -> tuple[str, ...]:
-        return tuple(case.node for case in self.cases)
+    def nodes(self) -> rows_of.Texts:
+        return np.array([case.node for case in self.cases], dtype=object)
 
-
-def family_of(family: str, problem: str) -> str:
-    """The family of a problem; where its file names none, the letters with which the problem's name begins.
-
-    Files of one origin are named alike, and resemble each other: they are left out together.
-
-    >>> family_of("", "Capsules-i100-889.dat"), family_of("torsion", "x"), family_of("", "42")
-    ('Capsules', 'torsion', '42')
-    """
-    return family or (re.match(r"[^\W\d_]*", problem) or [""])[0] or problem
+    @cached_property
+    def origins(self) -> rows_of.Texts:
+        """Where each case is from: what is left out together with it."""
+        families, prints = ([getattr(case, name) for case in self.cases] for name in ("family", "fingerprint"))
+        return np.array(origins(families, prints), dtype=object)
 
 
 def experience(

@@ -11,7 +11,7 @@ import pandas as pd
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
-from cpbench.verification import Status
+from cpbench.verification import PROVEN
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
     With `refused`, the pairs in which no solver started (unsupported, unavailable, not run) instead.
     """
     never = table["status"].isin(REFUSED)
-    at = np.flatnonzero((never if refused else ~never) & ~rows_of.solved(table))
+    at = np.flatnonzero((never if refused else ~never) & ~rows_of.met(table))
     if not len(at):
         return []
     chosen = table[["problem", "label", "status", "kind", "message"]].iloc[at]
@@ -59,15 +59,16 @@ def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
 
 
 def unsolved(group: pd.DataFrame) -> pd.DataFrame:
-    """Problems that no label solves: one row each, with the least error anyone reached and by whom."""
+    """Problems that no label solves: one row each, with the least error anyone reached and by whom,
+    and whether it is proven that there is no solution."""
     names = rows_of.problem_names(group)
     done = group.loc[rows_of.solved(group), "fingerprint"].unique()
     told = group[["fingerprint", "address", "error", "label", "status"]].assign(name=names)
     open_rows = told[~told["fingerprint"].isin(done)]
     closest = open_rows.sort_values(["name", "fingerprint", "error", "label"]).drop_duplicates("fingerprint")
-    certified = open_rows.loc[open_rows["status"] == str(Status.INFEASIBLE), "fingerprint"]
-    closest = closest.assign(infeasible=closest["fingerprint"].isin(certified.unique()))
-    return closest[["name", "address", "error", "label", "infeasible"]].reset_index(drop=True)
+    certified = open_rows.loc[open_rows["status"].isin(PROVEN), "fingerprint"]
+    closest = closest.assign(proven=closest["fingerprint"].isin(certified.unique()))
+    return closest[["name", "address", "error", "label", "proven"]].reset_index(drop=True)
 
 
 def flagged(table: pd.DataFrame, flag: str) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.analysis.experience import Experience
-from cpbench.analysis.table import Floats
+from cpbench.analysis.table import Floats, Masks, Matrix
 from cpbench.matrices import SYMMETRY_TOLERANCE
 
 CUT = 3.0
@@ -31,25 +31,29 @@ _FEATURES = len(_LOGARITHMS) + len(_SHARES) + len(_SIGNS)
 _LEAST_DEVIATION = 0.25
 
 
-def places(known: Experience) -> Any:
+def places(known: Experience) -> Matrix:
     """The coordinates of every case, cases × features."""
-    return np.array([_coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
+    return np.array([coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
 
 
-def distances(theirs: Any, features: Mapping[str, Any], used: Any) -> Floats:
-    """d of every case from a problem, in deviations of the cases that are used."""
-    ours, here = _coordinates(features), ~np.isnan(theirs)
-    count = np.maximum((here & used[:, None]).sum(axis=0), 1)
-    values = np.where(here & used[:, None], theirs, 0.0)
-    mean = values.sum(axis=0) / count
-    spread = np.sqrt((np.where(here & used[:, None], theirs - mean, 0.0) ** 2).sum(axis=0) / count)
-    apart = np.minimum(np.abs(theirs - ours) / np.maximum(spread, _LEAST_DEVIATION), CUT)
-    apart = np.where(here & ~np.isnan(ours), apart, np.where(here | ~np.isnan(ours), 1.0, 0.0))
-    either = (here | ~np.isnan(ours)).sum(axis=1)
-    return np.sqrt((apart**2).sum(axis=1) / np.maximum(either, 1))
+def distances(asked: Matrix, theirs: Matrix, used: Masks) -> Matrix:
+    """d of every case from every problem asked about, asked × cases, in deviations of the cases that are used."""
+    there = ~np.isnan(theirs) & used[:, None]
+    count = np.maximum(there.sum(axis=0), 1)
+    mean = np.where(there, theirs, 0.0).sum(axis=0) / count
+    spread = np.sqrt((np.where(there, theirs - mean, 0.0) ** 2).sum(axis=0) / count)
+    unit = np.maximum(spread, _LEAST_DEVIATION)
+    total, either = (np.zeros((len(asked), len(theirs))) for _ in range(2))
+    for feature in range(_FEATURES):
+        ours, others = asked[:, feature, None] / unit[feature], theirs[None, :, feature] / unit[feature]
+        one, other = ~np.isnan(ours), ~np.isnan(others)
+        apart = np.where(one & other, np.minimum(np.abs(others - ours), CUT), 1.0)
+        total += np.where(one | other, apart**2, 0.0)
+        either += one | other
+    return np.sqrt(total / np.maximum(either, 1))
 
 
-def _coordinates(features: Mapping[str, Any]) -> Floats:
+def coordinates(features: Mapping[str, Any]) -> Floats:
     """The features as numbers that may be subtracted; NaN for one that is not there."""
     found: list[float] = []
     for name in _LOGARITHMS:

@@ -1,12 +1,13 @@
-"""Performance profiles of Dolan and Moré, Mathematical Programming 91 (2002), exactly, of any cost.
+"""Performance profiles of Dolan and Moré, Mathematical Programming 91 (2002), of costs with a floor.
 
     r[p, s] = t[p, s] / min_s t[p, s],      ρ_s(τ) = #{p : r[p, s] ≤ τ} / N
 
 t is what a solver spent: seconds, iterations, bytes (`metrics`). ρ_s is a step function, continuous from the right,
 with its steps at the ratios themselves (no grid). A failure has t = ∞ and so r = ∞, never a finite multiple of
 something; a problem that nobody solves stays among the N, so that ρ_s(∞) is the fraction of problems that s solves.
-Equal costs share the lead. A cost below the floor counts as the floor, which is what lets a count be 0: that entry
-alone is raised, every other ratio stays what it was.
+Equal costs share the lead. A cost below the floor counts as the floor, which is what lets a count be 0: this is the one
+deviation from Dolan and Moré, whose t has none. Where no cost is below it the profile is theirs exactly; else only
+ratios of problems change that someone solves below the floor.
 """
 
 from __future__ import annotations

@@ -6,6 +6,9 @@ What a solver says of its answer (the claim) and what was measured of it (the ve
     claims to have solved   true        false
     does not                modest      honest
 
+A solver speaks of the problem that it was given: what it solved there is solved here, whatever became of the answer on
+the way back.
+
 Rates come with Wilson's score interval (JASA 22, 1927), which stays within [0, 1] and says something also for 0 or all
 of n. It takes pairs for independent; among problems of one family they are not, and `bootstrap.intervals` of
 `bootstrap.solve_rate` is the one that knows.
@@ -23,7 +26,7 @@ import pandas as pd
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.means import Array
-from cpbench.verification import Status
+from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, Status
 
 CLAIMED = "solved"
 """The claim that is compared with the verdict."""
@@ -32,14 +35,21 @@ JUDGED = tuple(
     for s in (
         Status.SOLVED,
         Status.STATIONARY,
+        Status.APPROXIMATE,
+        Status.LOST,
         Status.INACCURATE,
         Status.WRONG,
+        Status.UNRESOLVABLE,
         Status.INFEASIBLE,
+        Status.UNBOUNDED,
         Status.FAILED,
         Status.MAX_ITER,
     )
 )
 """Statuses of a solver that came back within its limits, so that its claim and the verdict can be compared."""
+
+MET = (*MET_TOLERANCE, *CHARGED_TO_ROUTE)
+"""Statuses of an answer that solves what the solver was given."""
 
 
 def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
@@ -63,18 +73,21 @@ def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95)
 def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     """Claim against verdict, one row a label, of the pairs where the solver came back within its limits.
 
-    Rows that were read off a history have no claim, and are left out.
+    Left out is what says nothing of a claim: rows that were read off a history, which have none, answers that rounding
+    decides, and those of a solver that drops a term, whose own problem nobody has.
 
     Columns: true (claimed solved, is), false (claimed, is not), modest (not claimed, is), honest (neither),
     correct (fraction of claims that hold, NaN without claims), low, high (Wilson interval of it).
 
     >>> rows = pd.DataFrame({"label": ["a"] * 4, "status": ["solved", "wrong", "solved", "failed"],
-    ...                      "claim": ["solved", "solved", "max_iter", "failed"]})
+    ...                      "claim": ["solved", "solved", "max_iter", "failed"], "target_error": math.nan})
     >>> claims(rows).round(2).loc["a"].tolist()
     [1.0, 1.0, 1.0, 1.0, 0.5, 0.09, 0.91]
     """
-    judged = group.loc[group["status"].isin(JUDGED) & (group["claim"] != ""), ["label", "status", "claim"]]
-    said, done = judged["claim"] == CLAIMED, rows_of.solved(judged)
+    unmeasured = (group["status"] == str(Status.APPROXIMATE)) & group["target_error"].isna()
+    nothing = unmeasured | (group["claim"] == "") | (group["status"] == str(Status.UNRESOLVABLE))
+    judged = group.loc[group["status"].isin(JUDGED) & ~nothing, ["label", "status", "claim"]]
+    said, done = judged["claim"] == CLAIMED, judged["status"].isin(MET)
     labels = sorted(group["label"].unique())
 
     def count(which: pd.Series[bool]) -> pd.Series[int]:
@@ -126,13 +139,35 @@ def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
 
 def false_claims(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows whose solver claims to have solved the problem it was given, and the judged error says otherwise.
+    """Rows whose solver claims to have solved the problem it was given, and the error that was judged there says
+    otherwise.
 
-    On a route that promises less than an answer the error on the solver's own problem says it; where that was not
-    measured (a solver that drops a term by itself) nobody is accused.
+    Older files call a row of a route that promises less than an answer wrong also where the solver met its target.
     """
-    wrong = np.where(rows_of.exact(table), ~rows_of.solved(table), table["target_error"] > table["tolerance"])
-    return table[(table["claim"] == CLAIMED) & table["status"].isin(JUDGED) & wrong]
+    missed = rows_of.exact(table) | (table["target_error"] > target_tolerance(table))
+    return table[(table["claim"] == CLAIMED) & table["status"].isin(FALSE_CLAIMS) & missed]
+
+
+def target_tolerance(table: pd.DataFrame) -> pd.Series[float]:
+    """What each row's error on the solver's own problem is held against; an older file measured at the row's own."""
+    return table["target_tolerance"].fillna(table["tolerance"])
+
+
+def losses(table: pd.DataFrame) -> pd.DataFrame:
+    """The exact routes that lost answers which met their solver's target, one row a route, most first.
+
+    Columns: route, lost (answers), factor (largest error on the asked problem over the error on the solver's own).
+
+    >>> rows = pd.DataFrame({"route": "mlcp-lcp-schur", "status": ["lost", "lost", "solved"],
+    ...                      "error": [1e-2, 1e-3, 1e-9], "target_error": [1e-6, 1e-8, 1e-9]})
+    >>> losses(rows).round(2).values.tolist()
+    [['mlcp-lcp-schur', 2, 100000.0]]
+    """
+    lost = table.loc[table["status"] == str(Status.LOST), ["route", "error", "target_error"]]
+    factor = (lost["error"] / lost["target_error"]).where(lost["target_error"] > 0, math.inf)
+    found = lost.assign(factor=factor).groupby("route", sort=True)["factor"].agg(["size", "max"]).reset_index()
+    found = found.set_axis(["route", "lost", "factor"], axis=1)
+    return found.sort_values(["lost", "route"], ascending=[False, True], ignore_index=True)
 
 
 def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
@@ -143,9 +178,9 @@ def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
     median and largest finite error on the asked problem (NaN without any).
     """
     inexact = table[~rows_of.exact(table)]
-    unmeasured, there = inexact["target_error"].isna(), inexact["target_error"] <= inexact["tolerance"]
+    unmeasured, there = inexact["target_error"].isna(), inexact["target_error"] <= target_tolerance(inexact)
     done = there | (unmeasured & (inexact["claim"] == CLAIMED) & inexact["status"].isin(JUDGED))
-    missed = inexact[done & ~rows_of.solved(inexact)].index
+    missed = inexact[done & ~rows_of.met(inexact)].index
     records: list[dict[str, object]] = []
     for (label, kind), rows in inexact.groupby(["label", "kind"], sort=True):  # type: ignore[misc]
         finite = rows.loc[np.isfinite(rows["error"]), "error"]

@@ -19,9 +19,12 @@ import pandas as pd
 from cpbench.analysis.codes import Integers, by_appearance, codes, order
 from cpbench.errors import StoreError
 from cpbench.formulations.base import Kind
-from cpbench.verification import VERIFIED, Status
+from cpbench.verification import MET_TOLERANCE, VERIFIED, Status
 
 Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+Texts: TypeAlias = np.ndarray[tuple[int], np.dtype[np.object_]]
+Masks: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
+Matrix: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
@@ -29,9 +32,9 @@ TEXT = (
     "version", "samples", "started", "host", "origin", "finished",
 )  # fmt: skip
 NUMBERS = (
-    "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "load", "convert",
-    "setup", "solve", "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr", "signal", "code",
-    "jobs", "attempts", "loadavg", "reported",
+    "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "target_tolerance",
+    "load", "convert", "setup", "solve", "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr",
+    "signal", "code", "jobs", "attempts", "loadavg", "reported",
 )  # fmt: skip
 ROW = ("key", "problem", "fingerprint", "label")
 """What tells a row from all others."""
@@ -98,8 +101,24 @@ def _numbers(values: pd.Series) -> pd.Series[float]:
 
 
 def solved(table: pd.DataFrame) -> pd.Series[bool]:
-    """Whether the answer of each row was measured to meet the tolerance, whatever the solver said."""
+    """Whether each row counts as solved, whatever the solver said. A stationary answer does not."""
     return table["status"].isin(VERIFIED)
+
+
+def met(table: pd.DataFrame) -> pd.Series[bool]:
+    """Whether the answer of each row was measured to meet the tolerance: solved, or stationary."""
+    return table["status"].isin(MET_TOLERANCE)
+
+
+def counting_stationary(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with stationary answers as solved ones, for who asks for that; their flag still says what they are."""
+    status = table["status"].replace(str(Status.STATIONARY), str(Status.SOLVED))
+    if "flags" not in table:
+        return table.assign(status=status)
+    flags = (
+        table["flags"].astype(object).str.replace(r"\bstationary(?=,|$)", "stationary counted as solved", regex=True)
+    )
+    return table.assign(status=status, flags=flags)
 
 
 def with_time(table: pd.DataFrame) -> pd.DataFrame:

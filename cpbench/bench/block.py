@@ -15,7 +15,7 @@ from cpbench.bench.history import History, derived_rows
 from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome, Predecessor
 from cpbench.bench.planning.plan import Pair
-from cpbench.verification import VERIFIED
+from cpbench.verification import MET_TOLERANCE
 
 Notice: TypeAlias = Callable[[str, Pair | None, Mapping[str, Any]], None]
 """Called with an event (`start`, `solve`, `done`), the pair, and the row or what there is of it."""
@@ -107,8 +107,7 @@ def block_name(pair: Pair) -> str:
 
 def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pair, Outcome]]:
     """The outcome of every pair of the block, one after the other."""
-    memory = block.pairs[0].limits.memory
-    lane.start(block.solvers, memory, lambda event, name: notice(event, None, {"solver": name}))
+    lane.start(block.solvers, block.pairs[0].limits, lambda event, name: notice(event, None, {"solver": name}))
     prepared: dict[tuple[str, str, float, float], dict[str, Any]] = {}
     endings: dict[str, Ending] = dict(block.known)
     derived: dict[str, Outcome] = {}
@@ -131,7 +130,7 @@ def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pai
 
 def _predecessor(before: Pair, ending: Ending) -> Predecessor:
     status, answer = ending
-    verified = answer if status in VERIFIED else None
+    verified = answer if status in MET_TOLERANCE else None
     return Predecessor(before.address, before.format, before.fingerprint, status, verified)
 
 

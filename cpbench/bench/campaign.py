@@ -78,7 +78,10 @@ def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> Non
 
 
 def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Sequence[Pair], watcher: Watcher) -> None:
-    """Run what is pending, then again what crashed or ran out of time, as often as the plan says."""
+    """Run what is pending, then again what crashed or ran out of time, as often as the plan says.
+
+    Raises SealError when, at the end, a row is not as this run wrote it.
+    """
     mine = store.pending() & {pair.key for pair in planned}
     versions: dict[str, str] = {}
 
@@ -99,6 +102,7 @@ def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Seq
                 watcher.end()
     finally:
         store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions, asked.tunings))
+    store.require_unchanged()
 
 
 def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
@@ -123,6 +127,15 @@ def statuses(path: Path) -> dict[str, str]:
         return {}
     with Store(path) as store:
         return {str(row["key"]): str(row["status"]) for row in store.rows()}
+
+
+def gaps(store: Store, assembly: Assembly) -> list[str]:
+    """What the plan asked for and the results lack: nothing after a run that was carried out to its end."""
+    waiting = store.pending() & {pair.key for pair in assembly.pairs}
+    rows = [f"{len(waiting)} of {len(assembly.pairs)} pairs were not run"] if waiting else []
+    files = [f"nobody could say what {address} holds" for address in assembly.unread[:1]]
+    more = [f"nor what {len(assembly.unread) - 1} more files hold"] if len(assembly.unread) > 1 else []
+    return [*rows, *files, *more]
 
 
 def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[str]:

@@ -17,10 +17,11 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import Context, context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.staff import STARTUP, obituary
+from cpbench.bench.staff import obituary
+from cpbench.bench.time_limits import START, WARM_UP
 from cpbench.solvers.base import Solver, package_version, solvers
 
-PATIENCE = 60.0
+PATIENCE = START.floor
 """Seconds that a guest may take to be imported, and to say that it can run."""
 SIDE_BY_SIDE = 2
 STATES = ("ok", "installed", "untried", "licence", "broken", "missing")
@@ -134,14 +135,15 @@ class _Lane(threading.Thread):
     def _answered(self, names: Sequence[str]) -> int:
         """How many of the solvers something is known of now: all up to the one that ended the process."""
         child = None
+        seconds = PATIENCE + (WARM_UP.floor if self._warm else 0.0)
         for i, name in enumerate(names):
             try:
                 if child is None:
                     child = self._child = Child(self._means, _main, (list(names), self._warm))
-                header, _ = wire.unpack(child.receive(STARTUP if self._warm else PATIENCE))
+                header, _ = wire.unpack(child.receive(seconds))
                 seen = Checkup(name, str(header["state"]), str(header["detail"]), str(header["version"]))
             except TimedOut:
-                seen = Checkup(name, "broken", f"said nothing within {STARTUP if self._warm else PATIENCE:g} s")
+                seen = Checkup(name, "broken", f"said nothing within {seconds:g} s")
             except Died as death:
                 seen = Checkup(name, "broken", f"{death.output}\n{obituary(death)}".strip())
             except (wire.WireError, KeyError) as noise:

@@ -268,7 +268,10 @@ def derived_rows(row: Mapping[str, Any], history: History, tolerances: Iterable[
     return rows
 
 
-OWN = ("solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "code", "loadavg", "attempts")
+OWN = (
+    "target_error", "target_tolerance", "solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "code",
+    "loadavg", "attempts",
+)  # fmt: skip
 """Columns of a row that hold for the run that made it and for nothing that is read off its history."""
 
 

@@ -16,29 +16,32 @@ from typing import Any
 import cpbench.bench.worker as worker_process
 from cpbench.bench.desk import Case
 from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, remembered, repeat_times
-from cpbench.bench.planning.plan import Pair, Request
+from cpbench.bench.planning.plan import Limits, Pair, Request
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
-from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
+from cpbench.bench.referee import PROOF_SECONDS
 from cpbench.bench.scratch import Scratch
-from cpbench.bench.staff import Referee, Setting, Workers, obituary
+from cpbench.bench.staff import Referee, Setting, Workers, hear, obituary
+from cpbench.bench.time_limits import GRACE, LOAD, REFEREE
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import folder
+from cpbench.verification import PROVEN
 
 FELL_BACK = "cold: the step before was"
 """How `started` begins where a step had no answer to start from."""
-GRACE = 0.2
-"""Seconds after the limit at which a process is killed: it and all it started are gone half a second after it."""
 FULL = 0.25
 """Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
-LOAD_LIMIT = 120.0
-"""Seconds the loading of a problem may take; no solver is charged for it."""
 
 
-class Surveyed(CpbenchError):
-    """A file was refused while planning; carries (address, reason)."""
+class Refused(CpbenchError):
+    """A file is no problem that a plan could take: it says why."""
+
+
+class Unread(CpbenchError):
+    """Nobody could say what a file holds: whoever read it died, ran out of time or of memory."""
 
 
 class NoStart(Exception):
@@ -57,7 +60,7 @@ class Lane:
         self._scratch = Scratch()
         means = context(setting.threads, kernels=not setting.single)
         self.referee = Referee(means, setting, self._scratch.folder)
-        self.workers = Workers(means, setting)
+        self.workers = Workers(means, setting, self._scratch.folder)
 
     def __enter__(self) -> Lane:
         return self
@@ -78,44 +81,48 @@ class Lane:
             if child is not None:
                 child.strike()
 
-    def survey(self, address: str, requests: Sequence[Request], format: str | None = None) -> dict[str, Any]:
-        """Facts of a problem for the plan; raises CpbenchError with the reason a file is refused."""
+    def survey(
+        self, address: str, requests: Sequence[Request], format: str | None = None, timeout: float = 0.0
+    ) -> dict[str, Any]:
+        """Facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve."""
         reply, _ = self.referee.ask(
-            LOAD_LIMIT, command="survey", address=address, format=format, requests=[r.header for r in requests]
+            REFEREE.limit(timeout),
+            command="survey",
+            address=address,
+            format=format,
+            requests=[r.header for r in requests],
         )
+        if reply["event"] == "refused":
+            raise Refused(reply["message"])
         if reply["event"] != "surveyed":
-            message = reply.get("message", reply["event"])
-            raise Surveyed(message if reply["event"] == "refused" else f"{address}: {message}")
+            raise Unread(f"{address}: {reply.get('message', reply['event'])}")
         return {**reply, "address": address, "format": format}
 
     def start(
         self,
         names: Iterable[str],
-        memory: int | None = None,
+        limits: Limits,
         progress: Callable[[str, str], None] = lambda event, name: None,
     ) -> None:
         """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
 
-        progress : called with `start` and a name, and with `compiling` where kernels are not in the cache yet.
+        limits : of the solves to come. progress : called with `start` and a name, and with `compiling` where kernels
+        are not in the cache yet.
         """
         for name in names:
             progress("start", name)
-            limit = self.setting.memory if memory is None else memory
-            self.workers.get(name, limit, lambda name=name: progress("compiling", name))
+            self.workers.get(name, limits.memory, limits.seconds, lambda name=name: progress("compiling", name))
 
     def prepare(self, pair: Pair) -> dict[str, Any]:
         """Bring the pair's problem to its solver's node; the referee's reply, whatever it is.
 
         A problem that cannot be loaded, or is not the one that was planned, is told apart by `stage`.
         """
-        opened, _ = self.referee.ask(LOAD_LIMIT, command="open", **_problem_of(pair))
+        seconds = REFEREE.limit(pair.limits.seconds)
+        opened, _ = self.referee.ask(seconds, command="open", **_problem_of(pair))
         if opened["event"] != "opened":
             return {**opened, "stage": "loading"}
-        reply, _ = self.referee.ask(
-            max(pair.limits.seconds, LOAD_LIMIT),
-            command="prepare",
-            case=Case.header(pair),
-        )
+        reply, _ = self.referee.ask(seconds, command="prepare", case=Case.header(pair))
         return reply
 
     def run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None = None) -> Outcome:
@@ -143,7 +150,7 @@ class Lane:
             start, row["started"] = self._start_of(pair, before)
         except NoStart as why:
             return Outcome({**row, "status": why.status, "message": str(why)})
-        worker = self.workers.get(name, pair.limits.memory)
+        worker = self.workers.get(name, pair.limits.memory, limit)
         if worker is None:
             state, detail = self.workers.unavailable[name]
             return Outcome({**row, "status": "unavailable", "message": f"{state}: {detail}"})
@@ -162,22 +169,25 @@ class Lane:
                 "repeats": pair.limits.repeats,
                 "history": pair.limits.history and Trait.HISTORY in solvers.get(name).spec.traits,
             }
-            worker.send(wire.pack(asked, start))
+            over = time.monotonic() + LOAD.limit(limit)
+            worker.send(wire.pack(asked, start), LOAD.limit(limit))
             reply: dict[str, Any] = {"event": "loaded", "load": 0.0}
             if not held:
-                reply, _ = wire.unpack(worker.receive(LOAD_LIMIT))
+                reply, _ = hear(worker, over - time.monotonic())
             if reply["event"] == "loaded":
                 row["load"] = float(reply["load"])
                 self.workers.loaded(name, prepared["path"])
                 begun = time.perf_counter()
-                reply, vectors = wire.unpack(worker.receive(limit + GRACE))
+                reply, vectors = hear(worker, limit + GRACE)
                 if reply["event"] == "result":
                     result = Result.from_message(reply, time.perf_counter() - begun)
+                    if result.children > self.setting.processes:
+                        raise Died(None, worker.output(), reason=crowded(self.setting.processes))
                     return self._answered(pair, row, result, vectors, worker, asked["history"])
         except TimedOut:
             self.workers.drop(name)
             if "load" not in row:  # the solver was not asked yet
-                message = f"loading: the worker did not read the converted problem within {LOAD_LIMIT:g} s"
+                message = f"loading: not over after {LOAD.limit(limit):g} s ({LOAD.what})"
                 return Outcome({**row, "status": "error", "message": message})
             return Outcome({**row, "status": "timeout", "message": f"killed after {limit:g} s", "solve": limit})
         except Died as death:
@@ -191,7 +201,8 @@ class Lane:
         status = reply["event"] if reply["event"] in ("unsupported", "unavailable") else "error"
         if status == "error":
             self.workers.drop(name)  # nobody has looked at what it left behind
-        return Outcome({**row, "status": status, "message": str(reply.get("message", reply["event"]))})
+        told = str(reply.get("message", reply["event"]))[: worker_process.WORDS]
+        return Outcome({**row, "status": status, "message": told})
 
     def _start_of(self, pair: Pair, before: Predecessor | None) -> tuple[Mapping[str, Any] | None, str]:
         """Vectors of the point to start from, and what the row tells of it; raises NoStart."""
@@ -206,7 +217,7 @@ class Lane:
         if before is not None:
             earlier = {"address": before.address, "format": before.format, "fingerprint": before.fingerprint}
         reply, vectors = self.referee.ask(
-            LOAD_LIMIT,
+            REFEREE.limit(pair.limits.seconds),
             {"answer": before.answer} if before is not None and before.answer is not None else None,
             command="start",
             case=Case.header(pair),
@@ -259,12 +270,14 @@ class Lane:
         }
         case = Case.header(pair)
         reply, extra = self.referee.ask(
-            max(pair.limits.seconds, LOAD_LIMIT),
+            REFEREE.limit(pair.limits.seconds),
             vectors,
             command="judge",
             case=case,
             claim=result.claim,
             answered=result.answered,
+            promise=str(solvers.get(pair.entry.solver).spec.kind),
+            proof_seconds=min(pair.limits.seconds / 2, PROOF_SECONDS),
         )
         if reply["event"] != "judged":
             message = f"the answer could not be judged: {reply.get('message', reply['event'])}"
@@ -285,10 +298,11 @@ class Lane:
         if trail is not None:
             header, snapshots = trail
             judged, blobs = self.referee.ask(
-                max(pair.limits.seconds, LOAD_LIMIT), snapshots, command="judge_history", case=case, trail=header
+                REFEREE.limit(pair.limits.seconds), snapshots, command="judge_history", case=case, trail=header
             )
             history = blobs.get("history") if judged["event"] == "history" else None
-        return Outcome(row, extra.get("answer"), history)
+        proof = extra.get("proof") if row["status"] in PROVEN else None
+        return Outcome(row, extra.get("answer"), history, proof)
 
     def _repeated(self, pair: Pair, result: Result, worker: Child) -> tuple[list[float], list[float], str]:
         """Setup and solve times of the first solve and its repeats, and what became of repeats that failed.
@@ -321,7 +335,7 @@ class Lane:
     ) -> tuple[dict[str, Any] | None, dict[str, Any], str]:
         """One more message of a worker that has answered; what it did instead does not cost the answer."""
         try:
-            reply, vectors = wire.unpack(worker.receive(patience))
+            reply, vectors = hear(worker, patience)
             if reply["event"] != "memory":
                 told = "" if reply["event"] in ("repeats", "history") else str(reply.get("message", reply["event"]))
                 if told:

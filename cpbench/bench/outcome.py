@@ -19,11 +19,13 @@ REMEMBERED, NOTICED = 20.0, 0.01
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a pair: the measured columns of its row, the kept answer and the history, compressed."""
+    """What came of a pair: the measured columns of its row, and compressed, the kept answer, the history, and the
+    proof that there is no solution."""
 
     row: Mapping[str, Any]
     answer: bytes | None = None
     history: bytes | None = None
+    proof: bytes | None = None
 
     def dated(self, finished: str) -> Outcome:
         """The same with the time at which it was there."""
@@ -135,6 +137,7 @@ def conversion_row(prepared: Mapping[str, Any]) -> dict[str, Any]:
             "route": prepared["route"],
             "kind": prepared["kind"],
             "convert": prepared["convert"],
+            "target_tolerance": prepared["tolerance"],
         }
     stage = prepared.get("stage", "conversion")
     told = {"refused": "unsupported", "timeout": "timeout", "memory": "memout"}

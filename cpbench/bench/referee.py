@@ -28,6 +28,8 @@ from cpbench.formulations.base import Kind, Problem
 
 HISTORY_SECONDS = 30.0
 """Seconds after which no further iterate of a history is judged; those that were are spread over the whole."""
+PROOF_SECONDS = 20.0
+"""The most seconds in which a proof is looked for, that the problem that was asked has no solution."""
 
 
 def main(connection: Channel, scratch: str, memory: int) -> None:
@@ -55,6 +57,7 @@ class Referee:
 
     def __init__(self, scratch: Path) -> None:
         self._desk = Desk(scratch)
+        self._attempts: tuple[str, dict[str, verification.Attempt]] = ("", {})
 
     def survey(self, _: Any, address: str, format: str | None, requests: list[dict[str, Any]]) -> bytes:
         """What a plan needs to know of a problem, with the nodes whose first edge is open, by request."""
@@ -119,20 +122,29 @@ class Referee:
         found = begin.point.arrays() if begin.point is not None else {}
         return wire.pack({"event": "started", "told": begin.told}, found)
 
-    def judge(self, vectors: dict[str, Any], case: dict[str, Any], claim: str, answered: bool) -> bytes:
+    def judge(
+        self,
+        vectors: dict[str, Any],
+        case: dict[str, Any],
+        claim: str,
+        answered: bool,
+        promise: str = Kind.EQUIVALENT,
+        proof_seconds: float = PROOF_SECONDS,
+    ) -> bytes:
         """Lift the answer, measure it on the problem that was asked, and give the row its status.
 
-        Where the route promises less than an answer it is measured on the solver's own problem too: what is missed
-        there is the solver's doing, the rest the route's.
+        It is measured on the solver's own problem too: what is missed there is the solver's doing, the rest the
+        route's. A solver whose `promise` is less than an answer drops a term, and solves a problem that nobody has. A
+        claim that there is no solution gets `proof_seconds` for its proof.
         """
         asked = Case(**case)
         source, prepared = self._desk.ready(asked)
         certificate = vectors.pop("certificate", None)
-        proven = prepared.kind == Kind.EQUIVALENT and verification.certified_infeasible(prepared.problem, certificate)
         lifted = verified = 0.0
         answer: Any = None
         message = ""
-        target_error: float | None = None
+        wanted = graph.tolerance(prepared.problem, asked.tolerance, prepared.steps)
+        there: verification.Verdict | None = None
         verdict = verification.no_answer(asked.tolerance)
         if answered:
             try:
@@ -143,25 +155,64 @@ class Referee:
                 between = time.perf_counter()
                 verdict = verification.judge(source, answer, asked.tolerance, asked.measure)
                 lifted, verified = between - begun, time.perf_counter() - between
-                if not prepared.kind.exact:
-                    target_error = verification.judge(prepared.problem, target, asked.tolerance).error
+                if Kind(promise).exact:
+                    there = verification.judge(prepared.problem, target, wanted) if prepared.steps else verdict
             except (PointError, TypeError) as refusal:
                 message, answer = f"the answer is none: {refusal}", None
-        status = verification.status(verdict, claim, proven_infeasible=proven)
+        found = None if verdict.solved else self._proof(source, not prepared.steps, claim, certificate, proof_seconds)
+        proof = found.proof if found else None
+        proven = {f"proven_{kind}": proof is not None and proof.kind == kind for kind in verification.PROVEN}
+        kind = max(prepared.kind, Kind(promise), key=lambda kind: kind.rank)
+        status = verification.status(verdict, claim, kind=kind, target=there, **proven)
+        flags = list(verdict.flags)
+        if there is not None and there is not verdict and "unresolvable" in there.flags:
+            flags.append(verification.TARGET_UNRESOLVABLE)
         return wire.pack(
             {
                 "event": "judged",
                 "status": str(verification.Status.ERROR if message else status),
-                "message": message,
+                "message": message or (found.message if found else ""),
                 "error": verdict.error,
-                "target_error": target_error,
-                "flags": list(verdict.flags),
+                "target_error": None if there is None else there.error,
+                "flags": flags,
                 "parts": {**verdict.judged, **verdict.parts},
                 "lift": lifted,
                 "verify": verified,
             },
-            {"answer": answers.pack(answer)} if answer is not None else None,
+            ({} if answer is None else {"answer": answers.pack(answer)})
+            | ({} if proof is None else {"proof": verification.packed(proof)}),
         )
+
+    def _proof(
+        self, source: Problem, direct: bool, claim: str, certificate: Any, seconds: float
+    ) -> verification.Attempt | None:
+        """What is proved of a claim that the problem that was asked has no solution; None without such a claim.
+
+        A certificate is for that very problem: those of converted problems are of other data. Nor is the claim of what
+        was converted the same claim: the conditions of optimality of an unbounded program have no solution.
+        """
+        kind = claim if claim in verification.PROVEN or certificate is None else str(verification.Status.INFEASIBLE)
+        if kind not in verification.PROVEN:
+            return None
+        if direct:
+            return self._attempt(source, kind, certificate, seconds)
+        attempts = [self._attempt(source, kind, None, seconds / 2)]
+        if attempts[0].proof is None:
+            attempts += [self._attempt(source, k, None, seconds / 2) for k in verification.PROVEN if k != kind]
+        return attempts[-1] if attempts[-1].proof is not None else attempts[0]
+
+    def _attempt(self, source: Problem, kind: str, certificate: Any, seconds: float) -> verification.Attempt:
+        """A proof of this kind; it is found once, and not found once without a certificate."""
+        held, attempts = self._attempts
+        if held != source.fingerprint:
+            attempts.clear()
+            self._attempts = (source.fingerprint, attempts)
+        known = attempts.get(kind)
+        if known is None or (known.proof is None and certificate is not None):
+            known = verification.prove(source, kind, certificate, seconds)
+            if certificate is None or known.proof is not None:
+                attempts[kind] = known
+        return known
 
     def judge_history(
         self,

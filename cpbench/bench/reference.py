@@ -15,7 +15,8 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.staff import STARTUP, Setting
+from cpbench.bench.staff import Setting
+from cpbench.bench.time_limits import START
 
 ORDER = 200
 """Of a dense system: about a millisecond, and half a megabyte that stays in the cache."""
@@ -30,27 +31,36 @@ class Reference:
     """A process of its own with one linear system. Use as a context manager."""
 
     def __init__(self, setting: Setting) -> None:
-        self._child = Child(context(setting.threads), main, (), cpus=setting.cpus)
-        self._child.receive(STARTUP)
+        self._setting = setting
+        self._child: Child | None = None
 
     def __enter__(self) -> Reference:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._child.kill()
+        self._end()
 
     def measure(self) -> tuple[float, float | None]:
         """Median seconds of the solve, and the load of the machine (where the system tells).
 
-        The seconds are NaN when the process did not answer.
+        The seconds are NaN when the process did not answer; the next solve gets another one.
         """
         load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         try:
-            self._child.send(wire.pack({}))
+            if self._child is None:
+                self._child = Child(context(self._setting.threads), main, (), cpus=self._setting.cpus)
+                self._child.receive(START.floor)
+            self._child.send(wire.pack({}), PATIENCE)
             reply, _ = wire.unpack(self._child.receive(PATIENCE))
         except (TimedOut, Died):
+            self._end()
             return float("nan"), load
         return statistics.median(reply["seconds"]), load
+
+    def _end(self) -> None:
+        child, self._child = self._child, None
+        if child is not None:
+            child.kill()
 
 
 def main(connection: Channel) -> None:

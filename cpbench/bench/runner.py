@@ -99,7 +99,7 @@ def execute(
             if host not in hosts:
                 store.note_machine(host, crew.machines[host])
                 hosts.add(host)
-            store.finish(pair.key, {**outcome.row, "host": host}, outcome.answer, outcome.history)
+            store.finish(pair.key, {**outcome.row, "host": host}, outcome.answer, outcome.history, outcome.proof)
             notice("done", pair, outcome.row)
             if reference and (done % REFERENCE_EVERY == 0 or done == pairs):
                 store.add_reference(done, *reference.measure())

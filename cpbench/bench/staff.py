@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +13,14 @@ import cpbench.bench.worker as worker_process
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.time_limits import START, WARM_UP
 
-STARTUP = 600.0
-"""Seconds a worker may take to import its guest and to compile (once a machine)."""
+AGAIN = 2
+"""How often a command, or a start, is repeated by a fresh process where one was found dead: it may have died of
+something else (Linux kills what is largest where memory is short; what kills its parent kills it too)."""
+PROCESSES = 64
+"""How many processes a solver may have at a time, beside one a thread: so many are dead half a second after its limit,
+and a flood of more is stopped while it is small."""
 REFEREE_SHARE = 2
 """How many times the memory limit of a worker the referee has: it holds a problem with all its conversions."""
 REFEREE_LEAST = 2 * 2**30
@@ -46,6 +52,11 @@ class Setting:
         """Bytes that conversions and judging may take (0: no limit)."""
         return max(REFEREE_SHARE * self.memory, REFEREE_LEAST) if self.memory > 0 else 0
 
+    @property
+    def processes(self) -> int:
+        """How many a solver may have at a time, its worker included."""
+        return PROCESSES + self.threads
+
 
 class Referee:
     """The seat of the referee: who sits there may change, who asks need not know."""
@@ -58,19 +69,24 @@ class Referee:
     def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
         """Send a command; the reply's header and vectors, whatever it is: `timeout`, `died`, `memory` are replies too.
 
-        Who is found dead may have died of something else: a command is repeated once.
+        Who is found dead may have died of something else: a command is repeated (`AGAIN`).
         """
         message = wire.pack(header, vectors)
         reply, found = self._asked(seconds, message)
-        return self._asked(seconds, message) if reply["event"] == "died" else (reply, found)
+        for _ in range(AGAIN):
+            if reply["event"] == "died":
+                reply, found = self._asked(seconds, message)
+        return reply, found
 
     def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
         try:
             if self.child is None:
                 arguments = (str(self._scratch), self._limit)
                 self.child = Child(self._context, referee_process.main, arguments, memory=self._limit)
-            self.child.send(message)
-            reply, found = wire.unpack(self.child.receive(seconds))
+            over = time.monotonic() + seconds
+            self.child.send(message, seconds)
+            reply, found = wire.unpack(self.child.receive(over - time.monotonic()))
+            self.child.warm()
             if reply["event"] != "memory":
                 return reply, found
         except TimedOut:
@@ -99,8 +115,8 @@ class Workers:
     versions : of the solvers that were started. unavailable : state and detail of those that cannot be.
     """
 
-    def __init__(self, context: Context, setting: Setting) -> None:
-        self._context, self._setting = context, setting
+    def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
+        self._context, self._setting, self._scratch = context, setting, scratch
         self._children: dict[str, Child] = {}
         self._memory: dict[str, int] = {}
         self._single: dict[str, bool] = {}
@@ -112,18 +128,24 @@ class Workers:
     def children(self) -> list[Child]:
         return list(self._children.values())
 
-    def get(self, name: str, memory: int, compiling: Callable[[], None] = lambda: None) -> Child | None:
-        """The worker of a solver, with this memory limit; None where the solver is not available. `compiling` is called
-        when one has to compile before it is ready, which takes seconds and happens once a machine."""
+    def get(
+        self, name: str, memory: int, timeout: float = 0.0, compiling: Callable[[], None] = lambda: None
+    ) -> Child | None:
+        """The worker of a solver, with this memory limit; None where the solver is not available.
+
+        timeout : of a solve, after which the limits of the start and the warm-up go. compiling : called when the worker
+        has to compile before it is ready, which takes seconds and happens once a machine.
+        """
         if name in self.unavailable:
             return None
         child = self._children.get(name)
         if child is not None and (self._memory[name] != memory or not child.alive):
             self.drop(name)
         if name not in self._children:
-            reply = self._hired(name, memory, compiling)
-            if reply["event"] == "died":  # of something else, maybe: what killed its parent killed it too
-                reply = self._hired(name, memory, compiling)
+            reply = self._hired(name, memory, timeout, compiling)
+            for _ in range(AGAIN):
+                if reply["event"] == "died":
+                    reply = self._hired(name, memory, timeout, compiling)
             if reply["event"] != "ready":
                 self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
                 return None
@@ -155,27 +177,43 @@ class Workers:
         for name in list(self._children):
             self.drop(name)
 
-    def _hired(self, name: str, memory: int, compiling: Callable[[], None]) -> dict[str, Any]:
-        """First message of a new worker but that it compiles; it is dropped unless it is ready."""
-        arguments = (name, memory, self._setting.fresh)
+    def _hired(self, name: str, memory: int, timeout: float, compiling: Callable[[], None]) -> dict[str, Any]:
+        """What a new worker says when it is warm, or why it is not; it is dropped unless it is ready."""
+        setting, phase = self._setting, START
         try:
-            child = Child(self._context, worker_process.main, arguments, cpus=self._setting.cpus, memory=memory)
+            child = Child(
+                self._context,
+                worker_process.main,
+                (name, memory, setting.fresh, str(self._scratch)),
+                cpus=setting.cpus,
+                memory=memory,
+                processes=setting.processes,
+            )
             self._children[name], self._memory[name] = child, memory
-            reply, _ = wire.unpack(child.receive(STARTUP))
-            if reply.get("event") == "compiling":
-                compiling()
-                reply, _ = wire.unpack(child.receive(STARTUP))
-            if reply.get("event") not in ("ready", "unavailable"):
-                raise wire.WireError(f"the first message is {str(reply)[:200]}")
+            reply, _ = hear(child, START.limit(timeout))
+            if reply["event"] == "warming":
+                phase, over = WARM_UP, time.monotonic() + WARM_UP.limit(timeout)
+                reply, _ = hear(child, over - time.monotonic())
+                if reply["event"] == "compiling":
+                    compiling()
+                    reply, _ = hear(child, over - time.monotonic())
+            if reply["event"] not in ("ready", "unavailable"):
+                raise wire.WireError(f"in place of being ready it says {str(reply)[:200]}")
+            child.warm()
         except TimedOut:
-            reply = {"event": "timeout", "detail": f"no sign of life within {STARTUP:g} s"}
+            reply = {"event": "timeout", "detail": f"{phase.name} not over after {phase.limit(timeout):g} s"}
         except Died as death:
             reply = {"event": "died", "detail": obituary(death)}
-        except wire.WireError as noise:
+        except (wire.WireError, KeyError) as noise:
             reply = {"event": "noise", "detail": str(noise)}
         if reply["event"] != "ready":
             self.drop(name)
         return reply
+
+
+def hear(worker: Child, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The next message of a worker, which may be anything; raises as `Child.receive` and `wire.unpack` do."""
+    return wire.unpack(worker.receive(seconds), wire.HEADER)
 
 
 def obituary(death: Died) -> str:

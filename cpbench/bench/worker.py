@@ -1,9 +1,10 @@
 """The process that runs one solver. It loads, warms up, solves and reports; it judges nothing.
 
-Messages in: the path of a problem, budget, options. Messages out: `compiling` where kernels are not in the cache yet,
-`ready`, then for every request `loaded` (unless the runner knows that the problem is `held`), `result`, and where they
-are asked for `repeats` and `history`; or one that says why not: `unsupported`, `error`, `memory`. The limit of the
-runner counts from `loaded`.
+Messages in: the path of a problem, budget, options. Messages out: `warming` once the solver is found to be available,
+`compiling` where kernels are not in the cache yet, `ready`, then for every request `loaded` (unless the runner knows
+that the problem is `held`), `result`, and where they are asked for `repeats` and `history`; or one that says why not:
+`unsupported`, `error`, `memory`. The limit of a solve counts from `loaded`; what goes before has its own
+(`time_limits`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import gc
+import itertools
 import logging
 import operator
 import os
@@ -27,7 +29,7 @@ from cpbench.bench.history import recorded
 from cpbench.bench.processes import guard, wire
 from cpbench.bench.processes.apart import apart
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.launch import forks, limit_memory
+from cpbench.bench.processes.launch import confine, forks, limit_memory
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.formulations.base import Problem
@@ -37,21 +39,26 @@ from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
 SHORT = 1.0
 """Solves below this many seconds are repeated."""
 WORDS = 2000
-"""Characters of a message of a solver that are passed on."""
+"""Characters of what a solver says that are passed on."""
+COUNTERS, NAME = 100, 100
+"""Counters of a solve that are kept, and characters of their names."""
 
 
-def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False) -> None:
-    """Serve solves of one solver until the runner closes the connection.
+def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False, scratch: str = "") -> None:
+    """Serve solves of one solver until the runner closes the connection. It writes below `scratch`.
 
     With `fresh` every solve has a process of its own: forked from this one, or, where that is not safe (no fork on
     this system, or threads that a fork would not take along), this one, which then serves a single request and says
     so: `single`.
     """
     solver = solvers.get(solver_name)
+    if scratch:
+        confine(scratch, own=type(solver).__module__.startswith("cpbench.solvers."))
     available = solver.availability()
     if not available.ok:
-        connection.send_bytes(wire.pack({"event": "unavailable", "state": available.state, "detail": available.detail}))
+        connection.send_bytes(_message(event="unavailable", state=available.state, detail=available.detail[-WORDS:]))
         return
+    connection.send_bytes(_message(event="warming"))
     started = time.perf_counter()
     with _telling_of_compilation(connection):
         solver.warmup()
@@ -80,7 +87,7 @@ def _telling_of_compilation(connection: Channel) -> Generator[None]:
 
     def heard(record: logging.LogRecord) -> bool:
         if not told:
-            connection.send_bytes(wire.pack({"event": "compiling"}))
+            connection.send_bytes(_message(event="compiling"))
         told.append(record.getMessage())
         return True
 
@@ -119,7 +126,7 @@ class Bench:
             run(lambda: self._safely(self._record))
 
     def tell(self, vectors: Mapping[str, Any] | None = None, **header: Any) -> None:
-        self._connection.send_bytes(wire.pack(header, vectors))
+        self._connection.send_bytes(_message(vectors, **header))
 
     def _safely(self, step: Callable[[], Any]) -> Any:
         """What `step` returns; None when it raised, and the runner has been told. SystemExit ends the process."""
@@ -172,7 +179,7 @@ class Bench:
             event="result",
             claim=str(output.claim),
             answered=output.point is not None,
-            message="; ".join(filter(None, (str(output.message)[:WORDS], *notes))),
+            message="; ".join(filter(None, (*notes, str(output.message)[:WORDS]))),
             counters=counters,
             setup=setup,
             solve=solve,
@@ -259,14 +266,35 @@ def _checked(output: Any, problem: Problem) -> tuple[dict[str, Vector], dict[str
         kind = np.asarray(vector).dtype
         if kind.kind not in "fiub":
             raise TypeError(f"answered with a {name} of type {kind}, not of real numbers")
+    return vectors, *_counters(output.counters)
+
+
+def _counters(told: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
+    """The first of the counters, each an integer of 64 bits by a short name, and remarks on what is left out.
+
+    To send and to keep a million of them takes seconds, after a solve that was over within its limit.
+    """
     counters: dict[str, int] = {}
     notes: list[str] = []
-    for name, value in output.counters.items():
+    for key, value in itertools.islice(told.items(), COUNTERS):
+        name = str(key)[:NAME]
         try:
-            counters[str(name)] = operator.index(value)
+            number = operator.index(value)
         except TypeError:
             notes.append(f"the counter {name} is no integer: {value!r:.50}")
-    return vectors, counters, notes
+            continue
+        if number.bit_length() > 63:
+            notes.append(f"the counter {name} has {number.bit_length()} bits, 63 are kept")
+        else:
+            counters[name] = number
+    if len(told) > COUNTERS:
+        notes.append(f"{len(told)} counters, the first {COUNTERS} are kept")
+    return counters, notes
+
+
+def _message(vectors: Mapping[str, Any] | None = None, **header: Any) -> bytes:
+    """A message to the runner; no text in it is longer than `WORDS`."""
+    return wire.pack({k: v[:WORDS] if isinstance(v, str) else v for k, v in header.items()}, vectors)
 
 
 def _told(error: BaseException) -> str:

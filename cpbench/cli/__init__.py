@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from cpbench import __version__
-from cpbench.errors import CpbenchError, FormatError
+from cpbench.errors import CpbenchError, FormatError, SealError
 from cpbench.registry import PLUGIN_FILES
 
 COMMANDS = {
@@ -122,7 +122,7 @@ def main() -> None:
         sys.exit(leave.exit_code)
     except CpbenchError as refusal:
         click.echo(f"cpbench: {refusal}", err=True)
-        sys.exit(2)
+        sys.exit(1 if isinstance(refusal, SealError) else 2)
     except (click.Abort, KeyboardInterrupt):
         click.echo("cpbench: interrupted", err=True)
         sys.exit(130)

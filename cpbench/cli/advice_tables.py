@@ -1,16 +1,17 @@
-"""Advice as a whole: how good it is for families that were left out, and the table of it that is shipped."""
+"""Advice as a whole: how good it is for origins that were left out, and the table of it that is shipped."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
 from cpbench import __version__
-from cpbench.analysis import recommendation as rec
+from cpbench.analysis import validation
 from cpbench.analysis.experience import Experience, to_text
 from cpbench.analysis.profiles import FLOOR
 from cpbench.cli import evidence
@@ -19,30 +20,57 @@ from cpbench.errors import CpbenchError
 
 
 def evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bool) -> None:
-    """Print how often the advice is good for families that were left out; raises CpbenchError."""
-    if len({case.family for case in known.cases}) < 2:
-        raise CpbenchError(f"{source}: all problems are of one family; there is nothing to leave out")
-    table = rec.rates(known, rec.evaluate(known))
+    """Print how often the advice is good for origins that were left out; raises CpbenchError."""
+    if len(set(known.origins)) < 2:
+        raise CpbenchError(f"{source}: all problems are of one origin; there is nothing to leave out")
+    table = validation.rates(known, validation.evaluate(known))
+    rows = table.to_dict("records")
     if as_json:
-        rows = table.to_dict("records")
         told = {"source": source, "unsolved": known.unsolved, "rates": rows, "remarks": list(remarks)}
         click.echo(json.dumps(told, indent=1))
         return
     click.echo(
-        f"Each family left out in turn, by {source}; within: twice the time of the virtual best, from {FLOOR:g} s."
+        f"Each origin left out in turn, by {source}: solved, and within twice the time of the virtual best (from "
+        f"{FLOOR:g} s). The estimate's own numbers are chosen each time from other origins."
     )
-    head = ("node", "problems", "families", "solved", "within", "", "best single (in hindsight)", "solved", "within")
-    lines: list[tuple[str, ...]] = [head]
-    for row in table.to_dict("records"):
-        part = f"{row['within'] / row['problems']:.0%}" if row["problems"] else ""
-        numbers = [str(row[name]) for name in ("problems", "families", "solved", "within")]
-        lines.append((row["node"], *numbers, part, row["single"], str(row["single_solved"]), str(row["single_within"])))
+    head = ("", "", "", "advice", "", "plain", "", "auto", "", "", "single", "", "")
+    names = ("node", "problems", "origins", *("solved", "within") * 2, *("label", "solved", "within") * 2)
+    lines: list[tuple[str, ...]] = [head, names]
+    for row in rows:
+        numbers = [str(row[name]) for name in ("problems", "origins", "solved", "within", "plain_solved")]
+        numbers.append(str(row["plain_within"]))
+        for name in ("auto", "single"):
+            numbers += [row[name], str(row[f"{name}_solved"]), str(row[f"{name}_within"])]
+        lines.append((row["node"], *numbers))
     for line in columns(lines):
+        click.echo(line)
+    click.echo(
+        "plain: the label best on the other origins of the node. auto: the automatic solver, 0 where none was run."
+    )
+    click.echo("single: the label best on the node's own problems, which is known only afterwards.")
+    for line in _worth(rows[-1]):
         click.echo(line)
     if known.unsolved:
         click.echo(f"{known.unsolved} more problems that nobody solved have no virtual best, and are not among them")
     for remark in remarks:
         click.echo(f"remark: {remark}")
+
+
+def _worth(every: Mapping[Any, Any]) -> list[str]:
+    """What the advice comes to, beside what is simpler."""
+    others = {
+        "the label best on other origins": "plain_within",
+        "always the automatic solver": "auto_within",
+        "the best single label of each node, chosen in hindsight": "single_within",
+    }
+    found = [f"The advice is within twice the virtual best on {every['within']} of {every['problems']} problems."]
+    for better, words in ((True, "That is better than"), (False, "That is not better than")):
+        listed = [
+            f"{what} ({every[name]})" for what, name in others.items() if (every["within"] > every[name]) == better
+        ]
+        if listed:
+            found.append(f"{words} {' and '.join(listed)}.")
+    return found
 
 
 def make(table: Path, results: Sequence[Path], force: bool) -> None:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.bench.results.store import Store
 from cpbench.cli.options import Names, Sections, force_option
+from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, StoreError, UnknownName
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def command(
     No times, machines or dates. An update is a ratchet: what got better is taken over, what got worse is listed and
     stays, unless it is accepted with a reason. Pairs that were not run are left alone.
 
-    Ends with 1 only for --fail-on.
+    Ends with 1 for --fail-on, and when rows of RESULTS are not as a run wrote them.
     """
     from cpbench.analysis import baseline, ratchet
     from cpbench.report import baseline_file
@@ -123,7 +123,7 @@ def _require_sense(
 def _outcomes(results: Path) -> pd.DataFrame:
     from cpbench.analysis import attendance, baseline
 
-    with Store(results) as store:
+    with sealed(results) as store:
         table, sheets = store.table(), store.meta().get("solvers") or {}
     new = baseline.of(table)
     if new["status"].isin(baseline.UNMEASURED).all():

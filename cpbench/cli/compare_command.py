@@ -14,7 +14,7 @@ from cpbench.cli.options import Names
 from cpbench.cli.sides import base as base_side
 from cpbench.cli.sides import side
 from cpbench.errors import UnknownName
-from cpbench.verification import VERIFIED, Status
+from cpbench.verification import PROVEN, VERIFIED, Status
 
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FAILURES = (
     "regression",
     "inconclusive",
-    *(str(s) for s in Status if s not in (*VERIFIED, Status.INFEASIBLE, Status.NOT_RUN)),
+    *(str(s) for s in Status if s not in (*VERIFIED, *PROVEN, Status.NOT_RUN)),
 )
 """What --fail-on knows: verdicts on the whole, and statuses that a pair has now and had not before."""
 SUFFIXES = (".md", ".json", ".xml")
@@ -60,6 +60,7 @@ SUFFIXES = (".md", ".json", ".xml")
 @click.option(
     "--noise", metavar="LABEL,LABEL", help="Two labels of equal code in the (new) file: what differs is noise."
 )
+@click.option("--count-stationary", is_flag=True, help="Count answers that are stationary only among the solved.")
 @click.option("--same-machine", is_flag=True, help="The two files are of one machine, whatever its name is in them.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
 def command(
@@ -73,6 +74,7 @@ def command(
     counter_margin: float,
     alpha: float,
     noise: str | None,
+    count_stationary: bool,
     same_machine: bool,
     seed: int,
 ) -> None:
@@ -82,13 +84,13 @@ def command(
     Every pair of a problem and a solver is improved, the same, inconclusive or regressed: by status first, then by
     verified error, counters, and by time where both were timed on one machine, beyond its noise.
 
-    Ends with 0 whatever is found, 1 for --fail-on, 2 for bad input.
+    Ends with 0 whatever is found, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """
     from cpbench.analysis.comparison import Settings, compare, compare_labels, equal_pairs
     from cpbench.report.comparison import terminal, write
 
     _checked(base, new, first, second, outputs, fail_on)
-    settings = Settings(margin, counter_margin, alpha, same_machine, seed)
+    settings = Settings(margin, counter_margin, alpha, same_machine, seed, count_stationary)
     equal = _two(noise) if noise is not None else None
     if new is None:
         assert first is not None

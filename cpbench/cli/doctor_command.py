@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import click
 
 from cpbench import kernel_cache
-from cpbench.bench import checkup, machine
+from cpbench.bench import checkup, machine, time_limits
 from cpbench.bench.checkup import Checkup
 from cpbench.bench.processes import isolation
 
@@ -28,6 +28,9 @@ def command(warm: bool) -> None:
         click.echo(f"{name:<12} {value}")
     click.echo("isolation")
     for what, told in isolation.detect().told():
+        click.echo(f"  {what:<10} {told}")
+    click.echo("limits       killed with all it started half a second later at most")
+    for what, told in time_limits.told():
         click.echo(f"  {what:<10} {told}")
     chosen = list(solvers)
     seen: dict[str, Checkup] = {}

@@ -15,6 +15,7 @@ from cpbench.analysis.experience import Experience, experience, from_text
 from cpbench.bench.results.problem_features import problem_features
 from cpbench.bench.results.store import Store
 from cpbench.cli.candidates import solver_of
+from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
 
 SHIPPED = "recommendation_table.json"
@@ -55,7 +56,7 @@ def read(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience
             if not warm:
                 known = replace(known, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
             continue
-        with Store(path) as store:
+        with sealed(path) as store:
             rows.append(store.table())
             found, without = problem_features(store)
         features |= {key: facts for key, facts in found.items() if key not in features}

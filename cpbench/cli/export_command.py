@@ -9,6 +9,7 @@ import click
 
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import force_option
+from cpbench.cli.sealed import sealed
 from cpbench.errors import FormatError
 
 
@@ -28,7 +29,7 @@ def command(results: Path, rows: Path | None, answers: Path | None, force: bool)
     for path in (rows, answers):
         if path is not None and path.exists() and not force:
             raise FormatError(path, "", "exists already; use --force to replace it")
-    with Store(results) as store:
+    with sealed(results) as store:
         if rows is not None:
             row_files.write(store.table(), rows, force=force)
             click.echo(f"rows: {rows}")

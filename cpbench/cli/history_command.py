@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.bench.results.store import Store
+from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, FormatError, StoreError, UnknownName
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def _run(path: Path) -> Run | None:
     from cpbench.analysis import attendance
     from cpbench.analysis.timeline import Run
 
-    with Store(path) as store:
+    with sealed(path) as store:
         table, meta, machines = store.table(), store.meta(), store.machines()
     terms = attendance.restricted(table, meta.get("solvers") or {})
     if terms:

@@ -30,7 +30,9 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     for line in told:
         click.echo(f"mixed: {line}", err=True)
     with Store(output) as store:
-        counts = store.counts()
+        counts, notes = store.counts(), store.meta().get("seals", [])
+    for line in notes:
+        click.echo(f"{line}; they are sealed anew as they are", err=True)
     summary = ", ".join(f"{counts[status]} {status}" for status in sorted(counts, key=lambda s: -counts[s]))
     click.echo(f"{sum(counts.values())} pairs of {len(results)} files: {summary}")
     click.echo(f"results: {output}")

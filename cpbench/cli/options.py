@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from cpbench.bench.planning import quantities
+from cpbench.bench.time_limits import floors
 from cpbench.errors import CpbenchError
 
 
@@ -141,7 +142,7 @@ def limit_options(f: Callable[..., Any]) -> Callable[..., Any]:
         type=Duration(),
         default="10s",
         show_default=True,
-        help="Wall-clock limit of a solve (30s, 5m, none).",
+        help=f"Wall-clock limit of a solve (30s, 5m, none), and of every other phase, which has at least: {floors()}.",
     )(f)
 
 

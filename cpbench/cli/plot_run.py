@@ -11,8 +11,8 @@ from typing import Any
 import click
 
 from cpbench.bench import history
-from cpbench.bench.results.store import Store
 from cpbench.cli.options import Duration
+from cpbench.cli.sealed import sealed
 from cpbench.report import canvas, run_canvas
 from cpbench.report.chosen import Choice
 from cpbench.report.figure_kinds import FigureKind
@@ -52,7 +52,7 @@ def command_of(kind: FigureKind) -> click.Command:
         own = {name: given.pop(name) for name in kind.options}
         tolerance = given.pop("tolerance")
         choice = Choice(**given, tolerance=math.nan if tolerance is None else tolerance)
-        with Store(results) as store:
+        with sealed(results) as store:
             told = history.table(store.histories())
             run = assembled(store.table(), store.meta(), Path(), told, publishable=publishable)
         with run_canvas.drawing():

@@ -14,7 +14,8 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.staff import STARTUP, obituary
+from cpbench.bench.staff import obituary
+from cpbench.bench.time_limits import START, WARM_UP
 from cpbench.errors import CpbenchError
 from cpbench.testing.conduct import Item, Mark, conduct, named, registered_by
 
@@ -37,10 +38,10 @@ class Desk:
         """What there is to check. Raises CpbenchError when the plugin does not load."""
         try:
             return [
-                Item(kind, name, tuple(nodes)) for kind, name, nodes in self._ask({"do": "items"}, STARTUP)["items"]
+                Item(kind, name, tuple(nodes)) for kind, name, nodes in self._ask({"do": "items"}, START.floor)["items"]
             ]
         except TimedOut:
-            why = f"was not loaded within {STARTUP:g} s"
+            why = f"was not loaded within {START.floor:g} s"
         except Died as death:
             why = f"ends the process that loads it ({obituary(death)})"
         except wire.WireError as noise:
@@ -51,7 +52,7 @@ class Desk:
     def marks(self, item: Item, only: tuple[str, ...] = ()) -> Iterator[tuple[str, Mark]]:
         """Every check of one item, or those in `only`, with its mark. A solver that cannot run is not checked."""
         if item.kind == "solver":
-            ready = self._mark(item, "ready", STARTUP)
+            ready = self._mark(item, "ready", START.floor + WARM_UP.floor)
             if ready.word != "passed":
                 yield "availability", ready
                 return

@@ -141,7 +141,7 @@ def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, fl
     """The kept answer of least error of each contact problem that somebody solved, its label and error."""
     contact = [name for name in formulations.names() if issubclass(formulations.get(name), ContactProblem)]
     solved = rows.loc[
-        rows["node"].isin(contact) & rows_of.solved(rows), ["fingerprint", "key", "label", "error"]
+        rows["node"].isin(contact) & rows_of.met(rows), ["fingerprint", "key", "label", "error"]
     ].sort_values("error", kind="stable")
     found: dict[str, tuple[bytes, str, float]] = {}
     for row in solved.drop_duplicates("fingerprint").to_dict("records"):

@@ -48,7 +48,7 @@ SHOWN, LONGEST = 4, 160
     show_default=True,
     help="all: labels, too, that some route led to which promises less than an answer.",
 )
-@click.option("--evaluate", is_flag=True, help="Leave one family out after the other: how often is the advice good?")
+@click.option("--evaluate", is_flag=True, help="Leave one origin out after the other: how often is the advice good?")
 @click.option("--make", type=click.Path(path_type=Path, dir_okay=False), metavar="TABLE", help="Write a table to ship.")
 @click.option("--json", "as_json", is_flag=True, help="For programs.")
 @format_option
@@ -70,7 +70,7 @@ def command(
 
     It goes by features of the problem (cpbench info shows more of them), and by what solvers came to on problems like
     it: those that are shipped, or of your own runs. Being sure means: how many problems like it were measured, and how
-    often such advice is good for a family that was left out.
+    often such advice is good for problems of an origin that was left out.
     """
     if sum((problem is not None, evaluate, make is not None)) != 1:
         raise click.UsageError("give a PROBLEM, or --evaluate, or --make TABLE")
@@ -103,6 +103,7 @@ def _recommend(
 ) -> None:
     from cpbench import storage
     from cpbench.analysis import recommendation as rec
+    from cpbench.analysis import validation
     from cpbench.bench.planning.features import features
     from cpbench.cli import candidates
 
@@ -124,7 +125,8 @@ def _recommend(
             f"{source}: none of {len(passed)} solvers takes this problem here; the first, "
             f"{passed[0].advice.label}: {passed[0].obstacle}"
         )
-    rates = rec.rates(known, rec.evaluate(known, asked.node, CHECKED)).to_dict("records")
+    apart = len(set(known.origins)) > 1
+    rates = validation.rates(known, validation.evaluate(known, asked.node, CHECKED)).to_dict("records") if apart else []
     checked = rates[0] if rates and rates[0]["node"] == asked.node else None
     runs = [_command(address, asked, one, warm) for one in taken]
     if as_json:
@@ -177,12 +179,12 @@ def _alike(found: Recommendation, node: str) -> str:
 
 
 def _checked(rate: dict[Any, Any] | None, node: str) -> str:
-    """How good such advice is for families that were left out."""
+    """How good such advice is for origins that were left out."""
     if rate is None:
-        return f"not at all: no {node} problem was measured"
+        return f"not at all: no {node} problem was measured, or all problems are of one origin"
     return (
-        f"each family left out, the advice solves {rate['solved']} of {rate['problems']} {node} problems, "
-        f"{rate['within']} within twice the fastest"
+        f"each origin left out, the advice solves {rate['solved']} of {rate['problems']} {node} problems, "
+        f"{rate['within']} within twice the fastest; the best single label, in hindsight, {rate['single_within']}"
     )
 
 

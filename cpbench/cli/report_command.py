@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
-from cpbench.bench.results.store import Store
 from cpbench.cli.options import Names
+from cpbench.cli.sealed import sealed
 from cpbench.errors import UnknownName
 
 
@@ -42,6 +43,7 @@ from cpbench.errors import UnknownName
     help="Rows as csv, json, parquet. Default: all; CSV and Parquet ([arrow]) up to 200000 rows, JSON up to 20000.",
 )
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
+@click.option("--count-stationary", is_flag=True, help="Count answers that are stationary only among the solved.")
 def command(
     results: Path,
     output: Path | None,
@@ -52,15 +54,17 @@ def command(
     publishable: bool,
     data: tuple[str, ...] | None,
     with_imported: bool,
+    count_stationary: bool,
 ) -> None:
     """Write the report of a results file: one HTML file that works offline, Markdown, figures, rows; or LaTeX."""
+    chosen = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
     folder, name = output or Path("reports") / results.stem, title or results.stem
     if form == "tex":
         if baseline is not None:
             raise click.UsageError("--baseline is a section of the Markdown report: leave --format tex out")
         if data is not None:
             raise click.UsageError("--data is of the report as HTML: leave --format tex out")
-        click.echo(f"report: {_tex(results, folder, name, facets or (), publishable, with_imported)}")
+        click.echo(f"report: {_tex(results, folder, name, facets or (), chosen)}")
         return
     if facets is not None:
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
@@ -72,7 +76,7 @@ def command(
     for unknown in [form for form in data or () if form not in row_files.FORMATS]:
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
     comparison = None
-    with Store(results) as store:
+    with sealed(results) as store:
         iterates = history.table(store.histories())
         if baseline is None:
             table, meta = store.table(), store.meta()
@@ -84,7 +88,6 @@ def command(
             table, meta = new.table, new.meta
             comparison = compare(base(baseline, new), new)
         portraits = Portraits(store, table)
-    chosen = {"publishable": publishable, "with_imported": with_imported}
     forms, told = row_files.chosen(len(table), data)
     made = write_folder(
         table, meta, folder, name, iterates, comparison=comparison, data=forms, portraits=portraits, **chosen
@@ -95,13 +98,11 @@ def command(
         click.echo(line, err=True)
 
 
-def _tex(
-    results: Path, folder: Path, title: str, facets: tuple[str, ...], publishable: bool, with_imported: bool
-) -> Path:
+def _tex(results: Path, folder: Path, title: str, facets: tuple[str, ...], chosen: Mapping[str, bool]) -> Path:
     from cpbench.bench.results.citations import citations
     from cpbench.report.document.page import write_document
 
-    with Store(results) as store:
+    with sealed(results) as store:
         return write_document(
             store.table(),
             store.meta(),
@@ -109,6 +110,5 @@ def _tex(
             title,
             citations=citations(store),
             facets=facets,
-            publishable=publishable,
-            with_imported=with_imported,
+            **chosen,
         )

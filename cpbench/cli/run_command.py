@@ -157,7 +157,8 @@ def command(
     Problems are files, packs (FILE::NAME), folders, globs or the word builtin; without any, those of the plan file,
     or the built-in suite. The same command after an interruption resumes. What is said here wins over the file.
 
-    Ends with 0 when every pair has its row, whatever is in it; 1 for --fail-on; 2 for bad input; 130 when
+    Ends with 0 when every pair has its row, whatever is in it; 1 for --fail-on, and when rows are missing because
+    pairs were not run or nobody could say what a file holds, or are not as a run wrote them; 2 for bad input; 130 when
     interrupted, with a file that can be resumed.
     """
     file = _plan_file(plan_path, quiet)
@@ -182,7 +183,8 @@ def command(
             assembly.require_pairs()
             campaign.require_answers(asked, assembly.pairs)
             crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
-            store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
+            store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep, expel=True))
+            _tell_removed(store)
             campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))
             campaign.work(crew, store, asked, assembly.pairs, display)
             _finish(store, asked, assembly)
@@ -240,6 +242,14 @@ def _tell(assembly: Assembly) -> None:
         click.echo(f"no route leads to {', '.join(assembly.idle)}: no row", err=True)
 
 
+def _tell_removed(store: Store) -> None:
+    """Which rows of an earlier run cannot be believed and are run again, and what could not be checked."""
+    for row in store.opened.broken:
+        click.echo(f"removed, to be run again where it is planned: {row}", err=True)
+    if store.opened.note:
+        click.echo(store.opened.note, err=True)
+
+
 def _print_plan(asked: RunPlan, assembly: Assembly) -> None:
     for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results)):
         click.echo(line)
@@ -267,9 +277,16 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         portraits = Portraits(store, table)
         for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, portraits=portraits):
             click.echo(f"report: {path}")
+    gaps = campaign.gaps(store, assembly)
+    if gaps:
+        click.echo(f"cpbench: rows are missing: {', '.join(gaps)}; the same command goes on", err=True)
     failed = campaign.failures(store, asked, assembly.pairs)
     if failed:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)
+    removed = len(store.opened.broken)
+    if removed:
+        click.echo(f"cpbench: {asked.results}: {removed} rows could not be believed and were removed", err=True)
+    if gaps or failed or removed:
         sys.exit(1)
 
 

@@ -11,8 +11,8 @@ import click
 
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.quantities import duration
-from cpbench.bench.results.store import Store
 from cpbench.cli.options import Duration, force_option
+from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _read(files: tuple[Path, ...]) -> tuple[pd.DataFrame, list[Source]]:
     tables: list[pd.DataFrame] = []
     sources: list[Source] = []
     for path in dict.fromkeys(path.resolve() for path in files):
-        with Store(path) as store:
+        with sealed(path) as store:
             meta: dict[str, Any] = store.meta()
             tables.append(store.table())
         sources.append(source(path.name, meta.get("plan")))

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cpbench.bench.results.store import Store
+from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 def side(path: Path) -> Side:
     """The rows and facts of a results file; raises CpbenchError when it has none."""
-    with Store(path) as store:
+    with sealed(path) as store:
         return side_of(store)
 
 

@@ -20,7 +20,7 @@ from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Address, Counts, force_option, format_option, limit_options, number, tolerance_option
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
-from cpbench.verification import VERIFIED, Status
+from cpbench.verification import MET_TOLERANCE, PROVEN
 
 
 @click.command()
@@ -73,7 +73,7 @@ def command(
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
     limits = plan.Limits(timeout, memory, threads, repeats=1)
     with Lane(Setting(threads, memory, single=True)) as lane:
-        survey = lane.survey(problem, asked, file_format)
+        survey = lane.survey(problem, asked, file_format, timeout)
         pairs = plan.pairs(
             [survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via, start=str(policy)
         )
@@ -83,7 +83,7 @@ def command(
             )
         pair = pairs[0]
         prepared = lane.prepare(pair)
-        lane.start([pair.entry.solver], memory, _warming)
+        lane.start([pair.entry.solver], limits, _warming)
         outcome = lane.run(pair, prepared)
     row, answer = outcome.row, outcome.answer
     if as_json:
@@ -101,7 +101,7 @@ def command(
     elif output is not None:
         click.echo("no answer to write", err=True)
         sys.exit(1)
-    if strict and row["status"] not in (*VERIFIED, str(Status.INFEASIBLE)):
+    if strict and row["status"] not in (*MET_TOLERANCE, *PROVEN):
         sys.exit(1)
 
 
@@ -118,6 +118,9 @@ def _print(pair: plan.Pair, row: Mapping[str, Any]) -> None:
         click.echo(f"  route      {row['route']} ({row['kind']})")
     if row.get("error") is not None:
         click.echo(f"  error      {number(row['error'])}, asked for {number(pair.tolerance)}; claimed {row['claim']}")
+    if row.get("route") != "direct" and row.get("target_error") is not None:
+        there, asked = number(row["target_error"]), number(row["target_tolerance"])
+        click.echo(f"  there      {there}, asked for {asked}: the error on the solver's own problem")
     if row.get("flags"):
         click.echo(f"  flags      {row['flags']}")
     for name, value in json.loads(row.get("parts") or "{}").items():

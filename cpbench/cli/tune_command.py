@@ -107,13 +107,14 @@ def command(
         lanes = [stack.enter_context(Lane(setting)) for setting in settings(common, jobs)]
         planned = _one_a_problem(plan, lanes[0], display)
         entries = where.configurations(seed)
+        store = stack.enter_context(Store(trials, create=True, keep="none")) if trials else None
         search = Search(
             planned,
             (entry for _, entry in zip(range(configurations), entries, strict=False)) if configurations else entries,
             budget,
             seed,
             told=lambda line: None if quiet else click.echo(line, err=True),
-            keep=_Keeper(stack.enter_context(Store(trials, create=True, keep="none"))) if trials else lambda *_: None,
+            keep=_Keeper(store) if store is not None else lambda *_: None,
         )
         if not quiet:
             click.echo(f"{len(planned)} problems, {quantities.duration(budget)}, seed {seed}", err=True)
@@ -122,6 +123,8 @@ def command(
             search.run(Lanes(lanes))
         except KeyboardInterrupt:
             interrupted = True
+        if store is not None:
+            store.require_unchanged()
     found = search.found
     made = record.tuning(found, part, budget, seed)
     plan_text.write(path, record.plan_text(made, where.entry, part, threads, path.parent))

@@ -32,6 +32,7 @@ def command(
     """Measure an answer on a problem; without --answer, the candidate in the file's own /solution.
 
     With --rejudge, measure the kept answers of a results file again, without solving, and print what changes.
+    Ends with 1 when a row is not as a run wrote it, or when a status changes by the row's own measure and tolerance.
     """
     if rejudge is not None:
         from cpbench.bench.results.rejudge import rejudge_file

@@ -23,7 +23,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 @conversions.register("avi-lcp-bounds")
 @dataclass(frozen=True)
 class AVItoLCPBounds(Conversion):
-    """Bounds as complementary variables. Trace: `c`, `S`, `both`, `M`, `q` (see `bounds`)."""
+    """Bounds as complementary variables. Trace: see `bounds`."""
 
     name = "avi-lcp-bounds"
     source = "avi"
@@ -40,6 +40,10 @@ class AVItoLCPBounds(Conversion):
         if free.size:
             return f"{free.size} variables have no bound, the first is {free[0]}; use avi-mlcp"
         return bounds.obstacle(problem.M, problem.q, problem.lb, problem.ub)
+
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
+        """More, for the terms that cancel on the way back (see `shift`)."""
+        return tolerance / trace["shift"]
 
     def apply(self, problem: AVI) -> tuple[LCP, Trace]:
         self.require(problem)

@@ -3,7 +3,8 @@
 Source  −(Mz + q) ∈ N_X(z),  X = {Az ≥ b, Cz = d, lb ≤ z ≤ ub}.
 Target  with finite bounds among the rows E, e and F, g (as in qp-mlcp), u = (z, μ) free, v = λ:
         Mz + q − Fᵀμ − Eᵀλ = 0,  Fz − g = 0,  0 ≤ λ ⟂ Ez − e ≥ 0.
-Lift    z, λ and μ of A and C.        Push  the same, with ν = Mz + q − Aᵀλ − Cᵀμ for the bounds.
+Lift    z, λ and μ of A and C.        Push  the same, with ν = Mz + q − Aᵀλ − Cᵀμ for the bounds that are
+        pressed.
 Kind    equivalent: X is a polyhedron, so the multipliers exist for every M.
 """
 
@@ -25,7 +26,7 @@ from cpbench.formulations.mlcp import MLCP, MLCPPoint
 class AVItoMLCP(Conversion):
     """Multipliers of a polyhedron.
 
-    Trace: sizes and indices as qp-mlcp; `M`, `q`, `A`, `C` for the multipliers of `push`.
+    Trace: sizes and indices as qp-mlcp; `M`, `q` and the set for the multipliers of `push`.
     """
 
     name = "avi-mlcp"
@@ -37,7 +38,7 @@ class AVItoMLCP(Conversion):
 
     def apply(self, problem: AVI) -> tuple[MLCP, Trace]:
         constraints = kkt.rows(problem, problem.M)
-        kept = {"M": problem.M, "q": problem.q, "A": problem.A, "C": problem.C}
+        kept = {"M": problem.M, "q": problem.q, **kkt.polyhedron(problem)}
         return kkt.conditions(problem.M, problem.q, constraints), {**constraints.sizes, **kept}
 
     def lift(self, point: MLCPPoint, trace: Trace) -> AVIPoint:
@@ -47,6 +48,6 @@ class AVItoMLCP(Conversion):
 
     def push(self, point: AVIPoint, trace: Trace) -> MLCPPoint:
         z, lam, mu = point.z, point.lam, point.mu
-        nu = kkt.bound_multipliers(trace, z, lam, mu)
+        nu = kkt.pressing(trace, z, lam, mu)
         inequality, equality = kkt.join(lam, mu, nu, trace)
         return MLCPPoint(u=np.concatenate([z, equality]), v=inequality)

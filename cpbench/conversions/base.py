@@ -51,7 +51,7 @@ class Conversion(ABC):
     name : registry name, `source-target` or `source-target-how`.
     source, target : node names. equation : where the formula stands. kind : the promise, weakest case; an edge whose
         promise depends on the problem overrides `exactness` and `reservation`, and names its strongest one in
-        `best_kind`.
+        `best_kind` and others in `between`.
     cost : what Dijkstra adds up; grows with the size of the result, ties go by name.
     """
 
@@ -60,6 +60,7 @@ class Conversion(ABC):
     target: ClassVar[str]
     equation: ClassVar[str] = ""
     kind: ClassVar[Kind]
+    between: ClassVar[tuple[Kind, ...]] = ()
     cost: ClassVar[float]
 
     def exactness(self, problem: Problem) -> Kind:
@@ -94,8 +95,11 @@ class Conversion(ABC):
         """What should be known of this very answer to the target before its lift is trusted; mostly nothing."""
         return ""
 
-    def tolerance(self, tolerance: float) -> float:
-        """What to ask of an answer to the target so that the lifted answer meets `tolerance` on the source."""
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
+        """What to ask of an answer to the target so that the lifted answer meets `tolerance` on the source.
+
+        What depends on the problem, `apply` has put into the trace.
+        """
         return tolerance
 
     @property

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
+from cpbench.conversions.shift import amplification
 from cpbench.formulations.base import Trace
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector
@@ -21,7 +22,8 @@ FAR = 1e8
 
 
 def to_lcp(M: Matrix, q: Vector, lb: Vector, ub: Vector) -> tuple[LCP, Trace]:
-    """The LCP in (x, y) of variables with a bound each; trace: `c`, `S` (as vectors), `both` (indices), `M`, `q`."""
+    """The LCP in (x, y) of variables with a bound each; trace: `c`, `S` (as vectors), `both` (indices), `M`, `q`,
+    `shift`."""
     c, S = origin(lb, ub)
     both = np.flatnonzero(np.isfinite(lb) & np.isfinite(ub))
     scaled = matrices.scaled_both(M, S)
@@ -33,7 +35,7 @@ def to_lcp(M: Matrix, q: Vector, lb: Vector, ub: Vector) -> tuple[LCP, Trace]:
         M=matrices.block([[scaled, matrices.transpose(J)], [-J, matrices.zeros(both.size, both.size, M)]]),
         q=np.concatenate([S * (q + M @ c), ub[both] - lb[both]]),
     )
-    return target, {"c": c, "S": S, "both": both, "M": M, "q": q}
+    return target, {"c": c, "S": S, "both": both, "M": M, "q": q, "shift": amplification(M @ c, q)}
 
 
 def origin(lb: Vector, ub: Vector) -> tuple[Vector, Vector]:

@@ -12,26 +12,35 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import elimination
 from cpbench.conversions.base import Size
-from cpbench.formulations.base import Trace
+from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.matrices import Matrix, Vector
 
+NO_LOCAL = "no contact problem in r alone exists: take constrained or massless unknowns out of the model first"
+
 
 def obstacle(problem: GlobalContact) -> str | None:
     """Why velocities and joint reactions do not follow from r; None when they do."""
-    mass = singular_mass(problem)
-    if mass is not None or not problem.b.size:
-        return mass
-    return elimination.singularity(
-        problem.saddle, "the matrix [[M, -G], [Gᵀ, 0]] of bodies and joints", "use gfc-fcm, which keeps λ"
-    )
+    if not problem.b.size:
+        return singular_mass(problem)
+    instead = NO_LOCAL if problem.saddle.singular and problem.factorization.singular else "use gfc-fcm, which keeps λ"
+    return elimination.singularity(problem.saddle, "the matrix [[M, -G], [Gᵀ, 0]] of bodies and joints", instead)
+
+
+def kind(problem: GlobalContact) -> Kind:
+    """What the condition number of K allows to promise."""
+    return elimination.kind(problem.saddle.rcond)
+
+
+def reservation(problem: GlobalContact) -> str:
+    """That number."""
+    return elimination.reservation(problem.saddle.rcond, "the matrix of bodies and joints")
 
 
 def singular_mass(problem: GlobalContact) -> str | None:
     """The obstacle of edges that eliminate v by M alone."""
-    instead = "no contact problem in r alone exists: take constrained or massless unknowns out of the model first"
-    return elimination.singularity(problem.factorization, "the mass matrix M", instead)
+    return elimination.singularity(problem.factorization, "the mass matrix M", NO_LOCAL)
 
 
 def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:

@@ -4,7 +4,9 @@ Source  min ½xᵀQx + pᵀx  subject to  Ax + b ∈ K, K a product of cones.
 Target  x ∈ K ⟂ Qx + p ∈ K* where A = I and b = 0; otherwise (x, y) ∈ ℝⁿ × K*, the free x complementary to {0}:
         Qx + p − Aᵀy = 0,  K* ∋ y ⟂ Ax + b ∈ K.
 Lift    x, y (y = Qx + p in the first case).        Push  the same, backwards.
-Kind    equivalent when Q is positive semidefinite, otherwise necessary (stationary points).
+Kind    with Q positive semidefinite equivalent where a constraint qualification is known (`qualification.of_cone`),
+        one-way without: a minimum may have no multiplier then (min y subject to (x, x, y) in a second-order cone). With
+        another Q necessary (stationary points), and refused where no qualification is known. A = I, b = 0 need none.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench import matrices
+from cpbench.conversions import qualification
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.base import Kind, Problem, Trace
@@ -34,20 +37,31 @@ class ConeQPtoSOCLCP(Conversion):
     equation = "(3) over a cone"
     kind = Kind.NECESSARY
     best_kind = Kind.EQUIVALENT
+    between = (Kind.ONE_WAY,)
     cost = 1.0
 
     def exactness(self, problem: Problem) -> Kind:
         assert isinstance(problem, ConeQP)
-        return self.best_kind if problem.convex else self.kind
+        if not problem.convex:
+            return self.kind
+        return Kind.ONE_WAY if qualification.of_cone(problem) else self.best_kind
 
     def reservation(self, problem: ConeQP) -> str:
-        return indefinite(problem.Q, "Q")
+        if not problem.convex:
+            return indefinite(problem.Q, "Q")
+        return f"no constraint qualification is known: {qualification.of_cone(problem)}"
 
     def obstacle(self, problem: ConeQP) -> str | None:
-        if problem.K.conical:
+        if not problem.K.conical:
+            count = int((problem.cone_kind == Cone.CYLINDER).sum())
+            return f"{count} factors of K are cylinders ℝ₊ × disk, which are no cones; solve the cone QP itself"
+        why = "" if problem.convex else qualification.of_cone(problem)
+        if not why:
             return None
-        count = int((problem.cone_kind == Cone.CYLINDER).sum())
-        return f"{count} factors of K are cylinders ℝ₊ × disk, which are no cones; solve the cone QP itself"
+        return (
+            f"{indefinite(problem.Q, 'Q')}, and no constraint qualification is known: {why}; a minimum may have no "
+            "multiplier, and a point with one may be no minimum: solve the cone QP itself"
+        )
 
     def apply(self, problem: ConeQP) -> tuple[SOCLCP, Trace]:
         self.require(problem)

@@ -12,5 +12,7 @@ LARGEST = 1000
 def indefinite(M: Matrix, name: str) -> str:
     """That `M`, which is not positive semidefinite, is not, with its least eigenvalue where that is cheap."""
     n = M.shape[0]
-    number = f"least eigenvalue {matrices.least_eigenvalue(M):.1e} or less" if n <= LARGEST else f"n = {n}"
+    number = f"n = {n}"
+    if n <= LARGEST:
+        number = f"least eigenvalue at unit diagonal {matrices.least_eigenvalue(M):.1e} or less"
     return f"the symmetric part of {name} is not positive semidefinite, {number}"

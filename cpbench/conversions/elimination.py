@@ -19,12 +19,17 @@ from cpbench import factorization, matrices
 from cpbench.conversions import delassus, sparse_schur
 from cpbench.conversions.base import Size
 from cpbench.factorization import Factorization
+from cpbench.formulations.base import Kind
 from cpbench.matrices import Dense, Matrix, Sparse
 
 BUNDLE = 64
 """Right-hand sides of one sparse solve: more of them leave the cache."""
 FEW = 300
 """Rows and columns of a product that is computed by dense matrices where A is factored as one."""
+LOSSLESS = 1e-8
+"""Rounding of a target's data, relative, up to which the solutions of source and target count as the same: two digits
+below the default tolerance."""
+EPS = float(np.finfo(float).eps)
 RANK_LIMIT = 500
 """Largest matrix whose rank is told in a refusal (it takes a singular value decomposition)."""
 
@@ -125,6 +130,20 @@ def singularity(factor: Factorization, what: str, instead: str) -> str | None:
     rank = f", rank {matrices.rank(factor.A)}" if n <= RANK_LIMIT else ""
     condition = f"{1 / factor.rcond:.1e}" if factor.rcond > 0 else "infinite"
     return f"{what} ({n}x{n}{rank}) is numerically singular, condition number {condition}; {instead}"
+
+
+def kind(rcond: float) -> Kind:
+    """Equivalent where rounding of the elimination, of the order of eps/rcond, is at most LOSSLESS; else one-way."""
+    return Kind.EQUIVALENT if LOSSLESS * rcond >= EPS else Kind.ONE_WAY
+
+
+def reservation(rcond: float, what: str) -> str:
+    """How much rounding may change a target that `what`, of this reciprocal condition number, was eliminated from."""
+    condition, lost = (f"{1 / rcond:.1e}", f"{EPS / rcond:.0e}") if rcond > 0 else ("infinite", "all")
+    return (
+        f"the condition number of {what} is {condition}, so that rounding may change the target by {lost} of its size, "
+        f"more than {LOSSLESS:.0e}: it may lose solutions"
+    )
 
 
 def _sides(left: Dense, factor: Factorization, right: Dense) -> tuple[Dense, Dense]:

@@ -3,8 +3,9 @@
 Source  u = Wr + q,  K*_μ ∋ u + μ‖u_T‖e_N ⟂ r ∈ K_μ,  W symmetric.
 Target  min ½rᵀWr + (q + s e_N)ᵀr over r ∈ ΠK_μ, with s_c given for μ_c‖u_Tc‖ (0 by default).
 Lift    r.        Push  r, y = Wr + q + s e_N.
-Kind    relaxation: with s = 0 that of Anitescu and Tasora, exact where nothing slides; one step of the fixed point on s
-        (Haslinger; Acary and Cadoux) otherwise.
+Kind    relaxation: with s = 0 that of Anitescu and Tasora, exact where no contact moves along, open ones included
+        (W = I, q = (0.1, 1, 0), μ = 0.5: the law has r = 0, the relaxation r_N = 0.32); one step of the fixed point on
+        s (Haslinger; Acary and Cadoux) otherwise.
 """
 
 from __future__ import annotations

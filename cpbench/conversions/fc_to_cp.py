@@ -34,7 +34,7 @@ class FCtoCP(Conversion):
     kind = Kind.EQUIVALENT
     cost = 3.0
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """A digit more: the target's error is over ‖q̂‖, that of contact over ‖q‖, and once in other units."""
         return 0.1 * tolerance
 

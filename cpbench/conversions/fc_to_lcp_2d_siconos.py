@@ -4,7 +4,8 @@ Source  u = Wr + q, contact law with r = (r_N, r_T).
 Target  z = (r_N, r_T + μ r_N, u_T⁻) a contact, where u_T = u_T⁺ − u_T⁻:
         M_c = [[W_NN − μW_NT, W_NT, 0], [W_TN − μW_TT, W_TT, 1], [2μ, −1, 0]],  q = (q_N, q_T, 0).
 Lift    r = (z₁, z₂ − μz₁).        Push  z = (r_N, r_T + μ r_N, max(−u_T, 0)).
-Kind    equivalent. Smaller than fc-lcp-2d, but not copositive where that one is, so Lemke's method may end on a ray.
+Kind    equivalent. Another LCP than (47)-(48), which are fc-lcp-2d: smaller, but not copositive where that one is, so
+        that Lemke's method may end on a ray.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class FCtoLCP2DSiconos(Conversion):
     name = "fc-lcp-2d-siconos"
     source = "fc"
     target = "lcp"
-    equation = "(47)-(48)"
+    equation = "Siconos fc2d_to_lcp"
     kind = Kind.EQUIVALENT
     cost = 3.0
 

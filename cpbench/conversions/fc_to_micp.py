@@ -6,7 +6,9 @@ Target  z = (x_N, x_T, ξ) a contact, in units of the problem with r_N = D x_N, 
 
             0 ≤ x_N ⟂ y_N ≥ 0,   x_N y_T + ξ x_T = 0 (x_T free),   0 ≤ ξ ⟂ x_N² − ‖x_T‖² ≥ 0.
 
-        The middle row with x_N and not with ‖y_T‖ = ξ apart: with ξ alone r_T = 0, u_T ≠ 0, ξ = 0 would be let through.
+        (49) itself has ‖r_T‖u_T + ξ r_T = 0 and 0 ≤ ξ ⟂ μr_N − ‖r_T‖ ≥ 0 for the last two rows. With ‖r_T‖ in place of
+        μr_N the middle one lets r_T = 0, r_N > 0, u_T ≠ 0, ξ = 0 through, which is no friction; squares in the last one
+        are smooth at r_T = 0. The solutions are those of the law, which are those of (49) but for what it lets through.
         Where x_N = 0 these rows are singular: ξ may be anything, and x_T is known to the root of the error. The
         `regular` form, which is the default, has in place of the last two
 
@@ -47,7 +49,7 @@ NOTHING = 1e-8
 @conversions.register("fc-micp")
 @dataclass(frozen=True)
 class FCtoMiCP(Conversion):
-    """Coulomb's law by a multiplier ξ = μ‖u_T‖ of the disk. `form`: `regular`, or `lecture` for (49) as it stands.
+    """Coulomb's law by a multiplier ξ = μ‖u_T‖ of the disk. `form`: `regular`, or `lecture` for (49) mended.
     Trace: `unit`, `size`, `mu`, and `W`, `q` for the velocities."""
 
     name = "fc-micp"
@@ -66,7 +68,7 @@ class FCtoMiCP(Conversion):
     def obstacle(self, problem: FrictionContact) -> str | None:
         return None if self.form in FORMS else f"form = '{self.form}' is none of (49); use {' or '.join(FORMS)}"
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Three digits more: the middle row is a product, small where x_N is whatever y_T may be."""
         return 1e-3 * tolerance
 

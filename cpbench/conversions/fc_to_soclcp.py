@@ -3,7 +3,8 @@
 Source  u = Wr + q,  K*_μ ∋ u + μ‖u_T‖e_N ⟂ r ∈ K_μ.
 Target  K*_μ ∋ Wr + q + s e_N ⟂ r ∈ K_μ, with s_c given for μ_c‖u_Tc‖ (0 by default).
 Lift    r.        Push  r.
-Kind    relaxation: exact where nothing slides, one step of the fixed point on s otherwise.
+Kind    relaxation: exact where no contact moves along, open ones included (see fc-coneqp), one step of the fixed point
+        on s otherwise.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ class FCtoVI(Conversion):
     kind = Kind.EQUIVALENT
     cost = 3.0
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """A digit more, as `fc-cp`."""
         return 0.1 * tolerance
 

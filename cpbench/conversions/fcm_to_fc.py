@@ -4,7 +4,10 @@ Source  u = Wr + Vλ + q,  Vᵀr + Rλ + s = 0, contact law.
 Target  u = (W − VR⁻¹Vᵀ)r + q − VR⁻¹s, the same law, the same r. A singular R (constraints that repeat each other) has
         R⁺ in its place when s and the columns of Vᵀ are in its range.
 Lift    λ = −R⁻¹(Vᵀr + s), of least norm where R is singular.        Push  r.
-Kind    equivalent.
+Kind    equivalent while eps cond(R) <= 1e-8 (`elimination.LOSSLESS`), one-way beyond: the target may then lack
+        solutions of the source, and what is lifted is as exact as rounding leaves it. Refused from cond(R) = 1e13 on.
+        A singular R is as good as the part of it that R⁺ inverts, and one-way where V N is not 0, N the null space of
+        R: motions of the contacts then depend on parts of λ that r does not decide, and only the least λ is found.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import elimination
 from cpbench.conversions.base import Conversion, Size, conversions
-from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
@@ -36,8 +39,21 @@ class FCMtoFC(Conversion):
     source = "fcm"
     target = "fc"
     equation = "P_L"
-    kind = Kind.EQUIVALENT
+    kind = Kind.ONE_WAY
+    best_kind = Kind.EQUIVALENT
     cost = 1.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, MixedFrictionContact)
+        return Kind.ONE_WAY if _free(problem) > RANGE_TOLERANCE else elimination.kind(_rcond(problem))
+
+    def reservation(self, problem: MixedFrictionContact) -> str:
+        free = _free(problem)
+        if free > RANGE_TOLERANCE:
+            return (
+                f"R is singular and {free:.1e} of V acts on its null space: λ moves contacts in ways r does not decide"
+            )
+        return elimination.reservation(_rcond(problem), "R")
 
     def obstacle(self, problem: MixedFrictionContact) -> str | None:
         if not problem.factorization.singular:
@@ -88,3 +104,20 @@ class FCMtoFC(Conversion):
 
     def push(self, point: FCMPoint, trace: Trace) -> FCPoint:
         return FCPoint(r=point.r)
+
+
+def _rcond(problem: MixedFrictionContact) -> float:
+    """Of R, or of the part of a singular R that R⁺ inverts (1-norm)."""
+    if not problem.factorization.singular:
+        return problem.factorization.rcond
+    sizes = [float(np.abs(part).sum(axis=0).max()) for part in (matrices.dense(problem.R), problem.pseudo_inverse)]
+    return 1.0 / (sizes[0] * sizes[1]) if sizes[0] > 0.0 else 1.0
+
+
+def _free(problem: MixedFrictionContact) -> float:
+    """Share of V that acts on the null space of R, 0 where R is nonsingular."""
+    top = matrices.max_abs(problem.V)
+    if not problem.factorization.singular or top == 0.0:
+        return 0.0
+    null = np.eye(problem.s.size) - problem.pseudo_inverse @ matrices.dense(problem.R)
+    return matrices.max_abs(problem.V @ null) / top

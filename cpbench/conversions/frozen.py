@@ -34,7 +34,7 @@ def asymmetric(what: str, M: Matrix, instead: str) -> str | None:
     """The obstacle of a matrix that is no Hessian."""
     if matrices.is_symmetric(M):
         return None
-    return f"{what} is not symmetric, max|{what}-{what}ᵀ|/max|{what}| = {matrices.asymmetry(M):.1e}; {instead}"
+    return f"{what} is not symmetric, asymmetry = {matrices.asymmetry(M):.1e}; {instead}"
 
 
 def shifted(q: Vector, d: int, slip: Vector) -> Vector:

@@ -3,8 +3,8 @@
 Source  Mv = Hr + Gλ + f,  Gᵀv + b = 0,  u = Hᵀv + w,  K*_μ ∋ u + μ‖u_T‖e_N ⟂ r ∈ K_μ,  M symmetric.
 Target  min ½vᵀMv − fᵀv  subject to  Hᵀv + w + s e_N ∈ ΠK*_μ,  Gᵀv + b = 0, with s_c given for μ_c‖u_Tc‖.
 Lift    v; r and λ are the multipliers.        Push  v, y = (r, λ).
-Kind    relaxation: exact where nothing slides, one step of the fixed point on s otherwise (Acary, Cadoux, Lemaréchal
-        and Malick 2011). Nothing is eliminated, so M may be singular.
+Kind    relaxation: exact where no contact moves along, open ones included; one step of the fixed point on s otherwise
+        (Acary, Cadoux, Lemaréchal and Malick 2011). Nothing is eliminated, so M may be singular.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Source  Mv = Hr + Gλ + f,  Gᵀv + b = 0,  u = Hᵀv + w,  μ = 0: r_T = 0,  0 
 Target  (v, λ) free, complementary r_N:  A = [[M, −G], [Gᵀ, 0]],  C = [−H_N; 0],  D = [H_Nᵀ, 0],  B = 0,
         a = (−f, b),  b = w_N.
 Lift    v, λ, r = (r_N, 0).        Push  the same, backwards.
-Kind    equivalent. M may be singular. The lecture's G and f have the opposite sign to FCLIB's, which are these.
+Kind    equivalent. M may be singular. G and f are FCLIB's: the lecture's f has the opposite sign, and its G is Gᵀ here.
 """
 
 from __future__ import annotations

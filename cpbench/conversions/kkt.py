@@ -69,9 +69,30 @@ def polyhedron(problem: QP | AVI) -> dict[str, Any]:
     return {name: getattr(problem, name) for name in ("A", "b", "C", "d", "lb", "ub")}
 
 
-def bound_multipliers(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
-    """ν = Mz + q − Aᵀλ − Cᵀμ, what the bounds have to carry; trace: `M`, `q`, `A`, `C`."""
-    return trace["M"] @ z + trace["q"] - trace["A"].T @ lam - trace["C"].T @ mu
+def pressing(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
+    """ν = Mz + q − Aᵀλ − Cᵀμ where a bound takes it, 0 where z is free to follow: there it is an error of z.
+
+    Of the force and the distance to the bound that it presses against, both without units, the smaller counts as 0: the
+    force over the terms that it is the sum of, and the distance by what it changes in some row, over that row's terms.
+    Trace: `M`, `q`, `A`, `b`, `C`, `d`, `lb`, `ub`.
+    """
+    M, A, C, lb, ub = (trace[name] for name in ("M", "A", "C", "lb", "ub"))
+    with np.errstate(all="ignore"):
+        nu = M @ z + trace["q"] - A.T @ lam - C.T @ mu
+        terms = abs(M) @ abs(z) + abs(trace["q"]) + abs(A).T @ abs(lam) + abs(C).T @ abs(mu)
+        rows_of_z = ((M, terms), (A, abs(A) @ abs(z) + abs(trace["b"])), (C, abs(C) @ abs(z) + abs(trace["d"])))
+        effect = np.max([_largest_in_columns(matrix, sizes) for matrix, sizes in rows_of_z], axis=0)
+        distance = np.where(nu > 0.0, z - lb, ub - z)
+        pressed = (abs(nu) >= effect * distance * terms) | (lb == ub)
+    return np.where(pressed, nu, 0.0)
+
+
+def _largest_in_columns(matrix: Matrix, sizes: Vector) -> Vector:
+    """Largest |entry| of each column, each over the size of its row; ∞ where only that is 0."""
+    found = np.zeros(matrix.shape[1])
+    entries = sp.coo_array(matrix)
+    np.fmax.at(found, entries.coords[1], abs(entries.data) / sizes[entries.coords[0]])
+    return found
 
 
 def conditions(M: Matrix, q: Vector, constraints: Rows) -> MLCP:

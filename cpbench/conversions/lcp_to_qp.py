@@ -34,17 +34,16 @@ class LCPtoQP(Conversion):
 
     def obstacle(self, problem: LCP) -> str | None:
         if not problem.symmetric:
-            asymmetry = matrices.asymmetry(problem.M)
-            return f"M is not symmetric, max|M-Mᵀ|/max|M| = {asymmetry:.1e}; use lcp-qp-nonsymmetric"
+            return f"M is not symmetric, asymmetry = {matrices.asymmetry(problem.M):.1e}; use lcp-qp-nonsymmetric"
         if not problem.monotone:
             least = matrices.least_eigenvalue(problem.M)
             return (
-                f"M is not positive semidefinite, least eigenvalue {least:.1e} or less, so a minimiser need not exist; "
-                "use lcp-mlcp, or lcp-qp-nonsymmetric, which is necessary only"
+                f"M is not positive semidefinite, least eigenvalue at unit diagonal {least:.1e} or less, so a "
+                "minimiser need not exist; use lcp-mlcp, or lcp-qp-nonsymmetric, which is necessary only"
             )
         return None
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Three digits more: a duality gap δ may leave a natural residual min(zᵢ, wᵢ) between δ and √δ.
 
         A guarantee would take ε², which methods of first order do not reach; three digits cost no measurable time.

@@ -42,7 +42,7 @@ class LCPtoQPNonsymmetric(Conversion):
     def reservation(self, problem: LCP) -> str:
         return indefinite(problem.M, "M")
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """ε²: a gap δ = Σ zᵢwᵢ may be one product √δ·√δ, whose natural residual min(zᵢ, wᵢ) is √δ."""
         return min(tolerance, tolerance * tolerance)
 

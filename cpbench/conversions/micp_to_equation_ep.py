@@ -14,6 +14,7 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import MiCPtoEquation
+from cpbench.formulations.base import Trace
 
 
 @conversions.register("micp-equation-ep")
@@ -31,6 +32,6 @@ class MiCPtoEquationEP(MiCPtoEquation):
         negative = ca.fmin(a + b, 0)
         return a * b - 0.5 * negative * negative
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """ε²: a product of ε² may be that of two numbers of size ε."""
         return min(tolerance, tolerance**2)

@@ -13,6 +13,7 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation, fischer_burmeister
+from cpbench.formulations.base import Trace
 
 
 @conversions.register("micp-equation-fb")
@@ -27,7 +28,7 @@ class MiCPtoEquationFB(MiCPtoEquation):
     def function(self, a: Any, b: Any) -> Any:
         return fischer_burmeister(a, b)
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Tseng's bounds, used twice where a variable has two bounds. They hold where 0 is in the box: the scale of Φ
         is its size at 0, wherever the box is."""
         return TSENG**2 * tolerance

@@ -14,6 +14,7 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation, fischer_burmeister
+from cpbench.formulations.base import Trace
 from cpbench.formulations.micp import MiCP
 
 
@@ -37,6 +38,6 @@ class MiCPtoEquationPenalized(MiCPtoEquation):
         penalty = ca.fmax(a, 0) * ca.fmax(b, 0)
         return self.share * fischer_burmeister(a, b) + (1.0 - self.share) * penalty
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """As of Fischer and Burmeister's φ, of which this is at least λ times as large."""
         return (TSENG * self.share) ** 2 * tolerance

@@ -28,6 +28,7 @@ class NLPtoGE(Conversion):
     equation = "(29), (30)"
     kind = Kind.NECESSARY
     best_kind = Kind.EQUIVALENT
+    between = (Kind.ONE_WAY,)
     cost = 2.0
 
     qualified: int = 0

@@ -33,6 +33,7 @@ class NLPtoMiCP(Conversion):
     equation = "(12)"
     kind = Kind.NECESSARY
     best_kind = Kind.EQUIVALENT
+    between = (Kind.ONE_WAY,)
     cost = 2.0
 
     qualified: int = 0

@@ -2,7 +2,7 @@
 
 Source  min ½zᵀQz + pᵀz over X = {Az ≥ b, Cz = d, lb ≤ z ≤ ub}.
 Target  −(Qz + p) ∈ N_X(z).
-Lift    z, λ, μ;  ν = Qz + p − Aᵀλ − Cᵀμ.        Push  z, λ, μ.
+Lift    z, λ, μ;  ν = Qz + p − Aᵀλ − Cᵀμ where a bound is pressed, else 0.        Push  z, λ, μ.
 Kind    equivalent when Q is positive semidefinite, otherwise necessary (stationary points).
 """
 
@@ -21,7 +21,7 @@ from cpbench.formulations.qp import QP, QPPoint
 @conversions.register("qp-avi")
 @dataclass(frozen=True)
 class QPtoAVI(Conversion):
-    """Stationary points over the feasible set. Trace: `M` (Q), `q` (p), `A`, `C`, for the multipliers of the bounds."""
+    """Stationary points over the feasible set. Trace: `M` (Q), `q` (p) and the set, for the bounds."""
 
     name = "qp-avi"
     source = "qp"
@@ -39,13 +39,12 @@ class QPtoAVI(Conversion):
         return indefinite(problem.Q, "Q")
 
     def apply(self, problem: QP) -> tuple[AVI, Trace]:
-        target = AVI(M=problem.Q, q=problem.p, **kkt.polyhedron(problem))
-        return target, {"M": problem.Q, "q": problem.p, "A": problem.A, "C": problem.C}
+        data = {"M": problem.Q, "q": problem.p, **kkt.polyhedron(problem)}
+        return AVI(**data), data
 
     def lift(self, point: AVIPoint, trace: Trace) -> QPPoint:
         z, lam, mu = point.z, point.lam, point.mu
-        nu = kkt.bound_multipliers(trace, z, lam, mu)
-        return QPPoint(z=z, lam=lam, mu=mu, nu=nu)
+        return QPPoint(z=z, lam=lam, mu=mu, nu=kkt.pressing(trace, z, lam, mu))
 
     def push(self, point: QPPoint, trace: Trace) -> AVIPoint:
         return AVIPoint(z=point.z, lam=point.lam, mu=point.mu)

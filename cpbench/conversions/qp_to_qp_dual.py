@@ -3,8 +3,10 @@
 Source  min ½zᵀQz + pᵀz  subject to  Ez ≥ e (λ),  Fz = g (μ), Q positive definite; bounds are rows of E and F.
 Target  with G = [E; F], c = (e, g):  min ½yᵀ(G Q⁻¹Gᵀ)y − (G Q⁻¹p + c)ᵀy  over y = (λ ≥ 0, μ free).
 Lift    z = Q⁻¹(Gᵀy − p), y sorted out to λ, μ, ν.        Push  y;  the multiplier of λ ≥ 0 is Ez − e.
-Kind    equivalent. Q is factored once and not inverted; it travels in the trace with G and p. The dual of a QP with
-        many more rows than unknowns is large and singular. Without equalities it is the LCP(EQ⁻¹Eᵀ, −(EQ⁻¹p + e)).
+Kind    equivalent while eps cond(Q) <= 1e-8 (`elimination.LOSSLESS`), one-way beyond: the target may then lack
+        solutions of the source, and what is lifted is as exact as rounding leaves it. Refused from cond(Q) = 1e13 on.
+        Q is factored once and not inverted; it travels in the trace with G and p. The dual of a QP with many more rows
+        than unknowns is large and singular. Without equalities it is the LCP(EQ⁻¹Eᵀ, −(EQ⁻¹p + e)).
 """
 
 from __future__ import annotations
@@ -16,21 +18,30 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import elimination, kkt
 from cpbench.conversions.base import Conversion, Size, conversions
-from cpbench.formulations.base import Kind, Trace
+from cpbench.conversions.shift import amplification
+from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.qp import QP, QPPoint
 
 
 @conversions.register("qp-qp-dual")
 @dataclass(frozen=True)
 class QPtoDual(Conversion):
-    """Dual of a strictly convex QP. Trace: as qp-mlcp, with `factor` (Q), `G`, `p`, `c`, `inequalities`."""
+    """Dual of a strictly convex QP. Trace: as qp-mlcp, with `factor` (Q), `G`, `p`, `c`, `inequalities`, `shift`."""
 
     name = "qp-qp-dual"
     source = "qp"
     target = "qp"
     equation = "(9)"
-    kind = Kind.EQUIVALENT
+    kind = Kind.ONE_WAY
+    best_kind = Kind.EQUIVALENT
     cost = 3.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, QP)
+        return elimination.kind(problem.factorization.rcond)
+
+    def reservation(self, problem: QP) -> str:
+        return elimination.reservation(problem.factorization.rcond, "Q")
 
     def obstacle(self, problem: QP) -> str | None:
         singular = elimination.singularity(
@@ -38,7 +49,7 @@ class QPtoDual(Conversion):
         )
         if singular is None and not problem.convex:
             least = matrices.least_eigenvalue(problem.Q)
-            return f"Q is not positive definite, least eigenvalue {least:.1e} or less; use qp-mlcp"
+            return f"Q is not positive definite, least eigenvalue at unit diagonal {least:.1e} or less; use qp-mlcp"
         return singular
 
     def predict(self, problem: QP) -> Size:
@@ -46,14 +57,19 @@ class QPtoDual(Conversion):
         G = matrices.block([[rows.E], [rows.F]])
         return elimination.size(G, problem.factorization, matrices.transpose(G))
 
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
+        """More, for the terms that cancel on the way back (see `shift`)."""
+        return tolerance / trace["shift"]
+
     def apply(self, problem: QP) -> tuple[QP, Trace]:
         self.require(problem)
         rows = kkt.rows(problem, problem.Q)
         G, c = matrices.block([[rows.E], [rows.F]]), np.concatenate([rows.e, rows.g])
         factor = problem.factorization
+        moved = G @ factor.solve(problem.p)
         target = QP.build(
             elimination.congruence(matrices.transpose(G), factor),
-            -(G @ factor.solve(problem.p) + c),
+            -(moved + c),
             lb=np.concatenate([np.zeros(rows.e.size), np.full(rows.g.size, -np.inf)]),
         )
         return target, {
@@ -63,6 +79,7 @@ class QPtoDual(Conversion):
             "p": problem.p,
             "c": c,
             "inequalities": rows.e.size,
+            "shift": amplification(moved, c),
         }
 
     def lift(self, point: QPPoint, trace: Trace) -> QPPoint:

@@ -3,7 +3,8 @@ Kuhn and Tucker miss none.
 
 Two are, for sets {g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub}: every row is affine; or, g being concave and h affine, Slater's:
 some point has gᵢ > 0 in the rows that are not affine and meets the others. The one point that is looked at is the
-start of the problem.
+start of the problem. For sets {Ax + b ∈ K} alike: every factor of K is polyhedral; or some Ax + b is in K and, of the
+factors that are not, in the relative interior. A few points are looked at.
 """
 
 from __future__ import annotations
@@ -15,12 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.expressions import Map
+from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.nlp import NLP
+from cpbench.formulations.sizes import least_squares
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Vector, max_abs
+from cpbench.product_cones import Cone
 
 ROUNDING = 1e-10
 """Violation of an affine row, beside the size of its terms, that is none."""
+NEAR, MARGIN = 1e-9, 1e-4
+"""Distance from K, beside max|Ax + b|, that is none; how far inside a factor a point is, beside its first entry."""
 
 
 @dataclass(frozen=True)
@@ -93,3 +99,32 @@ def of_set(problem: VI) -> str:
     if violated > ROUNDING * (1.0 + max(max_abs(problem.start), max_abs(problem.b), max_abs(problem.d))):
         return f"the start misses the rows of A and C by {violated:.1e}"
     return rows.no_slater()
+
+
+def of_cone(problem: ConeQP) -> str:
+    """Why no qualification of {x : Ax + b ∈ K}, K a cone, is known; empty where one is, or x ∈ K itself.
+
+    Looked at are x = 0 and least-squares solutions of Ax + b = t e, e inside K, which hit it where A has full row rank.
+    """
+    K, m = problem.K, problem.b.size
+    curved, inside, first = np.zeros(m, dtype=bool), np.zeros(m), np.arange(m)
+    for kind, rows, mu, mu_r in K.groups:
+        if kind == Cone.NONNEGATIVE:
+            inside[rows] = 1.0
+        elif kind not in (Cone.ZERO, Cone.FREE):
+            inside[rows[:, 0]], first[rows] = 1.0, rows[:, :1]
+            bent = ((mu > 0) & np.isfinite(mu)) | (mu_r > 0)
+            curved[rows[bent]] = rows.shape[1] > (2 if kind == Cone.SECOND_ORDER else 3)
+    if problem.plain or not curved.any():
+        return ""
+    size = max(1.0, max_abs(problem.b))
+    shifts = (t * size * inside - problem.b for t in (1.0, 1e3))
+    for x in (np.zeros(problem.p.size), *(least_squares(problem.A, shift) for shift in shifts)):
+        s = problem.A @ x + problem.b
+        depth = np.where(curved, s[first], 0.0)
+        lowered = s - MARGIN * inside * depth  # in K only where s is inside the curved factors
+        near = NEAR * np.where(curved, depth, max_abs(s))
+        if (depth[curved] > 0).all() and (np.abs(lowered - K.project(lowered)) <= near).all():
+            return ""
+    count = np.unique(K.blocks[curved]).size
+    return f"no x was found with Ax + b in K and inside its {count} factors that are not polyhedral"

@@ -21,7 +21,7 @@ from cpbench.formulations.relay import Relay
 @conversions.register("relay-lcp")
 @dataclass(frozen=True)
 class RelayToLCP(Conversion):
-    """2n complementary variables. Trace: `c`, `S`, `both`, `M`, `q` (see `bounds`)."""
+    """2n complementary variables. Trace: see `bounds`."""
 
     name = "relay-lcp"
     source = "relay"
@@ -32,6 +32,10 @@ class RelayToLCP(Conversion):
 
     def obstacle(self, problem: Relay) -> str | None:
         return bounds.obstacle(problem.M, problem.q, problem.lb, problem.ub)
+
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
+        """More, for the terms that cancel on the way back (see `shift`)."""
+        return tolerance / trace["shift"]
 
     def apply(self, problem: Relay) -> tuple[LCP, Trace]:
         self.require(problem)

@@ -3,7 +3,8 @@
 Source  u = Wr + q,  K* ∋ u + (μ‖u_T‖ + μ_r‖ω‖)e_N ⟂ r ∈ K, K the rolling cone,  W symmetric.
 Target  min ½rᵀWr + (q + s e_N)ᵀr over r ∈ ΠK, with s_c given for μ_c‖u_Tc‖ + μ_rc‖ω_c‖ (0 by default).
 Lift    r.        Push  r, y = Wr + q + s e_N.
-Kind    relaxation: exact where nothing slides or rolls, one step of the fixed point on s otherwise.
+Kind    relaxation: exact where no contact moves along or turns, open ones included; one step of the fixed point on s
+        otherwise.
 """
 
 from __future__ import annotations

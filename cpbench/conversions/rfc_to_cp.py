@@ -33,7 +33,7 @@ class RFCtoCP(Conversion):
     kind = Kind.EQUIVALENT
     cost = 3.0
 
-    def tolerance(self, tolerance: float) -> float:
+    def tolerance(self, tolerance: float, trace: Trace) -> float:
         """A digit more, as `fc-cp`."""
         return 0.1 * tolerance
 

@@ -3,7 +3,8 @@
 Source  K ∋ x ⟂ Mx + q ∈ K*.
 Target  min ½xᵀMx + qᵀx over x ∈ K; its multiplier is y = Mx + q.
 Lift    x.        Push  x, y = Mx + q.
-Kind    equivalent when M is positive semidefinite, otherwise necessary (stationary points).
+Kind    equivalent when M is positive semidefinite, otherwise one-way, as avi-qp: a verdict accepts the stationary
+        points, flagged, which are the solutions; the minima are some of them, or none (M = −1, q = 1 over ℝ₊).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class SOCLCPtoConeQP(Conversion):
     source = "soclcp"
     target = "coneqp"
     equation = "(17)"
-    kind = Kind.NECESSARY
+    kind = Kind.ONE_WAY
     best_kind = Kind.EQUIVALENT
     cost = 1.0
 
@@ -41,10 +42,8 @@ class SOCLCPtoConeQP(Conversion):
     def obstacle(self, problem: SOCLCP) -> str | None:
         if problem.symmetric:
             return None
-        return (
-            f"M is not symmetric, max|M-Mᵀ|/max|M| = {matrices.asymmetry(problem.M):.1e}: "
-            "it is no gradient; solve the cone LCP itself"
-        )
+        asymmetry = matrices.asymmetry(problem.M)
+        return f"M is not symmetric, asymmetry = {asymmetry:.1e}: it is no gradient; solve the cone LCP itself"
 
     def apply(self, problem: SOCLCP) -> tuple[ConeQP, Trace]:
         self.require(problem)

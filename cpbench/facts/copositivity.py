@@ -11,14 +11,14 @@ a single stationary point suffice; and every zero of a copositive form is a sum 
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from cpbench import matrices
 from cpbench.facts.fact import Fact, How, undecided
-from cpbench.facts.spectrum import definiteness
-from cpbench.matrices import PSD_TOLERANCE, Dense, Matrix, Vector
+from cpbench.facts.spectrum import SCALED, definiteness
+from cpbench.matrices import PSD_TOLERANCE, Dense, Matrix, Vector, unit_diagonal
 
 FACES_LIMIT = 12
 """Largest matrix whose 2ⁿ − 1 faces are all looked at (a quarter of a second)."""
@@ -27,13 +27,14 @@ FACES_LIMIT = 12
 def copositivity(M: Matrix, name: str, known: Fact) -> tuple[Fact, Fact]:
     """The facts `copositive` and `copositive-plus` of a square M whose definiteness is `known`.
 
-    The number is the least value of xᵀMx found on the simplex, held against PSD_TOLERANCE·max|M|.
+    Units of the unknowns change neither, so that M is taken as S = `unit_diagonal(M)`. The number is the least value
+    of xᵀSx found on the simplex, held against PSD_TOLERANCE.
     """
-    n, top = M.shape[0], matrices.max_abs(M)
-    S: Any = (M + M.T) * 0.5
-    minima = simplex_minima(matrices.dense(S) / top) if n <= FACES_LIMIT and top > 0 else None
-    copositive = _copositive(S, name, known, minima, top)
-    return copositive, _plus(S, name, known, copositive, minima, top)
+    S = unit_diagonal(M)
+    small = M.shape[0] <= FACES_LIMIT and matrices.max_abs(S) > 0.0
+    minima = simplex_minima(matrices.dense(S)) if small else None
+    copositive = _copositive(S, name, known, minima)
+    return copositive, _plus(S, name, known, copositive, minima)
 
 
 def simplex_minima(S: Dense) -> tuple[Dense, Vector]:
@@ -54,52 +55,54 @@ def simplex_minima(S: Dense) -> tuple[Dense, Vector]:
     return X, np.einsum("ki,ij,kj->k", X, S, X)
 
 
-def _copositive(S: Matrix, name: str, known: Fact, minima: tuple[Dense, Vector] | None, top: float) -> Fact:
-    label, tolerance = "copositive", PSD_TOLERANCE * top
+def _copositive(S: Matrix, name: str, known: Fact, minima: tuple[Dense, Vector] | None) -> Fact:
+    label, tolerance = "copositive", PSD_TOLERANCE
     if minima is not None:
-        least = float(minima[1].min()) * top
+        least = float(minima[1].min())
         word = "strictly; " if least > tolerance else ""
-        return Fact(label, name, least >= -tolerance, How.EXACT, least, tolerance, f"{word}least xᵀMx on the simplex")
-    if top == 0.0:
+        evidence = f"{word}least xᵀMx on the simplex {SCALED}"
+        return Fact(label, name, least >= -tolerance, How.EXACT, least, tolerance, evidence)
+    if matrices.max_abs(S) == 0.0:
         return Fact(label, name, True, How.EXACT, evidence="no nonzero entry")
     if known.value in ("positive definite", "positive semidefinite"):
         return Fact(label, name, True, known.how, evidence=str(known.value))
     diagonal = np.asarray(S.diagonal())
     i = int(diagonal.argmin())
     if diagonal[i] < -tolerance:
-        return Fact(label, name, False, How.EXACT, float(diagonal[i]), tolerance, f"diagonal entry {i + 1} is")
+        return Fact(label, name, False, How.EXACT, float(diagonal[i]), tolerance, f"diagonal entry {i + 1} {SCALED} is")
     i, j, value = _worst_edge(S, diagonal)
     if value < -tolerance:
-        return Fact(label, name, False, How.EXACT, value, tolerance, f"on the edge of rows {i + 1}, {j + 1} xᵀMx is")
+        evidence = f"on the edge of rows {i + 1}, {j + 1} {SCALED} xᵀMx is"
+        return Fact(label, name, False, How.EXACT, value, tolerance, evidence)
     kept = _without_nonnegative_rows(S)
     if kept.size == 0:
         return Fact(label, name, True, How.EXACT, evidence="no entry of the symmetric part that matters is negative")
     part: Any = matrices.sparse(S)[kept][:, kept] if matrices.is_sparse(S) else S[np.ix_(kept, kept)]
     without = f"{S.shape[0] - kept.size} nonnegative rows of the symmetric part left out"
     if kept.size <= FACES_LIMIT:
-        least = float(simplex_minima(matrices.dense(part) / top)[1].min()) * top
-        evidence = f"{without}, least xᵀMx on the simplex"
+        least = float(simplex_minima(matrices.dense(part))[1].min())
+        evidence = f"{without}, least xᵀMx on the simplex {SCALED}"
         return Fact(label, name, least >= -tolerance, How.EXACT, least, tolerance, evidence)
     rest = definiteness(part, name) if kept.size < S.shape[0] else known
     if rest.value in ("positive definite", "positive semidefinite"):
-        evidence = f"{without}, the rest is {rest.value}, least eigenvalue"
+        evidence = f"{without}, the rest is {rest.value}, least eigenvalue {SCALED}"
         return Fact(label, name, True, rest.how, rest.number, rest.tolerance, evidence)
     return undecided(
         label, name, f"{kept.size} rows with negative entries, all faces are looked at up to {FACES_LIMIT}; not PSD"
     )
 
 
-def _plus(S: Matrix, name: str, known: Fact, copositive: Fact, minima: tuple[Dense, Vector] | None, top: float) -> Fact:
-    label, tolerance = "copositive-plus", PSD_TOLERANCE * top
+def _plus(S: Matrix, name: str, known: Fact, copositive: Fact, minima: tuple[Dense, Vector] | None) -> Fact:
+    label, tolerance = "copositive-plus", PSD_TOLERANCE
     if copositive.value is False:
         return Fact(label, name, False, copositive.how, evidence="not copositive")
-    if top == 0.0 or known.value in ("positive definite", "positive semidefinite"):
+    if matrices.max_abs(S) == 0.0 or known.value in ("positive definite", "positive semidefinite"):
         return Fact(label, name, True, known.how, evidence=str(known.value))
     if copositive.value is None:
         return undecided(label, name, "whether it is copositive is not decided")
     diagonal = np.asarray(S.diagonal())
     for i in np.flatnonzero(diagonal <= 0.0)[:100]:
-        row = matrices.max_abs(S[[int(i)], :])
+        row = matrices.max_abs(cast(Any, S)[[int(i)], :])
         if row > tolerance:  # x = e_i is a zero of the form
             evidence = f"diagonal entry {i + 1} is 0, but its row of the symmetric part has an entry of size"
             return Fact(label, name, False, copositive.how, row, tolerance, evidence)
@@ -108,13 +111,13 @@ def _plus(S: Matrix, name: str, known: Fact, copositive: Fact, minima: tuple[Den
             label, name, f"copositive, neither PSD nor small enough ({FACES_LIMIT} rows) to look at all faces"
         )
     X, values = minima
-    zeros = X[np.abs(values) * top <= tolerance]
+    zeros = X[np.abs(values) <= tolerance]
     if not len(zeros):
         return Fact(label, name, True, How.EXACT, evidence="strictly copositive")
     # a value of size ε leaves a gradient of size √ε where the form is semidefinite along the way
     gradient = float(np.abs(zeros @ matrices.dense(S)).max())
-    limit = float(np.sqrt(PSD_TOLERANCE)) * top
-    evidence = "largest |(M + Mᵀ)x|/2 over the zeros x of the form on the simplex"
+    limit = float(np.sqrt(PSD_TOLERANCE))
+    evidence = f"largest |(M + Mᵀ)x|/2 over the zeros x of the form on the simplex {SCALED}"
     return Fact(label, name, gradient <= limit, How.EXACT, gradient, limit, evidence)
 
 

@@ -11,7 +11,7 @@ from cpbench import matrices
 from cpbench.facts.copositivity import copositivity
 from cpbench.facts.fact import Fact, How
 from cpbench.facts.sign_classes import m_matrix, p_matrix, z_matrix
-from cpbench.facts.spectrum import definiteness, rank, symmetry
+from cpbench.facts.spectrum import SCALED, definiteness, rank, symmetry
 from cpbench.formulations import MLCP, Problem
 from cpbench.formulations.contact import ContactProblem, DelassusContact
 from cpbench.matrices import PSD_TOLERANCE, Matrix
@@ -77,18 +77,13 @@ def _diagonal_blocks(problem: DelassusContact) -> list[Fact]:
     blocks, name = problem.diagonal_blocks, "W_cc"
     if not len(blocks):
         return []
-    turned = blocks.transpose(0, 2, 1)
-    top = np.abs(blocks).max(axis=(1, 2))
-    skew = np.abs(blocks - turned).max(axis=(1, 2)) / np.where(top > 0, top, 1.0)
-    values = np.linalg.eigvalsh(0.5 * (blocks + turned))
-    relative = values[:, 0] / np.where(top > 0, top, 1.0)
-    word = "positive definite" if (relative > 1e-14).all() else "positive semidefinite"
-    if (relative < -PSD_TOLERANCE).any():
+    skew = matrices.block_asymmetry(blocks)
+    least = np.linalg.eigvalsh(np.stack([matrices.unit_diagonal(block) for block in blocks]))[:, 0]
+    word = "positive definite" if (least > 1e-14).all() else "positive semidefinite"
+    if (least < -PSD_TOLERANCE).any():
         word = "indefinite"
-    worst = int(relative.argmin())
-    evidence = (
-        f"{int((relative <= 1e-14).sum())} of {len(blocks)} are not definite; least eigenvalue over largest entry"
-    )
+    worst = int(least.argmin())
+    evidence = f"{int((least <= 1e-14).sum())} of {len(blocks)} are not definite; least eigenvalue {SCALED}"
     return [
         Fact(
             "symmetry",
@@ -97,7 +92,7 @@ def _diagonal_blocks(problem: DelassusContact) -> list[Fact]:
             How.EXACT,
             float(skew.max()),
             matrices.SYMMETRY_TOLERANCE,
-            f"largest max|M−Mᵀ|/max|M|, contact {int(skew.argmax()) + 1},",
+            f"largest asymmetry, contact {int(skew.argmax()) + 1},",
         ),
-        Fact("definiteness", name, word, How.FACTORIZATION, float(relative[worst]), evidence=evidence),
+        Fact("definiteness", name, word, How.FACTORIZATION, float(least[worst]), evidence=evidence),
     ]

@@ -137,6 +137,8 @@ def _semipositive(Z: Matrix, label: str, name: str) -> Fact:
         return Fact(label, name, True, How.EXACT, least, evidence="diagonally dominant, least margin over the diagonal")
     if not affordable(Z):
         return undecided(label, name, f"n = {n} is too large to solve with it")
+    # no choice of units may make a part of x vanish; powers of 2 round nothing
+    Z = matrices.scaled_both(Z, np.ldexp(1.0, -(np.frexp(diagonal)[1] // 2)))
     x = _solve(Z, np.ones(n))
     if x is None:
         return Fact(label, name, False, How.FACTORIZATION, evidence="singular")

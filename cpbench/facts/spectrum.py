@@ -30,57 +30,65 @@ PRODUCT_WORK = 1e9
 SKETCH = 64
 """Columns of a sketch of a matrix too large for anything else."""
 EPS = float(np.finfo(float).eps)
+SCALED = "after scaling to unit diagonal"
 
 
 def symmetry(M: Matrix, name: str) -> Fact:
-    """max|M − Mᵀ|/max|M| against SYMMETRY_TOLERANCE; M square."""
+    """`matrices.asymmetry` against SYMMETRY_TOLERANCE; M square."""
     skew = matrices.asymmetry(M)
-    return Fact("symmetry", name, skew <= SYMMETRY_TOLERANCE, How.EXACT, skew, SYMMETRY_TOLERANCE, "max|M−Mᵀ|/max|M| =")
+    evidence = "largest |M_ij−M_ji| over max(√|M_ii M_jj|, |M_ij|, |M_ji|) ="
+    return Fact("symmetry", name, skew <= SYMMETRY_TOLERANCE, How.EXACT, skew, SYMMETRY_TOLERANCE, evidence)
 
 
 def definiteness(M: Matrix, name: str) -> Fact:
-    """Definiteness of (M + Mᵀ)/2, M square.
+    """Definiteness of (M + Mᵀ)/2, M square, by S = `matrices.unit_diagonal(M)`, of which all numbers are.
 
     `positive definite` beyond rounding (n·ε·‖S‖); `positive semidefinite` when the least eigenvalue is above
-    −PSD_TOLERANCE·max|M|, the rule of `matrices.is_psd`; else `indefinite` or `negative semidefinite`.
+    −PSD_TOLERANCE, the rule of `matrices.is_psd`; else `indefinite` or `negative semidefinite`.
     """
-    n, top = M.shape[0], matrices.max_abs(M)
-    label, tolerance = "definiteness", PSD_TOLERANCE * top
+    n = M.shape[0]
+    label, tolerance = "definiteness", max(PSD_TOLERANCE, 4 * n * EPS)
     if n == 0:
         return Fact(label, name, "positive definite", How.EXACT, evidence="no rows")
-    S: Any = (M + M.T) * 0.5
+    S: Any = matrices.unit_diagonal(M)
     values = eigenvalues(S)
     if values is not None:
         rounding = n * EPS * float(np.abs(values).max())
         word = _word(float(values.min()), float(values.max()), rounding, tolerance)
         limit = rounding if word == "positive definite" else tolerance
-        return Fact(label, name, word, How.FACTORIZATION, float(values.min()), limit, "least eigenvalue")
+        return Fact(label, name, word, How.FACTORIZATION, float(values.min()), limit, f"least eigenvalue {SCALED}")
     diagonal = S.diagonal()
     if diagonal.min() < -tolerance and diagonal.max() > tolerance:
         i = int(diagonal.argmin())
-        return Fact(label, name, "indefinite", How.EXACT, float(diagonal[i]), tolerance, f"diagonal entry {i + 1} is")
+        return Fact(label, name, "indefinite", How.EXACT, float(M[i, i]), evidence=f"diagonal entry {i + 1} is")
     radius = abs(S).sum(axis=1) - np.abs(diagonal)
     bound = float((diagonal - radius).min())
-    if bound > n * EPS * top:
-        return Fact(label, name, "positive definite", How.EXACT, bound, evidence="every eigenvalue is at least")
+    if bound > n * EPS:
+        return Fact(
+            label, name, "positive definite", How.EXACT, bound, evidence=f"every eigenvalue {SCALED} is at least"
+        )
     if affordable(S):
         rounding = n * EPS * float(abs(S).sum(axis=1).max())
         for word, shift in (("positive definite", -rounding), ("positive semidefinite", tolerance)):
             solve = _positive_factor(S, shift)
             if solve is not None:
                 least = _inverse_iteration(S, solve)
-                return Fact(label, name, word, How.FACTORIZATION, least, abs(shift), "least eigenvalue at most")
+                return Fact(
+                    label, name, word, How.FACTORIZATION, least, abs(shift), f"least eigenvalue {SCALED} at most"
+                )
         word = (
             "indefinite" if diagonal.max() > 0 or _positive_factor(-S, tolerance) is None else "negative semidefinite"
         )
-        return Fact(label, name, word, How.FACTORIZATION, _lanczos(S), tolerance, "least eigenvalue at most")
+        return Fact(label, name, word, How.FACTORIZATION, _lanczos(S), tolerance, f"least eigenvalue {SCALED} at most")
     least = _lanczos(S)
     if least is None:
         return undecided(label, name, f"n = {n} with {matrices.nnz(S)} nonzeros is too large to factor or to sample")
     if least < -tolerance:
         word = "indefinite" if diagonal.max() > 0 else "not positive semidefinite"
-        return Fact(label, name, word, How.EXACT, least, tolerance, "a vector has Rayleigh quotient")
-    return Fact(label, name, "positive semidefinite", How.ESTIMATE, least, tolerance, "least Rayleigh quotient met")
+        return Fact(label, name, word, How.EXACT, least, tolerance, f"a vector has, {SCALED}, Rayleigh quotient")
+    return Fact(
+        label, name, "positive semidefinite", How.ESTIMATE, least, tolerance, f"least Rayleigh quotient met, {SCALED},"
+    )
 
 
 def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:

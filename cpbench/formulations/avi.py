@@ -40,7 +40,7 @@ class AVI(AffineProblem):
 
     With multipliers: F = Mz + q − Aᵀλ − Cᵀμ satisfies z = P_[lb,ub](z − F), 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d; for a box
     alone that is the natural map. The multipliers are part of an answer: without them, every measurement
-    would have to project on a polyhedron, which is a program of its own. Judged: `natural`, the norm of all that over
+    would have to project on a polyhedron, which is a program of its own. Measured: `natural`, the norm of all that over
     ‖(q, b, d, lb where it is ub)‖; and without units, every row of A and C divided by its largest entry: `unit_free`,
     the box part with z over max(‖z‖∞, z_unit) and F over forces = max(‖q‖∞, ‖Mz‖∞, max|M| z_unit); `complementarity`,
     min(λ, Az − b) with λ over forces and a row over max(|b_i|, the scale of z); `equality`, Cz − d in the same way.
@@ -109,11 +109,11 @@ class AVI(AffineProblem):
             if not point.finite:  # which the bounds would clip
                 natural = np.inf
             data = norm(np.concatenate([self.q, self.b, self.d, self.lb[~self.moving]]))
-            judged = {"natural": scaled(natural, data)}
+            measured = {"natural": scaled(natural, data)}
             if self.z_unit > 0:
-                judged |= self._without_units(z, F, Mz, lam, rows, equality)
+                measured |= self._without_units(z, F, Mz, lam, rows, equality)
             return Residuals(
-                judged=judged,
+                measured=measured,
                 parts={
                     "natural_absolute": natural,
                     "infeasibility": norm(
@@ -129,12 +129,12 @@ class AVI(AffineProblem):
         z_scale = max(top(z, self.moving), self.z_unit)
         forces = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit) or 1.0
         own = own_scale(z_scale, self.lb, self.moving)
-        judged = {"unit_free": box_residuals(z, F, self.lb, self.ub, own, forces)}
+        measured = {"unit_free": box_residuals(z, F, self.lb, self.ub, own, forces)}
         if self.b.size:
             sizes = row_sizes(self.A)
             row_scale = np.maximum(np.abs(self.b) / sizes, z_scale)
-            judged["complementarity"] = norm(np.minimum(rows / sizes / row_scale, lam * sizes / forces))
+            measured["complementarity"] = norm(np.minimum(rows / sizes / row_scale, lam * sizes / forces))
         if self.d.size:
             sizes = row_sizes(self.C)
-            judged["equality"] = norm(equality / sizes / np.maximum(np.abs(self.d) / sizes, z_scale))
-        return judged
+            measured["equality"] = norm(equality / sizes / np.maximum(np.abs(self.d) / sizes, z_scale))
+        return measured

@@ -198,27 +198,28 @@ class Residuals:
 
     Attributes
     ----------
-    judged : scaled numbers that must all be at most the tolerance (NaN counts as infinity).
+    measured : scaled numbers by which solvers stop: all at most their tolerance (NaN counts as infinity). The verdict
+    of a run is another number, by code of its own (`cpbench.verification`).
     parts : further numbers for the reader, units in the name where they have any.
     flags : remarks such as ``absolute`` (a scale was 0).
     """
 
-    judged: Mapping[str, float]
+    measured: Mapping[str, float]
     parts: Mapping[str, float] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("judged", "parts"):
+        for name in ("measured", "parts"):
             clean = {k: math.inf if math.isnan(v) else float(v) for k, v in getattr(self, name).items()}
             object.__setattr__(self, name, MappingProxyType(clean))
 
     def __reduce__(self) -> Any:
-        return (Residuals, (dict(self.judged), dict(self.parts), self.flags))
+        return (Residuals, (dict(self.measured), dict(self.parts), self.flags))
 
     @property
     def error(self) -> float:
-        """The largest judged number: the answer solves the problem at ε when this is at most ε."""
-        return max(self.judged.values(), default=0.0)
+        """The largest measured number: a solver that is asked for ε may stop when this is at most ε."""
+        return max(self.measured.values(), default=0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -353,7 +354,7 @@ class Problem(ABC):
         return {}
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
-        """Whether `certificate` proves that this problem has no solution (no node without a rule for it)."""
+        """Whether `certificate` excludes every solution, to rounding: enough for a solver's claim, and no proof."""
         return False
 
     def check_point(self, point: Any) -> None:
@@ -370,7 +371,7 @@ class Problem(ABC):
     def point_from_vector(self, x: Any) -> Any:
         """Split a plain vector (parts one after the other) into a point; raises PointError on its length."""
         try:
-            x = matrices.vector(np.ravel(np.asarray(x, dtype=np.float64)), "answer", finite=False)
+            x = matrices.vector(np.ravel(x), "answer", finite=False)
         except (ProblemError, TypeError, ValueError) as cause:
             raise PointError(f"{self.node}: the answer is not a vector of numbers ({cause})") from None
         sizes = self.point_sizes

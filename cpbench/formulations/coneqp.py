@@ -32,7 +32,7 @@ class ConeQP(ConicProblem):
     """min ½xᵀQx + pᵀx subject to s = Ax + b ∈ K, Q symmetric; Qx + p = Aᵀy, K ∋ s ⟂ y ∈ K*.
 
     K may have factors ℝ₊ × disk, which are convex and no cones; there the conditions are −y ∈ N_K(s), of which
-    s = P_K(s − y) is the general form. Judged: `natural` = ‖(Qx + p − Aᵀy, s − P_K(s − y))‖/‖(p, b)‖; `stationarity`
+    s = P_K(s − y) is the general form. Measured: `natural` = ‖(Qx + p − Aᵀy, s − P_K(s − y))‖/‖(p, b)‖; `stationarity`
     = ‖Qx + p − Aᵀy‖/max(‖Qx‖, ‖p‖, ‖Aᵀy‖, max|Q| x_unit); `unit_free`, the cone part with every factor (every row
     of ℝ₊) divided by its largest entry in A, then s over max(|b|, ‖x‖∞, x_unit) of the factor and y over forces =
     max(‖p‖∞, ‖Qx‖∞, max|Q| x_unit): neither a large b of an idle factor nor large multipliers that cancel may set a
@@ -67,7 +67,7 @@ class ConeQP(ConicProblem):
         super().check()
         if not matrices.is_symmetric(self.Q, 1e-10):
             raise ProblemError(
-                "coneqp.Q", f"is not symmetric, max|Q-Qᵀ|/max|Q| = {matrices.asymmetry(self.Q):.1e}; use soclcp"
+                "coneqp.Q", f"is not symmetric, asymmetry = {matrices.asymmetry(self.Q):.1e}; use soclcp"
             )
 
     @property
@@ -122,16 +122,16 @@ class ConeQP(ConicProblem):
             if not point.finite:  # which a projection would clip
                 natural = np.inf
             data = norm(np.concatenate([self.p, self.b]))
-            judged = {"natural": scaled(natural, data)}
+            measured = {"natural": scaled(natural, data)}
             balance = max(norm(self.p), max_abs(self.Q) * self.x_unit)
             if balance > 0:
-                judged["stationarity"] = norm(stationarity) / max(norm(Qx), norm(Aty), balance)
+                measured["stationarity"] = norm(stationarity) / max(norm(Qx), norm(Aty), balance)
             if self.x_unit > 0:
                 forces = max(max_abs(self.p), max_abs(Qx), max_abs(self.Q) * self.x_unit) or 1.0
                 s_scale = np.maximum(self.block_data, max(max_abs(x), self.x_unit)) * self.block_sizes
-                judged["unit_free"] = cone_residuals(self.K, s, y, s_scale, forces / self.block_sizes)
+                measured["unit_free"] = cone_residuals(self.K, s, y, s_scale, forces / self.block_sizes)
             return Residuals(
-                judged=judged,
+                measured=measured,
                 parts={
                     "natural_absolute": natural,
                     "stationarity_absolute": norm(stationarity),

@@ -181,9 +181,9 @@ def contact_residuals(
     absolute: bool,
     lengths: Vector | float = 1.0,
 ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
-    """Judged numbers, readable parts and flags of reactions r with velocities u (recomputed by the caller).
+    """Measured numbers, readable parts and flags of reactions r with velocities u (recomputed by the caller).
 
-    Judged: `natural` = ‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖), Siconos' fc3d_compute_error; the energy norm
+    Measured: `natural` = ‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖), Siconos' fc3d_compute_error; the energy norm
     `energy` = √Σ‖Δ_c‖²/ρ_c / max(√Σ‖r_c‖²/ρ_c, √Σρ_c‖u_c‖², √Σρ_c‖q_c‖²), Δ_c = r_c − P(r_c − ρ_c û_c), which
     does not change with the units of r and u (nor with that of length: moments are divided and angular velocities
     multiplied by `lengths`); and `opening` = Σρ_c dist(û_c, K*)² / Σρ_c‖q_c‖², the energy in velocities that no
@@ -219,7 +219,7 @@ def contact_residuals(
     energy_scale = max(r_energy, u_energy, q_energy)
     per_contact_scale = np.maximum(np.maximum(r_c, rho * u_c), rho * q_c)
     per_contact = np.divide(delta_c, per_contact_scale, out=delta_c.copy(), where=per_contact_scale > 0)
-    judged = {
+    measured = {
         "natural": natural if absolute else scaled(natural, norm(q), norm(r), norm(u)),
         "energy": energy if absolute else scaled(energy, energy_scale),
         "opening": squared(opening if absolute else scaled(opening, q_energy or u_energy)),
@@ -238,7 +238,7 @@ def contact_residuals(
         "work_cosine": scaled(abs(work), norm(r) * norm(hat.ravel())),
         **_angles(R_L, U * L, law, noise),
     }
-    return judged, parts, ("absolute",) if absolute else ()
+    return measured, parts, ("absolute",) if absolute else ()
 
 
 def _angles(R: Dense, U: Dense, law: Law, noise: Vector) -> dict[str, float]:

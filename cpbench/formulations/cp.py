@@ -31,7 +31,7 @@ class CP(NonlinearProblem, ConicProblem):
     some x inside K has Ax > 0).
 
     K is a product of {0}, ℝ, ℝ₊, second-order and rolling cones and their duals. With G = F(x) − Aᵀλ: x = P_K(x − G)
-    and 0 ≤ λ ⟂ Ax ≥ 0. Judged: `natural`, the norm of both over `scale`.
+    and 0 ≤ λ ⟂ Ax ≥ 0. Measured: `natural`, the norm of both over `scale`.
     """
 
     node: ClassVar[str] = "cp"

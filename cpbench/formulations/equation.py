@@ -23,7 +23,7 @@ class EquationPoint(Point):
 @formulations.register("equation")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equation(NonlinearProblem):
-    """F(z) = 0. Judged: `natural` = ‖F(z)‖₂ over `scale`."""
+    """F(z) = 0. Measured: `natural` = ‖F(z)‖₂ over `scale`."""
 
     node: ClassVar[str] = "equation"
     title: ClassVar[str] = "system of equations"

@@ -29,7 +29,7 @@ class FCMPoint(Point):
 class MixedFrictionContact(DelassusContact):
     """u = Wr + Vλ + q, Vᵀr + Rλ + s = 0, K*_μ ∋ û ⟂ r ∈ K_μ at every contact.
 
-    Judged: the contact errors with u recomputed and q − VR⁺s for q; `constraint` = ‖e‖/max(‖Vᵀr‖, ‖Rλ‖, ‖s‖, ‖e₀‖),
+    Measured: the contact errors with u recomputed and q − VR⁺s for q; `constraint` = ‖e‖/max(‖Vᵀr‖, ‖Rλ‖, ‖s‖, ‖e₀‖),
     e = Vᵀr + Rλ + s; and `drift` = (‖e‖/max(‖s‖, ‖e₀‖))², which reactions that cancel cannot make small. e₀ = |Vᵀ|r₀
     with the reactions r₀ = ρ|q − VR⁺s| that the free velocities ask for: s alone is 0 in a problem without drift.
     Absolute when q and s are 0.
@@ -89,9 +89,11 @@ class MixedFrictionContact(DelassusContact):
             u = self.W @ point.r + self.V @ point.lam + self.q
             constraint = norm(Vr + Rl + self.s)
             absolute = not (self.q.any() or self.s.any())
-            judged, parts, flags = self.contact_residuals(point.r, u, self.free_velocity, tolerance, absolute=absolute)
+            measured, parts, flags = self.contact_residuals(
+                point.r, u, self.free_velocity, tolerance, absolute=absolute
+            )
             unit = 0.0 if absolute else self.drift_unit
-            judged["constraint"] = constraint if unit == 0 else scaled(constraint, norm(Vr), norm(Rl), unit)
-            judged["drift"] = squared(scaled(constraint, unit))
+            measured["constraint"] = constraint if unit == 0 else scaled(constraint, norm(Vr), norm(Rl), unit)
+            measured["drift"] = squared(scaled(constraint, unit))
             parts["constraint_absolute [m/s]"] = constraint
-            return Residuals(judged, parts, flags)
+            return Residuals(measured, parts, flags)

@@ -25,7 +25,7 @@ class GEPoint(Point):
 class GE(SimpleSetProblem):
     """0 ∈ F(z) + T(z), T the normal cone of S = {z ∈ K : lb ≤ z ≤ ub}, a maximal monotone operator.
 
-    For (30), the conditions of a nonlinear program, z = (x, λ, μ) and S = ℝⁿ × ℝ₊ × ℝ. Judged: `natural` =
+    For (30), the conditions of a nonlinear program, z = (x, λ, μ) and S = ℝⁿ × ℝ₊ × ℝ. Measured: `natural` =
     ‖z − P_S(z − F(z))‖₂ over `scale`.
     """
 

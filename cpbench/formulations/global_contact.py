@@ -42,11 +42,12 @@ class _HasDynamics:
 class GlobalContact(_HasDynamics, ContactProblem):
     """Mv = Hr + Gλ + f, Gᵀv + b = 0, u = Hᵀv + w and a contact law.
 
-    Judged: `dynamics` = ‖d‖/max(‖Mv‖, ‖Hr‖, ‖Gλ‖, ‖f‖, ‖f₀‖), d = Mv − Hr − Gλ − f; `constraint` = ‖e‖/max(‖|Gᵀ||v|‖,
+    Measured: `dynamics` = ‖d‖/max(‖Mv‖, ‖Hr‖, ‖Gλ‖, ‖f‖, ‖f₀‖), d = Mv − Hr − Gλ − f; `constraint` = ‖e‖/max(‖|Gᵀ||v|‖,
     ‖b‖, ‖|Gᵀ|v₀‖), e = Gᵀv + b, where there is a G; `imbalance` = (‖d‖/max(‖f‖, ‖f₀‖))² and `drift` =
     (‖e‖/max(‖b‖, ‖|Gᵀ|v₀‖))², whose scales no answer can stretch; and the contact errors with u := Hᵀv + w and
-    ρ_c = d/tr(H_cᵀM⁻¹H_c). v₀ are the velocities that the loads f, b and the contacts give (b alone is 0 for joints
-    that only hold, and Gᵀv then too), f₀ the impulses. All absolute when f, w and b are 0.
+    ρ_c = d/tr(H_cᵀM⁻¹H_c), by the inverse of `saddle` where M is singular. v₀ are the velocities that the loads f, b
+    and the contacts give (b alone is 0 for joints that only hold, and Gᵀv then too), f₀ the impulses. All absolute when
+    f, w and b are 0.
     """
 
     rows_of: ClassVar[str] = "w"
@@ -70,11 +71,11 @@ class GlobalContact(_HasDynamics, ContactProblem):
 
     @cached_property
     def mobility(self) -> Dense:
-        """Diagonal of HᵀM⁻¹H, shape (nc, d); 0 where M is singular."""
+        """Diagonal of HᵀM⁻¹H, shape (nc, d); where M is singular of [Hᵀ 0]K⁻¹[H; 0], and 0 where K is too."""
         H, M = self.H, self.factorization
-        if M.singular:
+        if M.singular and self.saddle.singular:
             return matrices.freeze(np.zeros((self.nc, self.dimension)))
-        if matrices.is_sparse(H) and self.w.size > BUNDLE and M.block_diagonal:
+        if matrices.is_sparse(H) and self.w.size > BUNDLE and M.block_diagonal and not M.singular:
             product: Any = M.sparse_inverse @ H
             diagonal = np.asarray(product.multiply(H).sum(axis=0), dtype=np.float64)
         else:
@@ -82,8 +83,14 @@ class GlobalContact(_HasDynamics, ContactProblem):
             columns: Any = matrices.sparse(H).tocsc() if matrices.is_sparse(H) else H
             for start in range(0, self.w.size, BUNDLE):  # bounded memory: M⁻¹H is dense
                 chunk = matrices.dense(columns[:, start : start + BUNDLE])
-                diagonal[start : start + BUNDLE] = np.einsum("ij,ij->j", chunk, M.solve(chunk))
+                diagonal[start : start + BUNDLE] = np.einsum("ij,ij->j", chunk, self._moved(chunk))
         return matrices.freeze(diagonal.reshape(self.nc, self.dimension))
+
+    def _moved(self, force: Vector | Dense) -> Vector | Dense:
+        """M⁻¹ force, shape (n,) or (n, k); where M is singular the velocities of K⁻¹(force, 0)."""
+        if not self.factorization.singular:
+            return self.factorization.solve(force)
+        return self.saddle.solve(np.concatenate([force, np.zeros((self.b.size, *force.shape[1:]))]))[: self.f.size]
 
     @cached_property
     def free_motion(self) -> Vector:
@@ -116,8 +123,8 @@ class GlobalContact(_HasDynamics, ContactProblem):
         """
         push = abs(self.H) @ (self.effective_mass * np.abs(self.free_velocity))
         velocity = np.abs(self.free_motion)
-        if not self.factorization.singular:
-            velocity = velocity + np.abs(self.factorization.solve(push))
+        if not (self.factorization.singular and self.saddle.singular):
+            velocity = velocity + np.abs(self._moved(push))
         return max(norm(push), norm(self.M @ self.free_motion)), norm(abs(self.G).T @ velocity)
 
     def slacks(self, point: GFCPoint) -> dict[str, Vector]:
@@ -129,17 +136,17 @@ class GlobalContact(_HasDynamics, ContactProblem):
             Mv, Hr, Gl = self.M @ point.v, self.H @ point.r, self.G @ point.lam
             dynamics, constraint = norm(Mv - Hr - Gl - self.f), norm(self.G.T @ point.v + self.b)
             absolute = not (self.f.any() or self.w.any() or self.b.any())
-            judged, parts, flags = self.contact_residuals(
+            measured, parts, flags = self.contact_residuals(
                 point.r, self.H.T @ point.v + self.w, self.free_velocity, tolerance, absolute=absolute
             )
             impulse, velocity = (0.0, 0.0) if absolute else self.units
             impulse, velocity = max(impulse, norm(self.f)), max(velocity, norm(self.b))
-            judged["dynamics"] = dynamics if impulse == 0 else scaled(dynamics, *map(norm, (Mv, Hr, Gl)), impulse)
-            judged["imbalance"] = squared(scaled(dynamics, impulse))
+            measured["dynamics"] = dynamics if impulse == 0 else scaled(dynamics, *map(norm, (Mv, Hr, Gl)), impulse)
+            measured["imbalance"] = squared(scaled(dynamics, impulse))
             parts["dynamics_absolute [N s]"] = dynamics
             if self.b.size:
                 Gv = norm(abs(self.G).T @ np.abs(point.v))
-                judged["constraint"] = constraint if velocity == 0 else scaled(constraint, Gv, velocity)
-                judged["drift"] = squared(scaled(constraint, velocity))
+                measured["constraint"] = constraint if velocity == 0 else scaled(constraint, Gv, velocity)
+                measured["drift"] = squared(scaled(constraint, velocity))
                 parts["constraint_absolute [m/s]"] = constraint
-            return Residuals(judged, parts, flags)
+            return Residuals(measured, parts, flags)

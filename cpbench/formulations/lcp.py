@@ -32,7 +32,7 @@ class LCPPoint(Point):
 class LCP(AffineProblem):
     """0 ≤ z ⟂ Mz + q ≥ 0.
 
-    Residuals (both judged): `natural` = ‖min(z, w)‖₂/‖q‖₂, Siconos' lcp_compute_error, and `unit_free` =
+    Residuals (both measured): `natural` = ‖min(z, w)‖₂/‖q‖₂, Siconos' lcp_compute_error, and `unit_free` =
     ‖min(z/max(‖z‖∞, ‖q‖∞/max|M|), w/max(‖q‖∞, ‖Mz‖∞))‖₂, which does not change with the units of z or w. Without
     ‖q‖∞/max|M|, the size of a z that could balance q, an answer a rounding error away from z = 0 would have error 1.
     """
@@ -65,7 +65,7 @@ class LCP(AffineProblem):
             w = Mz + self.q
             natural = norm(np.minimum(z, w))
             return Residuals(
-                judged={
+                measured={
                     "natural": scaled(natural, norm(self.q)),
                     "unit_free": natural
                     if not self.q.any()

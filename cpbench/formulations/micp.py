@@ -31,7 +31,7 @@ class MiCP(NonlinearProblem):
 
     Bounds may be infinite: a free zᵢ has Fᵢ(z) = 0. Where lbᵢ = ubᵢ, Fᵢ is free. Definition (20), G(u, v) = 0 with
     0 ≤ v ⟂ H(u, v) ≥ 0, is z = (u, v) with lb = (−∞, 0); definition (21), with index sets C and F, has lb = 0 on C and
-    −∞ on F (`from_index_set`). Judged: `natural` = ‖z − P_[lb,ub](z − F(z))‖₂ over `scale`.
+    −∞ on F (`from_index_set`). Measured: `natural` = ‖z − P_[lb,ub](z − F(z))‖₂ over `scale`.
     """
 
     node: ClassVar[str] = "micp"

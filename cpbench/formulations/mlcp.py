@@ -35,7 +35,7 @@ class MLCPPoint(Point):
 class MLCP(Problem):
     """Au + Cv + a = 0, 0 ≤ v ⟂ w = Du + Bv + b ≥ 0.
 
-    Judged: `natural` = ‖(Au+Cv+a, min(v, w))‖₂/‖(a, b)‖₂; `unit_free`, as for the LCP; `equality` =
+    Measured: `natural` = ‖(Au+Cv+a, min(v, w))‖₂/‖(a, b)‖₂; `unit_free`, as for the LCP; `equality` =
     ‖Au+Cv+a‖/max(‖a‖, ‖Au‖, ‖Cv‖). Among the parts, `siconos_mlcp` is Siconos' mlcp_compute_error for one
     block of equalities.
     """
@@ -92,7 +92,7 @@ class MLCP(Problem):
             natural = norm(np.concatenate([equality, np.minimum(v, w)]))
             data = norm(np.concatenate([self.a, self.b]))
             return Residuals(
-                judged={
+                measured={
                     "natural": scaled(natural, data),
                     "unit_free": natural
                     if data == 0.0

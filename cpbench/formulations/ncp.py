@@ -25,7 +25,7 @@ class NCPPoint(Point):
 @formulations.register("ncp")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NCP(NonlinearProblem):
-    """0 ≤ z ⟂ F(z) ≥ 0. Judged: `natural` = ‖min(z, F(z))‖₂ over `scale`; told: pairs of which both are near 0, where
+    """0 ≤ z ⟂ F(z) ≥ 0. Measured: `natural` = ‖min(z, F(z))‖₂ over `scale`; told: pairs of which both are near 0, where
     strict complementarity fails."""
 
     node: ClassVar[str] = "ncp"

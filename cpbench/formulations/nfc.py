@@ -41,7 +41,7 @@ class NFCPoint(Point):
 class NonlinearFrictionContact(ContactProblem):
     """F(v) = Hr, u = Hᵀv + w, K*_μ ∋ û ⟂ r ∈ K_μ at every contact.
 
-    Judged as `gfc`: `dynamics` = ‖F(v) − Hr‖/max(‖Hr‖, f₀), `imbalance` = (‖F(v) − Hr‖/f₀)², and the contact errors
+    Measured as `gfc`: `dynamics` = ‖F(v) − Hr‖/max(‖Hr‖, f₀), `imbalance` = (‖F(v) − Hr‖/f₀)², and the contact errors
     with u := Hᵀv + w. Their scales are those of the problem linearized at the motion v₀ without contact, F(v₀) = 0.
     """
 
@@ -115,10 +115,10 @@ class NonlinearFrictionContact(ContactProblem):
             impulse = max(impulse, norm(self.reference.f))
             free = self.reference.free_velocity
             absolute = not (impulse or free.any())
-            judged, parts, flags = self.contact_residuals(
+            measured, parts, flags = self.contact_residuals(
                 point.r, self.H.T @ point.v + self.w, free, tolerance, absolute=absolute
             )
-            judged["dynamics"] = scaled(dynamics, norm(Hr), impulse) if impulse else dynamics
-            judged["imbalance"] = squared(scaled(dynamics, impulse))
+            measured["dynamics"] = scaled(dynamics, norm(Hr), impulse) if impulse else dynamics
+            measured["imbalance"] = squared(scaled(dynamics, impulse))
             parts["dynamics_absolute [N s]"] = dynamics
-            return Residuals(judged, parts, flags)
+            return Residuals(measured, parts, flags)

@@ -32,7 +32,7 @@ class NLPPoint(Point):
 class NLP(Problem):
     """min f(z) subject to g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub (bounds may be infinite).
 
-    Judged, in the ∞-norm, each the smaller of the absolute and the relative value: `stationarity`
+    Measured, in the ∞-norm, each the smaller of the absolute and the relative value: `stationarity`
     ‖∇f − ∇g λ − ∇h μ − ν‖; `primal` violation of the constraints, relative to the size of the Jacobians times z;
     `dual` violation of λ ≥ 0 and of the signs of ν at infinite bounds; `complementarity` |λᵀg| + |ν⁺ᵀ(z − lb)| +
     |ν⁻ᵀ(ub − z)|, relative to |f|. These are the conditions of Karush, Kuhn and Tucker: of a program that is not known
@@ -106,4 +106,4 @@ class NLP(Problem):
             parts |= {f"{k}_relative": v for k, v in relative.items()}
             parts["objective"] = self.objective(z)
             finite = {k: float(np.minimum(absolute[k], relative[k])) if point.finite else np.inf for k in absolute}
-            return Residuals(judged=finite, parts=parts, flags=() if self.convex else ("stationary",))
+            return Residuals(measured=finite, parts=parts, flags=() if self.convex else ("stationary",))

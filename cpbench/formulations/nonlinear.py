@@ -56,10 +56,10 @@ class NonlinearProblem(_HasMap, Problem):
         return 0.0
 
     def natural(self, defect: Vector, finite: bool, **parts: float) -> Residuals:
-        """‖defect‖/scale as the one judged number; ∞ where the answer is not `finite`, which a bound would clip."""
+        """‖defect‖/scale as the one measured number; ∞ where the answer is not `finite`, which a bound would clip."""
         absolute = norm(defect) if finite else np.inf
         return Residuals(
-            judged={"natural": scaled(absolute, self.scale)},
+            measured={"natural": scaled(absolute, self.scale)},
             parts={"natural_absolute": absolute, **parts},
             flags=() if self.scale > 0 else ("absolute",),
         )

@@ -38,10 +38,9 @@ class QPPoint(Point):
 class QP(Problem):
     """min ½zᵀQz + pᵀz subject to Az ≥ b, Cz = d, lb ≤ z ≤ ub (bounds may be infinite; b may be -inf nowhere).
 
-    Judged, in the ∞-norm, each the smaller of the absolute and the relative value (as OSQP, Clarabel and
-    qpbenchmark define them): `stationarity` ‖Qz + p − Aᵀλ − Cᵀμ − ν‖; `primal` violation of the
-    constraints; `dual` violation of λ ≥ 0 and of the signs of ν at infinite bounds; `gap` between the
-    primal and the dual objective.
+    Measured, in the ∞-norm, each the smaller of the absolute and the relative value: `stationarity`
+    ‖Qz + p − Aᵀλ − Cᵀμ − ν‖; `primal` violation of the constraints; `dual` violation of λ ≥ 0 and of the signs of ν
+    at infinite bounds; `gap` between the primal and the dual objective.
     """
 
     node: ClassVar[str] = "qp"
@@ -89,7 +88,7 @@ class QP(Problem):
 
     def check(self) -> None:
         if not matrices.is_symmetric(self.Q, 1e-9):
-            raise ProblemError("qp.Q", f"is not symmetric: max|Q-Qᵀ|/max|Q| = {matrices.asymmetry(self.Q):.1e}")
+            raise ProblemError("qp.Q", f"is not symmetric: asymmetry = {matrices.asymmetry(self.Q):.1e}")
         check_bounds(self.node, self.lb, self.ub)
 
     @property
@@ -161,7 +160,7 @@ class QP(Problem):
             parts["objective"] = self.objective(z)
             return Residuals(
                 # min(NaN, x) depends on the order of its arguments: NaN must win
-                judged={k: float(np.minimum(absolute[k], relative[k])) for k in absolute},
+                measured={k: float(np.minimum(absolute[k], relative[k])) for k in absolute},
                 parts=parts,
                 flags=() if self.convex else ("stationary",),
             )

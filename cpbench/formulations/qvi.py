@@ -33,7 +33,7 @@ class QVI(SimpleSetProblem):
     K(z) is a product as of `vi`, save that a factor ℝ₊ × disk has the radius μ max(z_N, 0) with z_N its own first
     component: Coulomb's law. `lower` and `upper` are maps to ℝⁿ, or left out; they bound free components. g takes
     (y, z), 2n numbers, and is concave in y. With G = F(z) − ∇_y g(z, z) ν: z = P_S(z)(z − G), S(z) the part of X(z)
-    without g, and 0 ≤ ν ⟂ g(z, z) ≥ 0. Judged: `natural`, the norm of both over `scale`.
+    without g, and 0 ≤ ν ⟂ g(z, z) ≥ 0. Measured: `natural`, the norm of both over `scale`.
     """
 
     node: ClassVar[str] = "qvi"

@@ -23,7 +23,7 @@ from cpbench.matrices import Matrix, Vector, max_abs, norm
 class Relay(AffineProblem):
     """w = Mz + q, lb ≤ z ≤ ub finite: w ≥ 0 where z = lb, w ≤ 0 where z = ub, w = 0 between, any w where lb = ub.
 
-    Judged: `natural` = ‖z − P_[lb,ub](z − w)‖/(1 + ‖q‖), and `unit_free`, the same with z and w over their own sizes:
+    Measured: `natural` = ‖z − P_[lb,ub](z − w)‖/(1 + ‖q‖), and `unit_free`, the same with z and w over their own sizes:
     max(‖z‖∞, z_unit) and max(‖q‖∞, ‖Mz‖∞, max|M| z_unit), over the unknowns that can move.
     """
 
@@ -71,7 +71,7 @@ class Relay(AffineProblem):
             z_scale = own_scale(max(top(z, self.moving), self.z_unit), self.lb, self.moving)
             w_scale = max(top(self.q, self.moving), top(Mz, self.moving), max_abs(self.M) * self.z_unit)
             return Residuals(
-                judged={
+                measured={
                     "natural": natural / (1.0 + norm(self.q)),
                     "unit_free": box_residuals(z, w, self.lb, self.ub, z_scale, w_scale),
                 },

@@ -27,7 +27,7 @@ class SOCLCPPoint(Point):
 class SOCLCP(AffineProblem, ConicProblem):
     """K ∋ x ⟂ w = Mx + q ∈ K*, K a product of cones: {0}, ℝ, ℝ₊, second-order, rolling and their duals.
 
-    Judged: `natural` = ‖x − P_K(x − w)‖/‖q‖, and `unit_free`, the same with x over max(‖x‖∞, ‖q‖∞/max|M|) and
+    Measured: `natural` = ‖x − P_K(x − w)‖/‖q‖, and `unit_free`, the same with x over max(‖x‖∞, ‖q‖∞/max|M|) and
     w over max(‖q‖∞, ‖Mx‖∞), both over components where K is more than {0}: elsewhere w may be anything.
     """
 
@@ -63,14 +63,14 @@ class SOCLCP(AffineProblem, ConicProblem):
             x, Mx = point.x, self.M @ point.x
             w = Mx + self.q
             natural = norm(cone_defect(self.K, x, w))
-            judged = {"natural": scaled(natural, norm(self.q))}
+            measured = {"natural": scaled(natural, norm(self.q))}
             felt = self.K.extended
             q_size = max_abs(self.q[felt])
             if q_size > 0:
                 x_scale = max(max_abs(x), q_size / (max_abs(self.M) or 1.0))
-                judged["unit_free"] = cone_residuals(self.K, x, w, x_scale, max(q_size, max_abs(Mx[felt])))
+                measured["unit_free"] = cone_residuals(self.K, x, w, x_scale, max(q_size, max_abs(Mx[felt])))
             return Residuals(
-                judged=judged,
+                measured=measured,
                 parts={
                     "natural_absolute": natural,
                     "cone_violation": norm(x - self.K.project(x)),

@@ -20,7 +20,7 @@ class VI(RowsProblem):
 
     K is a product of {0}, ℝ, ℝ₊, second-order and rolling cones with their duals, ℝ₊ × disk, and balls. g is concave,
     or X would not be convex; this is not checked. With G = F − Aᵀλ − Cᵀμ − ∇g ν: z = P_S(z − G), S the part of X
-    without rows, 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d, 0 ≤ ν ⟂ g(z) ≥ 0. Judged: `natural`, the norm of all that over `scale`.
+    without rows, 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d, 0 ≤ ν ⟂ g(z) ≥ 0. Measured: `natural`, the norm of all that over `scale`.
     """
 
     node: ClassVar[str] = "vi"

@@ -26,6 +26,7 @@ def write_folder(
     *,
     publishable: bool = False,
     with_imported: bool = False,
+    count_stationary: bool = False,
     comparison: Comparison | None = None,
     data: Collection[str] = ("csv",),
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
@@ -38,11 +39,13 @@ def write_folder(
     histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
     publishable : whether solvers whose figures must not be published are left out of everything.
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
+    count_stationary : whether answers that are stationary only are among the solved.
     comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
     data : formats of the rows (`row_files.chosen`).
     portraits : pictures of the problems by fingerprint, asked for when the page is made (`cli.portraits`).
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
+    chosen["count_stationary"] = count_stationary
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
     with markdown.rows_beside(run), markdown.easel_of(run) as easel:
         documents = (markdown.write_text(run, easel, title, comparison), page.write(run, title))

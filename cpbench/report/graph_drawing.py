@@ -29,9 +29,9 @@ def solvers_of(node: str, *, usual: bool = False) -> list[str]:
 
 
 def promise(edge: Conversion) -> str:
-    """`equivalent or necessary` where the promise depends on the problem, else the one word."""
+    """`equivalent, one-way or necessary` where the promise depends on the problem, else the one word."""
     kind, best = edge.kind, best_kind(edge)
-    return str(kind) if kind == best else f"{best} or {kind}"
+    return str(kind) if kind == best else f"{', '.join([best, *edge.between])} or {kind}"
 
 
 def _text(shown: list[Conversion]) -> str:

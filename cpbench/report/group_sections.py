@@ -52,7 +52,7 @@ def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, sev
 def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[str]) -> Iterator[str]:
     floor, short = seconds(profiles.FLOOR), below_floor(times)
     yield "### Solved and times"
-    head = ["solver", "route", f"solved of {problems}", "planned", "claimed, is not", "fastest"]
+    head = ["solver", "route", f"solved of {problems}", "stationary", "planned", "claimed, is not", "fastest"]
     head += ["median of solved", "slowdown of solved", f"below {floor}"]
     yield table(
         head,
@@ -60,9 +60,10 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
             [
                 code(r.label) + (" (tuned)" if r.label in tuned else ""),
                 f"**{r.kind}**" if r.kind in figures.INEXACT else r.kind or "—",
-                f"{r.solved}" + (f" ({r.stationary} stationary)" if r.stationary else ""),
+                str(r.solved),
+                str(r.stationary),
                 str(r.planned),
-                str(r.false) if r.kind not in figures.INEXACT else "see routes",
+                str(r.false),
                 str(r.fastest) if r.ranked else "—",
                 seconds(r.median),
                 number(r.slowdown),
@@ -70,7 +71,7 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
             ]
             for r in each(counts)
         ),
-        right=range(2, 9),
+        right=range(2, 10),
     )
     yield f"Slowdown: median ratio to the fastest solver of each problem; times below {floor} count as that."
     if not counts["ranked"].all():
@@ -117,11 +118,8 @@ def _figures(
 def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
     found, said = summary.verdicts(rows), reliability.claims(rows)
     statuses = [str(status) for status in found.columns]
-    inexact = set(rows.loc[rows["kind"].isin(figures.INEXACT), "label"])
 
     def holding(label: str) -> str:
-        if label in inexact:
-            return "see routes"
         share, low, high = (float(said.at[label, column]) for column in ("correct", "low", "high"))
         return "—" if math.isnan(share) else f"{share:.0%} ({low:.0%} to {high:.0%})"
 
@@ -148,8 +146,8 @@ def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
         right=range(1, 6),
     )
     yield (
-        "Counted are the pairs where the solver came back within its limits; on routes that are not exact a claim is "
-        "about the converted problem, and whether it holds there is told under the routes below."
+        "Counted are the pairs where the solver came back within its limits. A claim is about the problem that the "
+        "solver was given, and is held against what was measured there; a solver that drops a term has none."
     )
 
 
@@ -195,7 +193,7 @@ def _unsolved(rows: pd.DataFrame) -> Iterator[str]:
         ["problem", "least error", "by", "file"],
         (
             [
-                plain(r.name) + (" (proven infeasible)" if r.infeasible else ""),
+                plain(r.name) + (" (proven to have no solution)" if r.proven else ""),
                 number(r.error),
                 code(r.label) if math.isfinite(r.error) else "—",
                 code(r.address),

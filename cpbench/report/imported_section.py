@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from cpbench.analysis import table as rows_of
 from cpbench.report.run import Run
 from cpbench.report.text import code, plain, table
+from cpbench.verification import Status
 
 
 def imported(run: Run) -> Iterator[str]:
@@ -21,17 +22,18 @@ def imported(run: Run) -> Iterator[str]:
         f"told, of another machine; {ranked}. An answer without a claim counts as claimed."
     )
     yield table(
-        ["solver", "made on", "pairs", "solved", "no answer", "with a time"],
+        ["solver", "made on", "pairs", "solved", "stationary", "no answer", "with a time"],
         (
             [
                 code(label),
                 plain(origin),
                 str(len(rows)),
                 str(int(rows_of.solved(rows).sum())),
+                str(int((rows["status"] == str(Status.STATIONARY)).sum())),
                 str(int((rows["message"] == rows_of.NO_ANSWER).sum())),
                 str(int(rows["solve"].notna().sum())),
             ]
             for (label, origin), rows in made.groupby(["label", "origin"], sort=True)  # type: ignore[misc]
         ),
-        right=range(2, 6),
+        right=range(2, 7),
     )

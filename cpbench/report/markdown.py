@@ -80,6 +80,8 @@ def _headline(run: Run) -> str:
         f"({counted(problems, 'problem')}, {counted(labels, 'solver configuration')}); "
         f"{counted(lies, 'claim does', 'claims do')} not hold."
     )
+    if run.stationary:
+        first += f"\\\n{run.stationary.capitalize()}."
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:
         first = f"**Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet.**\\\n{first}"

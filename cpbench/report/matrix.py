@@ -14,9 +14,13 @@ from cpbench.verification import Status
 SYMBOLS = {
     str(Status.SOLVED): "+",
     str(Status.STATIONARY): "s",
+    str(Status.APPROXIMATE): "a",
+    str(Status.LOST): "l",
     str(Status.INACCURATE): "i",
     str(Status.WRONG): "W",
+    str(Status.UNRESOLVABLE): "r",
     str(Status.INFEASIBLE): "0",
+    str(Status.UNBOUNDED): "u",
     str(Status.FAILED): "f",
     str(Status.MAX_ITER): "m",
     str(Status.TIMEOUT): "T",

@@ -10,6 +10,11 @@ from cpbench.report.figures import EMPHASISED
 from cpbench.report.text import seconds
 from cpbench.verification import DIRECTION_DEGREES, INACCURATE_FACTOR
 
+LOSSES = (
+    "Here the solver met its target, and the answer that the conversion carried back does not meet the tolerance of "
+    "the problem that was asked. *Factor*: the error there over the error on the solver's own problem."
+)
+"""What a table of conversions that lost answers is about."""
 METHODS = f"""\
 **Problems and pairs.** A pair is a problem, a solver with its options, and a request for a route (`exact`, or a
 conversion named after the `@`). Every pair is fixed before the run and has a row; N, the number of problems of a
@@ -27,23 +32,30 @@ mathematics, about half each.
 **Solved.** An answer is carried back through the conversions to the problem that was asked, and its error is computed
 there from the problem's data by code and in a process that share nothing with the solver. The pair is *solved* when
 the error is at most the tolerance, whatever the solver said. *Stationary* is the same for a problem that is not
-convex: the conditions of optimality hold, minimality is not shown; it counts as solved. A checked proof that a
-problem has no solution is *infeasible*: a right outcome, but no answer, so that it counts as not solved for everybody
-alike.
+convex: the conditions of optimality hold, minimality is not shown. It is counted in a column of its own, and is in no
+profile, rank or mean, unless the report was asked to count it as solved (`--count-stationary`), which its first lines
+then say. A problem that is proved to have no solution is *infeasible*, and one whose objective is proved to have no
+lower bound is *unbounded*: right outcomes, but no answers, so that they count as not solved for everybody alike. The
+proof, a combination of the conditions (Farkas) or a feasible point and a ray, holds exactly, in rational arithmetic,
+on the problem that was asked, and is kept; a claim without one is *failed*.
 
-**Error.** The largest of the scaled residuals of the formulation; NaN and missing numbers are ∞. LCP and MLCP: the
-natural residual ‖min(z, Mz + q)‖ over ‖q‖ and a unit-free form of it, the equations of an MLCP apart. QP:
-stationarity, primal and dual feasibility and the duality gap in the ∞-norm, each the smaller of its absolute and its
-relative value. Relay, variational inequality and cone problems: the natural map of their set, a unit-free form of it,
-and their equations apart. Contact: the natural map of the friction law scaled by the largest of ‖q‖, ‖r‖, ‖u‖, the same
-map in the energy norm, which does not change with the units of r and u, the energy in velocities that no contact may
-have over that in the free velocities, and the equations of motion and of joints where they are part of the problem;
-all must pass.
+**Error.** The backward error of the answer: by what share the terms of the problem's rows would have to change for the
+answer to be exact. It depends on the problem and the answer alone, not on how either is written: units of rows and
+unknowns, idle rows and bounds, other problems beside, the order and the number of equal rows change nothing. A row is
+measured by the sum of the sizes of its terms, an unknown by its largest effect on a row, and the error is the largest
+natural map of a pair in these units (Oettli and Prager 1964). Methods hold their conditions in norms: in linear
+problems, programs (QP, cone QP, NLP) and contact problems every connected part, equilibrated, has one size for its
+rows. Programs are measured by feasibility, stationarity and the gap (the sum of the products of pairs), contact by the
+natural map of the friction law, the equations of motion and the joints in energy; nonlinear problems row by row.
+No idle side sets a size. What no answer may have (penetration, violated rows) is held against the data alone,
+too, squared. NaN and missing numbers are ∞. A part of a problem without any constant has no size, and is measured
+absolutely (flag). The measures of the literature are told beside it, and `--measure` lets one of them decide.
 
-**Flags.** *scale*: the natural residual passes and the energy norm does not (inaccurate). *direction*: accepted, but
-some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *absolute*: a scale was
-0, so the error is absolute. *repeat*: a repeat of the timing failed after the first answer, which stands.
-*remembered*: the repeats were so much faster than the first solve that it alone counts.
+**Flags.** *unresolvable*: rounding decides whether the answer meets the tolerance. *direction*: accepted, but
+some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *contact*: accepted,
+but a contact that carries load misses the law by more than a tenth of its own reaction or velocity. *absolute*: a part
+of the problem has no constants, and was measured absolutely. *repeat*: a repeat of the timing failed after the first
+answer, which stands. *remembered*: the repeats were so much faster than the first solve that it alone counts.
 *children*: the solver left processes behind; *threads*: it used more threads than it was given; *wrote*: it wrote to
 the problem's data; *clock*: its answer came much later than its own clock says. After the first three its process
 was replaced. *history*: not run, but read off the iterates of a run at a tighter tolerance. *mixed*: merged from runs
@@ -51,8 +63,10 @@ with other limits, machines or versions.
 
 **Claim and verdict.** What a solver says of its answer (the claim) is recorded and never believed. Claimed and not
 within the tolerance is *inaccurate* up to {INACCURATE_FACTOR:g} times the tolerance, *wrong* beyond; both are claims
-that do not hold. A solver of a converted problem speaks of that one: on an approximate, necessary or relaxed route
-its claim may be true there and its answer still be off, so these are counted apart.
+that do not hold. A solver of a converted problem speaks of that one, so its answer is measured there too, at the
+tolerance that it was asked for. Where it meets that, and the answer that was carried back does not meet the tolerance
+of the problem asked, the solver is not charged: on an exact route the conversion *lost* it, on a route that promises
+less it is *approximate*. Neither is solved, neither is wrong. Where rounding decides, it is *unresolvable*.
 
 **Routes.** *Equivalent* and *one-way* conversions are exact: every answer of the converted problem is one of the
 problem asked. *Necessary*, *approximate* (facets) and *relaxation* promise less; where a solver took such a route it
@@ -75,9 +89,9 @@ quickly it came to its end.
 
 **Performance profile** (Dolan and Moré, Math. Programming 91, 2002). ρ(τ) is the number of problems solved within τ
 times the least time any solver of the figure needed for that problem, over N. The steps are exact, equal times share
-the lead, times below {seconds(FLOOR)} count as {seconds(FLOOR)}, failures are at ∞, and problems that nobody solved
-stay among the N. Only distance to the best curve is meant: the order of two other solvers may change when a third is
-left out (Gould and Scott, ACM TOMS 43, 2016).
+the lead, times below {seconds(FLOOR)} count as {seconds(FLOOR)} (the article has no such floor), failures are at ∞, and
+problems that nobody solved stay among the N. Only distance to the best curve is meant: the order of two other solvers
+may change when a third is left out (Gould and Scott, ACM TOMS 43, 2016).
 
 **Mean time.** The shifted geometric mean exp(mean log(t + s)) − s over all N problems; a problem that the solver did
 not solve is *charged* the penalty, the time limit (or the slowest answer, where conversion or set-up took one beyond

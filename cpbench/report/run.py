@@ -30,7 +30,7 @@ class Run:
     """The rows of a run, in fixed order, with the facts of the run, where the report goes, judged iterates
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
     that are left out, what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made, and
-    whether results.csv is beside the report.
+    whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
     """
 
     rows: pd.DataFrame
@@ -40,6 +40,15 @@ class Run:
     left_out: Mapping[str, str] = field(default_factory=dict)
     portraits: Callable[[], Mapping[str, Portrait]] = dict
     has_csv: bool = True
+    count_stationary: bool = False
+
+    @property
+    def stationary(self) -> str:
+        """What is said of stationary answers; '' without any."""
+        if self.count_stationary:
+            return "stationary answers are counted as solved (--count-stationary)"
+        count = int((self.rows["status"] == str(Status.STATIONARY)).sum())
+        return f"{count} more stationary, not counted as solved" if count else ""
 
     @property
     def all_rows(self) -> str:
@@ -90,6 +99,7 @@ def assembled(
     with_imported: bool = False,
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
     has_csv: bool = True,
+    count_stationary: bool = False,
 ) -> Run:
     """The run that a report is about; the parameters are those of `folder.write_folder`."""
     run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits, has_csv=has_csv)
@@ -97,6 +107,8 @@ def assembled(
         run = replace(run, histories=histories)
     if with_imported:
         run = replace(run, rows=run.rows.assign(ranked=True))
+    if count_stationary:
+        run = replace(run, rows=rows_of.counting_stationary(run.rows), count_stationary=True)
     return _publishable(run) if publishable else run
 
 

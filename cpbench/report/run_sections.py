@@ -12,6 +12,7 @@ from typing import Any
 from cpbench.analysis import failures, reliability, starts
 from cpbench.report.attendance_sections import absent, tuned
 from cpbench.report.imported_section import imported
+from cpbench.report.methods import LOSSES
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, counted, cut, listed, number, plain, seconds, solve_command, table
 from cpbench.verification import Status
@@ -28,6 +29,7 @@ def run_sections(run: Run) -> Iterator[str]:
         _false_claims,
         _directions,
         _inexact,
+        _losses,
         _starts,
         imported,
         _failures,
@@ -124,6 +126,19 @@ def _inexact(run: Run) -> Iterator[str]:
             for r in each(found)
         ),
         right=range(2, 7),
+    )
+
+
+def _losses(run: Run) -> Iterator[str]:
+    found = reliability.losses(run.rows)
+    if not len(found):
+        return
+    yield f"## Lost on the way back ({found['lost'].sum()})"
+    yield LOSSES
+    yield table(
+        ["route", "answers lost", "worst factor"],
+        ([code(r.route), str(r.lost), number(r.factor)] for r in each(found)),
+        right=[1, 2],
     )
 
 

@@ -101,8 +101,8 @@ class Budget:
 @dataclass(frozen=True, kw_only=True)
 class SolverOutput:
     """What came out: a claim, an answer if there is one, counters (iterations, pivots, factorizations,
-    matrix_vector_products, projections, ...), a message, a proof of infeasibility if there is one, and the seconds
-    that the solver says it took (`reported`: kept beside our own time, never in its place)."""
+    matrix_vector_products, projections, ...), a message, a certificate of infeasibility (to rounding) if there is one,
+    and the seconds that the solver says it took (`reported`: kept beside our own time, never in its place)."""
 
     claim: Claim
     point: Any | None = None

@@ -1,6 +1,7 @@
 """Quadratic programs in MATLAB and NumPy files.
 
-.mat   P, q, r, A, l, u: min ½xᵀPx + qᵀx + r, l ≤ Ax ≤ u, ±1e20 is infinite (Maros and Meszaros, as OSQP keeps them)
+.mat   P, q, r, A, l, u: min ½xᵀPx + qᵀx + r, l ≤ Ax ≤ u, sides from ±1e19 on are infinite (Maros and Meszaros, as OSQP
+       keeps them: 1e20, or 1e20 after a scaling of the row)
 .npz   P, q, G, h, A, b, lb, ub: Gx ≤ h, Ax = b, lb ≤ x ≤ ub (qpsolvers and qpbenchmark); None where a part is absent
 .npz   data, indices, indptr, shape, q, l, u: min ½xᵀMx + qᵀx, l ≤ x ≤ u, M by rows (box-constrained QPs)
 """
@@ -22,7 +23,7 @@ from cpbench.matrices import Matrix, Vector
 from cpbench.storage.arrays import npz_names, read_npz, sparse_from_parts
 from cpbench.storage.base import Format, build, formats, no_member, stem
 
-INFINITE = 1e20
+INFINITE = 1e19
 _MAT_KEYS = ("P", "q", "r", "A", "l", "u")
 _NPZ_KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
 _BOX_KEYS = ("data", "indices", "indptr", "shape", "q", "l", "u")
@@ -163,7 +164,7 @@ class BoxQPNpz(Format):
 
 
 def infinite(x: Vector) -> Vector:
-    """±1e20 and beyond become infinite."""
+    """Sides of ±INFINITE and beyond become infinite."""
     return np.where(np.abs(x) >= INFINITE, np.copysign(np.inf, x), x)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -51,12 +52,16 @@ def _takes(solver: Solver, problem: Problem) -> bool:
 
 
 def _false(solver: Solver, case: Case, output: SolverOutput, tolerance: float) -> str | None:
-    """What is false in a claim, if anything. A relaxation's claim is about its own problem."""
+    """What is false in a claim, if anything. A relaxation's claim is about its own problem.
+
+    A claim is about what a budget's tolerance means to a solver: the residuals of the node (`Problem.residuals`). The
+    verdict of a run is the judge's own, and stricter on problems in mixed units.
+    """
     if output.claim is not Claim.SOLVED or solver.spec.kind is Kind.RELAXATION:
         return None
     if output.point is None:
         return f"{case.name}: claims solved and gives no answer"
-    error = judge(case.problem, output.point, tolerance).error
+    error = case.problem.residuals(output.point, tolerance).error if output.point.finite else math.inf
     return None if error <= SLACK * tolerance else f"{case.name}: claims solved, error {error:.1e} > {tolerance:.0e}"
 
 

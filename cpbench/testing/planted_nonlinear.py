@@ -191,6 +191,7 @@ def cp(
     A = rng.standard_normal((m, x.size))
     if x.any():
         A += np.outer(room - A @ x, x) / (x @ x)
+        A[np.abs(A) < 1e-12] = 0.0  # rounding, where one component of x carries the row
     F = monotone(rng, x, y + A.T @ lam, kind, law)
     problem = CP(F=F, A=planted.stored(A, sparse), start=rng.standard_normal(x.size), **cone_fields(K))
     return problem, CPPoint(x=x, lam=lam)

@@ -82,7 +82,7 @@ def warm(names: list[str], repeats: int) -> Iterator[tuple[str, float, str]]:
             for _ in range(repeats):
                 lane.workers.drop(name)
                 before = time.perf_counter()
-                lane.workers.get(name, pair.limits.memory)
+                lane.workers.get(name, pair.limits.memory, pair.limits.seconds)
                 ready = time.perf_counter() - before
                 row = lane.run(pair, prepared).row
                 total = time.perf_counter() - before

@@ -48,7 +48,7 @@ class IgnoresItsObstacle(MLCPtoLCPSchur):
 
 
 class PromisesTooMuch(MLCPtoLCPSchur):
-    """Equivalent by its class, approximate for every problem."""
+    """Equivalent or one-way by its class, approximate for every problem."""
 
     def exactness(self, problem):
         return Kind.APPROXIMATE

@@ -184,6 +184,33 @@ def test_opens_offline_and_draws_every_figure(written: Path, opened: Opened) -> 
     assert min(len(guide) for guide in guides) > 60
 
 
+def test_the_page_judges_at_another_tolerance_as_python_does(tmp_path: Path, opened: Opened) -> None:
+    """Rows of every error, target, promise and claim have the same statuses on the page."""
+    rng = np.random.default_rng(7)
+    made: list[dict[str, Any]] = []
+    for k in range(300):
+        error, there = 10.0 ** rng.uniform(-9, 0, 2)
+        told = {
+            "claim": str(rng.choice(["solved", "inaccurate", "max_iter"])), "kind": str(rng.choice(list(Kind))),
+            "error": error, "target_error": there if k % 3 else math.nan,
+            "target_tolerance": float(rng.choice([1e-6, 1e-8])), "flags": "stationary" if k % 7 == 0 else "",
+        }  # fmt: skip
+        made.append({**row(f"x-{k:03}", "pgs", "failed", 1.0), **told, "status": "timeout" if k % 11 == 0 else "wrong"})
+    rows = rows_of.normalised(pd.DataFrame(made))
+    rows = judged_at(rows, float(rows["tolerance"].iloc[0]))
+    page = opened(write_html(rows, meta(), tmp_path, "judged"))
+    seen: set[str] = set()
+    for tolerance in (1e-8, 1e-6, 1e-4, 1e-2):
+        show(page, tolerance=tolerance)
+        found = page.evaluate("Array.from(App.data.columns.status, (_, r) => App.context.statusOf(r))")
+        expected = judged_at(rows, tolerance)["status"].tolist()
+        assert found == expected, tolerance
+        seen |= set(expected)
+    assert seen == {
+        "solved", "stationary", "approximate", "lost", "inaccurate", "wrong", "failed", "max_iter", "timeout",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize("start", ["cold", "previous"])
 def test_filters_compute_what_python_computes(rows: pd.DataFrame, written: Path, opened: Opened, start: str) -> None:
     page, group = opened(written), group_of(rows, start)

@@ -139,7 +139,16 @@ def _crowd(problem):
     time.sleep(LONG)
 
 
+def _swarm(problem):
+    """More children than anybody may have, and then a hang."""
+    for _ in range(400):
+        if os.fork() == 0:
+            time.sleep(LONG)
+    time.sleep(LONG)
+
+
 _faulty("children", _children)
+_faulty("swarm", _swarm)
 _faulty("burst", _and_right(_burst))
 _faulty("daemon", _and_right(_daemon))
 _faulty("twin", _and_right(_twin))
@@ -338,6 +347,7 @@ _faulty("nothing", lambda p: SolverOutput(claim=Claim.SOLVED))
 _faulty("none", lambda p: None)
 _faulty("other-point", lambda p: SolverOutput(claim=Claim.SOLVED, point=MLCPPoint(u=np.zeros(0), v=np.ones(p.q.size))))
 _faulty("no-claim", lambda p: SolverOutput(claim="splendid", point=LCPPoint(z=np.ones(p.q.size))))
+_faulty("tally", lambda p: _right(p, counters={f"c{k}": k for k in range(10**5)}))
 _faulty("counters", lambda p: _right(p, counters={"iterations": 2.5, "pivots": np.int64(3)}))
 
 

@@ -111,6 +111,12 @@ def main() -> None:
     for line in sys.stdin:
         request = json.loads(line)
         match request["do"]:
+            case "hello" if FAULT == "hello-hang":
+                time.sleep(600.0)
+            case "warmup" if FAULT == "warmup-hang":
+                time.sleep(600.0)
+            case "load" if FAULT == "load-hang":
+                time.sleep(600.0)
             case "hello":
                 if FAULT == "no-licence":
                     reply(unavailable="no licence file", state="licence")

@@ -17,9 +17,10 @@ from cpbench.bench.results.store import Store
 
 
 def row(problem: str, label: str, status: str, solve: float = math.nan, **given: Any) -> dict[str, Any]:
-    """One row as the results store gives it."""
+    """One row as the results store gives it: its error fits its status, and a pair that was not run has no result."""
     solver, _, request = label.partition("@")
     answered = status in ("solved", "stationary", "inaccurate", "wrong", "max_iter", "failed")
+    errors = {"solved": 1e-9, "stationary": 1e-9, "inaccurate": 3e-5, "wrong": 0.2, "not_run": math.nan}
     base: dict[str, Any] = {
         "key": f"{problem}/{label}",
         "problem": problem,
@@ -46,7 +47,9 @@ def row(problem: str, label: str, status: str, solve: float = math.nan, **given:
         "route": "direct" if answered else None,
         "kind": ("approximate" if request else "equivalent") if answered else None,
         "claim": {"solved": "solved", "wrong": "solved", "inaccurate": "solved"}.get(status) if answered else None,
-        "error": {"solved": 1e-9, "inaccurate": 3e-5, "wrong": 0.2}.get(status, math.inf),
+        "error": errors.get(status, math.inf),
+        "target_error": math.nan,  # the solver was given the problem itself
+        "target_tolerance": math.nan,
         "flags": "" if answered else None,
         "message": None,
         "parts": "{}",
@@ -63,7 +66,7 @@ def row(problem: str, label: str, status: str, solve: float = math.nan, **given:
         "solve_iqr": 0.0,
         "signal": None,
         "version": "1.0",
-        "finished": "2026-01-01T00:00:00",
+        "finished": None if status == "not_run" else "2026-01-01T00:00:00",
     }
     return {**base, **given}
 
@@ -79,7 +82,7 @@ def small() -> pd.DataFrame:
             row("a-1", "lemke", "solved", 1.0),
             row("a-1", "pgs", "solved", 4.0, kind="one-way"),
             row("a-2", "lemke", "wrong", 1e-6),
-            row("a-2", "pgs", "stationary", 9.0, claim="max_iter"),
+            row("a-2", "pgs", "solved", 9.0, claim="max_iter"),
             row("b-1", "lemke", "timeout", 10.0),
             row("b-1", "pgs", "inaccurate", 2.0),
             row("a-1", "pgs@inner8", "wrong", 0.5),

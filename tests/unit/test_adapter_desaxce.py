@@ -94,7 +94,7 @@ def test_refusals(desaxce: Any) -> None:
     W = np.eye(3)
     W[0, 1] = 0.25
     skew = FrictionContact(W=W, q=np.ones(3), mu=np.array([0.5]))
-    assert "max|W − Wᵀ|/max|W| = 2.5e-01" in str(desaxce.obstacle(skew))
+    assert "asymmetry = 2.5e-01" in str(desaxce.obstacle(skew))
     indefinite = FrictionContact(W=np.diag([1.0, 1.0, -1.0]), q=np.ones(3), mu=np.array([0.5]))
     assert "semidefinite" in str(desaxce.obstacle(indefinite))
 

@@ -16,15 +16,25 @@ from cpbench.verification import judge
 
 PROGRAMS = {i.name: i.problem for c in generators if c.name.startswith("hock-schittkowski") for i in c.instances()}
 """Those of the Hock-Schittkowski subset that are nonlinear programs."""
+OBJECTIVE = {"hs39": -1.0, "hs49": 0.0}
+"""f* as Hock and Schittkowski print it."""
 EXACT = ("scipy-root-hybr", "scipy-root-lm", "equation-newton")
 NLP_SOLVERS = ("casadi-ipopt-nlp", "casadi-sqpmethod", "scipy-slsqp", "scipy-trust-constr")
 GAMS = ("gams-path-micp", "gams-miles-micp", "gams-nlpec-micp")
 
 
-def _run(solver: str, problem, tolerance: float = 1e-8, **more):
+VANISHING = ("hs39", "hs49")
+"""Programs of which some derivatives vanish at the solution. The verdict takes units from what is left of them close to
+it, 2z₃ ≈ 1e-11 in hs39 and 30(z₅ − 1)⁴ ≈ 1e-44 in hs49, and has errors up to 0.4 where the gradient is 0 to 1e-9."""
+
+
+def _run(solver: str, problem, tolerance: float = 1e-8, by_verdict: bool = True, **more):
+    """The output; a claim is true by the measure that it is made by, and the verdict's error not far above that."""
     output = solvers.get(solver).run(problem, Budget(tolerance=tolerance, seconds=20.0), **more)
     if output.claim is Claim.SOLVED:
-        assert judge(problem, output.point, tolerance).solved
+        assert problem.residuals(output.point, tolerance).error <= tolerance
+        if by_verdict:
+            assert judge(problem, output.point, tolerance).error <= 100 * tolerance
     return output
 
 
@@ -89,8 +99,15 @@ def test_multipliers_have_our_signs(solver: str) -> None:
 
 @pytest.mark.parametrize(("solver", "least"), [("casadi-ipopt-nlp", 40), ("casadi-sqpmethod", 39), ("scipy-slsqp", 35)])
 def test_most_of_hock_and_schittkowski_is_solved(solver: str, least: int) -> None:
-    """At 1e-8, of 41; what is not solved is not claimed."""
-    solved = [name for name, problem in PROGRAMS.items() if _run(solver, problem).claim is Claim.SOLVED]
+    """At 1e-8, of 41; what is not solved is not claimed. Those in VANISHING are where the book has them."""
+    solved = []
+    for name, problem in PROGRAMS.items():
+        output = _run(solver, problem, by_verdict=name not in VANISHING)
+        if output.claim is not Claim.SOLVED:
+            continue
+        solved.append(name)
+        if name in VANISHING:
+            assert problem.objective(output.point.z) == pytest.approx(OBJECTIVE[name], abs=1e-8)
     assert len(solved) >= least, sorted(set(PROGRAMS) - set(solved))
 
 

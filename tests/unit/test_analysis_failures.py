@@ -10,7 +10,7 @@ from cpbench.analysis import table as rows_of
 
 def test_a_proof_of_infeasibility_is_told() -> None:
     rows = rows_of.normalised(table(row("p", "a", "infeasible", 1.0), row("p", "b", "max_iter", 1.0)))
-    assert failures.unsolved(rows)["infeasible"].tolist() == [True]
+    assert failures.unsolved(rows)["proven"].tolist() == [True]
 
 
 def test_failures_are_listed_once_a_reason() -> None:

@@ -41,7 +41,7 @@ def test_counters_by_name() -> None:
     rows = (
         row("p", "s", "solved", 1.0, counters='{"iterations": 7, "factorizations": 0}'),
         row("q", "s", "max_iter", 1.0, counters='{"iterations": 9, "factorizations": 2}'),
-        row("p", "t", "stationary", 1.0, counters='{"factorizations": 5}'),
+        row("p", "t", "solved", 1.0, counters='{"factorizations": 5}'),
     )
     found = of("counter:factorizations", *rows)
     assert found.values.to_dict("index") == {"f-p": {"s": 0.0, "t": 5.0}, "f-q": {"s": INF, "t": INF}}

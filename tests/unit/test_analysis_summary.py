@@ -10,6 +10,7 @@ from synthetic_results import row, small, suite, table
 
 from cpbench.analysis import failures, reliability, summary
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import StoreError
 
 INF = math.inf
@@ -27,12 +28,50 @@ def test_solve_counts() -> None:
     found = summary.solve_counts(small(), penalty=10.0, shift=0.0).set_index("label")
     assert found.index.tolist() == ["pgs", "lemke", "pgs@inner8"]
     assert found["solved"].tolist() == [2, 1, 0]
-    assert found["stationary"].tolist() == [1, 0, 0]
+    assert found["stationary"].tolist() == [0, 0, 0]
     assert found["false"].tolist() == [1, 1, 0], "a claim on an approximate route is no false claim"
     assert found["fastest"].tolist() == [1, 1, 0]
     assert found["kind"].tolist() == ["one-way", "equivalent", "approximate"]
     assert found.loc["pgs", ["median", "slowdown"]].tolist() == [6.5, 2.5]
     assert found["mean"].tolist() == pytest.approx([(4 * 9 * 10) ** (1 / 3), (1 * 10 * 10) ** (1 / 3), 10.0])
+
+
+def half_stationary() -> pd.DataFrame:
+    """s solves p and is stationary on q, faster than t, which solves both."""
+    stationary = row("q", "s", "stationary", 1.0, claim="solved", flags="stationary", error=1e-9)
+    solved = [row("p", "s", "solved", 1.0), *(row(name, "t", "solved", 4.0) for name in "pq")]
+    return rows_of.normalised(table(stationary, *solved))
+
+
+def test_stationary_is_a_column_of_its_own() -> None:
+    """It is in no time, rank or mean; it is no false claim and no failure either."""
+    rows = half_stationary()
+    found = summary.solve_counts(rows, penalty=16.0, shift=0.0).set_index("label")
+    assert found.index.tolist() == ["t", "s"]
+    assert found[["solved", "stationary", "false", "fastest"]].to_numpy().tolist() == [[2, 0, 0, 1], [1, 1, 0, 1]]
+    assert found["mean"].tolist() == pytest.approx([4.0, 4.0]), "1 s, and the penalty of 16 s"
+    assert rows_of.times(rows)["s"].tolist() == [1.0, INF]
+    assert rows_of.met(rows).all()
+    assert failures.failures(rows) == []
+    assert reliability.claims(rows).loc["s", ["true", "false"]].tolist() == [2, 0]
+
+
+def test_stationary_counts_as_solved_where_that_is_asked_for() -> None:
+    rows = rows_of.counting_stationary(half_stationary())
+    found = summary.solve_counts(rows, penalty=16.0, shift=0.0).set_index("label")
+    assert found.loc["s", ["solved", "stationary", "fastest"]].tolist() == [2, 0, 2]
+    assert rows["flags"].tolist().count("stationary counted as solved") == 1, "what it is stays in the row"
+    assert judged_at(rows, 1e-7)["status"].eq("solved").sum() == len(rows[rows["error"] <= 1e-7])
+
+
+def test_stationary_at_another_tolerance_stays_stationary() -> None:
+    rows = table(
+        row("p", "s", "stationary", 1.0, flags="stationary", error=1e-9),
+        row("q", "s", "wrong", 1.0, flags="direction,stationary", error=1e-5),
+        row("r", "s", "wrong", 1.0, error=1e-5),
+    )
+    assert judged_at(rows, 1e-4)["status"].tolist() == ["stationary", "stationary", "solved"]
+    assert judged_at(rows, 1e-10)["status"].tolist() == ["inaccurate", "wrong", "wrong"]
 
 
 def test_a_fast_liar_is_last() -> None:

@@ -283,9 +283,9 @@ def test_the_command_writes_checks_and_updates(tmp_path: Path, cpbench: Callable
     table = synthetic.suite(problems=4, labels=3)
     done = table.index[table["status"] == "solved"]
     synthetic.results_file(tmp_path / "a.sqlite", table)
-    synthetic.results_file(
-        tmp_path / "w.sqlite", table.assign(status=table["status"].mask(table.index == done[0], "wrong"))
-    )
+    later = table.copy()
+    later.loc[done[0], ["status", "error"]] = ["wrong", 0.2]
+    synthetic.results_file(tmp_path / "w.sqlite", later)
     wrote = cpbench("baseline", "a.sqlite", "-o", "b.csv")
     assert wrote.code == 0, wrote
     first = (tmp_path / "b.csv").read_bytes()
@@ -332,7 +332,8 @@ def test_bad_input_is_one_line(
 ) -> None:
     table = synthetic.table(synthetic.row("a", "s", "solved", 0.1), synthetic.row("b", "s", "failed", 0.1))
     synthetic.results_file(tmp_path / "run.sqlite", table)
-    synthetic.results_file(tmp_path / "idle.sqlite", table.assign(status="not_run"))
+    idle = synthetic.table(synthetic.row("a", "s", "not_run"), synthetic.row("b", "s", "not_run"))
+    synthetic.results_file(tmp_path / "idle.sqlite", idle)
     (tmp_path / "empty.sqlite").touch()
     (tmp_path / "text.sqlite").write_text("hello\n" * 100)
     baseline_file.write(tmp_path / "good.csv", baseline.of(table))

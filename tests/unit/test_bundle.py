@@ -23,6 +23,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.bench.bundle import archive, leaks, problems, reproduction
@@ -32,6 +33,7 @@ from cpbench.bench.bundle.making import Asked
 from cpbench.bench.bundle.making import make as make_bundle
 from cpbench.bench.bundle.results import identity
 from cpbench.bench.bundle.scrub import Scrub
+from cpbench.bench.results import seal_key
 from cpbench.bench.results.store import Store
 from cpbench.cli.bundle_command import command as bundle_command
 from cpbench.conversions.base import make
@@ -123,6 +125,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Path:
         db.commit()
         db.execute("DROP TABLE old")  # its pages stay in the file
         db.commit()
+    seal_anew(folder / "run.sqlite")
     return folder
 
 
@@ -208,13 +211,31 @@ def test_nobody_runs_plugins_unasked(plain: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "x/again.sqlite").exists()
 
 
+def test_seals_tell_whose_a_bundle_is_only_where_it_is_not_anonymous(
+    told: Path, plain: Path, anonymous: Path, tmp_path: Path
+) -> None:
+    """The name of a key is the same in all results of a user: an anonymous bundle has a key of its own."""
+    names: dict[str, str] = {}
+    for name, bundle in (("plain", plain), ("anonymous", anonymous)):
+        archive.unpack(bundle, tmp_path / name)
+        with Store(tmp_path / name / "results.sqlite") as store:
+            audit = store.audit()
+            assert not audit.broken
+            assert ("of another user" in audit.note) == (name == "anonymous")
+            (names[name],) = {key[:8] for (key,) in store._database.read("SELECT seal FROM seals")}
+    known = seal_key.find()
+    assert known is not None
+    assert names["plain"] == known.name != names["anonymous"]
+
+
 def test_other_statuses_end_with_1(plain: Path, tmp_path: Path) -> None:
     """The plugin raises for three unknowns; a bundle that says it solved that problem is contradicted."""
     folder = tmp_path / "made"
     archive.unpack(plain, folder)
     with closing(sqlite3.connect(folder / "results.sqlite")) as db:
-        db.execute("UPDATE rows SET status = 'solved' WHERE status = 'error' AND problem = 'p3'")
+        db.execute("UPDATE rows SET status = 'solved', error = 0 WHERE status = 'error' AND problem = 'p3'")
         db.commit()
+    seal_anew(folder / "results.sqlite")
     repacked(folder, tmp_path / "other.zip")
     done = cpbench(tmp_path, "reproduce", "other.zip", "-o", "x", "--yes", "-q", rc=1)
     assert "differs: p3, mine: solved → error" in done.stdout

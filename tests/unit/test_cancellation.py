@@ -173,10 +173,10 @@ def test_a_small_force_on_a_large_unknown():
     M = np.zeros((2, 2))
     relay = Relay(M=M, q=w, lb=lb, ub=ub).residuals(LCPPoint(z))
     assert relay.parts["natural_absolute"] == pytest.approx(expected, rel=DIGITS)
-    assert relay.judged["unit_free"] == pytest.approx(np.hypot(1.0 / 3.0, 0.5), rel=DIGITS)
+    assert relay.measured["unit_free"] == pytest.approx(np.hypot(1.0 / 3.0, 0.5), rel=DIGITS)
     avi = AVI(M=M, q=w, lb=lb, ub=ub).residuals(AVIPoint(z))
     assert avi.parts["natural_absolute"] == pytest.approx(expected, rel=DIGITS)
-    assert avi.judged["unit_free"] == pytest.approx(np.hypot(1.0 / 3.0, 0.5), rel=DIGITS)
+    assert avi.measured["unit_free"] == pytest.approx(np.hypot(1.0 / 3.0, 0.5), rel=DIGITS)
 
 
 def conic_errors(x: np.ndarray, w: np.ndarray) -> dict[str, float]:
@@ -210,7 +210,7 @@ def test_nodes_with_cones(x_size, w_size):
 def test_unit_free_cone_error():
     x, w = SMALL * X["a little outside"], LARGE * W["on the boundary"]
     fields: Any = cone_fields(CONE)
-    judged = SOCLCP(M=np.eye(3), q=w - x, **fields).residuals(SOCLCPPoint(x)).judged["unit_free"]
+    judged = SOCLCP(M=np.eye(3), q=w - x, **fields).residuals(SOCLCPPoint(x)).measured["unit_free"]
     scale = np.abs(w).max()  # of both: x is far below ‖q‖∞/max|M|
     expected = np.linalg.norm(exact_defect(Cone.SECOND_ORDER, x / scale, w / scale))
     assert judged == pytest.approx(float(expected), rel=1e-9)

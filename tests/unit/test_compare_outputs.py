@@ -111,6 +111,17 @@ def test_only_fail_on_ends_with_1(made: Make, cpbench, statuses, asked, code) ->
     assert cpbench(*files, *(["--fail-on", asked] if asked else []))[0] == code
 
 
+def test_stationary_answers_count_where_that_is_asked_for(made: Make, cpbench) -> None:
+    base, new = changed(("solved", "stationary"), ("stationary", "stationary"))
+    files = made("base.sqlite", base), made("new.sqlite", new)
+    code, told, _ = cpbench(*files, "--fail-on", "regression")
+    assert code == 1
+    assert "stationary, and not among the solved: 1 in the base, 2 in the new results" in told
+    code, told, _ = cpbench(*files, "--fail-on", "regression", "--count-stationary")
+    assert code == 0, told
+    assert "stationary answers are counted as solved (--count-stationary)" in told
+
+
 def test_two_builds_of_one_run(made: Make, cpbench) -> None:
     rows = [
         row(f"{'abc'[k % 3]}-{k}", f"x@{name}", "solved", 1e-3 * factor * (1 + 0.01 * (k % 3)), solver=f"x@{name}",

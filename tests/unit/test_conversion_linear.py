@@ -16,9 +16,10 @@ from cpbench import factorization, graph, matrices, storage
 from cpbench.conversions.base import make
 from cpbench.conversions.mlcp_to_lcp_split import semidefinite_transform
 from cpbench.errors import NotApplicable
-from cpbench.formulations import LCP, MLCP, QP, Kind, LCPPoint, MLCPPoint
+from cpbench.formulations import LCP, MLCP, QP, AVIPoint, Kind, LCPPoint, MLCPPoint, Relay
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import planted
+from cpbench.verification import judge
 
 CLOSE = 1e-9
 quick = settings(max_examples=30, deadline=None, derandomize=True)
@@ -63,10 +64,10 @@ def test_lcp_qp_refuses_with_numbers(rng):
     with pytest.raises(NotApplicable, match=r"not symmetric, .* = 2\.0e\+00; use lcp-qp-nonsymmetric"):
         make("lcp-qp").apply(skew)
     indefinite = LCP(M=np.diag([1.0, -0.5]), q=np.zeros(2))
-    with pytest.raises(NotApplicable, match=r"least eigenvalue -5\.0e-01"):
+    with pytest.raises(NotApplicable, match=r"least eigenvalue at unit diagonal -1\.0e\+00"):
         make("lcp-qp").apply(indefinite)
     large = LCP(M=sp.csr_array(sp.diags_array([1.0, *np.linspace(-0.5, 2, 399)])), q=np.zeros(400))
-    assert "least eigenvalue -" in str(make("lcp-qp").obstacle(large))
+    assert "least eigenvalue at unit diagonal -" in str(make("lcp-qp").obstacle(large))
 
 
 @quick
@@ -92,14 +93,14 @@ def test_gap_needs_the_square_of_the_tolerance():
     problem = LCP(M=np.array([[1.0]]), q=np.zeros(1))
     edge = make("lcp-qp-nonsymmetric")
     target = edge.step(problem)
-    delta = edge.tolerance(1e-4)
+    delta = edge.tolerance(1e-4, {})
     assert delta == pytest.approx(1e-8)
     z = np.array([np.sqrt(delta)])
     assert target.objective(z) == pytest.approx(delta)
-    assert problem.residuals(LCPPoint(z=z)).judged["natural"] == pytest.approx(1e-4)
-    assert edge.tolerance(2.0) == 2.0
+    assert problem.residuals(LCPPoint(z=z)).measured["natural"] == pytest.approx(1e-4)
+    assert edge.tolerance(2.0, {}) == 2.0
     assert graph.tolerance(target, 1e-4, 1) == delta
-    assert make("lcp-mlcp").tolerance(1e-4) == 1e-4
+    assert make("lcp-mlcp").tolerance(1e-4, {}) == 1e-4
 
 
 # ---------------------------------------------------------------------------------------- lcp ↔ mlcp
@@ -264,3 +265,66 @@ def test_every_exact_route_carries_the_planted_answer(rng, sparse):
             there = graph.push(target, point)
             assert target.residuals(there).error <= CLOSE, route.label
             assert problem.residuals(graph.lift(target, there)).error <= CLOSE, route.label
+
+
+# ---------------------------------------------------------------------------------- what cancels on the way back
+
+
+@pytest.mark.parametrize("far", [0.0, 3.0, 1e2, 1e3])
+def test_a_far_origin_asks_for_what_cancels(far: float) -> None:
+    """z = x − far: a target answer of relative error ε in its terms 2·far is off by (1 + 2 far) ε of |q| = 1 here."""
+    edge = make("relay-lcp")
+    source = Relay(M=np.eye(1), q=-np.ones(1), lb=np.array([-far]), ub=np.array([far + 2.0]))
+    target = edge.step(source)
+    asked = edge.tolerance(1e-6, target.provenance[-1].trace)
+    assert asked == pytest.approx(1e-6 / (1.0 + 2.0 * far))
+    assert graph.tolerance(target, 1e-6, 1) == asked
+    x = (1.0 + far) * (1.0 + asked)
+    assert abs(graph.lift(target, LCPPoint(z=[x, 0.0])).z[0] - 1.0) <= 1e-6
+
+
+def test_an_eliminated_constant_asks_for_what_cancels() -> None:
+    """Schur: D A⁻¹a = 200 beside b = 1. Where no row has a constant nothing is known, and no more is asked for."""
+    one, edge = np.eye(1), make("mlcp-lcp-schur")
+    source = MLCP(A=0.01 * one, B=one, C=one, D=-one, a=[-2.0], b=[1.0])
+    assert graph.tolerance(edge.step(source), 1e-6, 1) == pytest.approx(1e-6 / 401.0)
+    without = MLCP(A=0.01 * one, B=one, C=one, D=-one, a=[-2.0], b=[0.0])
+    assert graph.tolerance(edge.step(without), 1e-6, 1) == 1e-6
+    dual = make("qp-qp-dual").step(QP.build(np.diag([0.01, 1.0]), np.array([-1.0, 0.0]), A=-np.eye(2)[:1], b=[-1.0]))
+    assert graph.tolerance(dual, 1e-6, 1) == pytest.approx(1e-6 / 201.0)
+
+
+def test_no_edge_asks_for_what_methods_of_first_order_do_not_reach() -> None:
+    source = Relay(M=np.eye(1), q=-np.ones(1), lb=np.array([-1e7]), ub=np.array([1e7]))
+    assert graph.tolerance(make("relay-lcp").step(source), 1e-6, 1) == pytest.approx(1e-10)
+
+
+def test_an_idle_bound_takes_no_force() -> None:
+    """An interior solution with an error of 1e-9 in it: what is left of the gradient is no force of bounds at ±1e6."""
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((6, 6))
+    Q, z = A @ A.T + np.eye(6), rng.standard_normal(6)
+    source = QP.build(Q, -Q @ z, lb=np.full(6, -1e6), ub=np.full(6, 1e6))
+    target = make("qp-avi").step(source)
+    lifted = graph.lift(target, AVIPoint(z=z * (1.0 + 1e-9)))
+    assert not lifted.nu.any()
+    assert judge(source, lifted, 1e-6).solved
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("linear", [False, True])
+def test_a_bound_that_is_pressed_takes_its_force_in_all_units(unit: float, linear: bool) -> None:
+    """min ½q z₁² − z₁ + z₂ over z₁ ≤ 3, z₂ ≥ 0 and an idle row; z at the bounds but for 1e-9, in units of `unit`."""
+    Q = np.diag([0.0 if linear else 0.1, 0.0]) / unit**2
+    source = QP.build(
+        Q,
+        np.array([-1.0, 1.0]) / unit,
+        A=np.array([[1.0, 1.0]]) / unit,
+        b=np.array([-1e3]),
+        lb=np.array([-1e5, 0.0]) * unit,
+        ub=np.array([3.0, np.inf]) * unit,
+    )
+    target = make("qp-avi").step(source)
+    z = np.array([3.0 - 1e-9, 1e-9]) * unit
+    lifted = graph.lift(target, AVIPoint(z=z, lam=[0.0]))
+    assert lifted.nu * unit == pytest.approx([(0.0 if linear else 0.3) - 1.0, 1.0])

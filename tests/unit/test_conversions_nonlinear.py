@@ -78,7 +78,7 @@ def test_a_program_comes_back_from_its_inclusion_with_multipliers(name):
     root = newton(target, known + 1e-2 * (1.0 + np.abs(known)) * rng.uniform(-1.0, 1.0, known.size))
     answer = graph.lift(target, EquationPoint(z=root))
     residuals = instance.problem.residuals(answer)
-    assert residuals.error <= 1e-8, dict(residuals.judged)
+    assert residuals.error <= 1e-8, dict(residuals.measured)
     assert instance.problem.objective(answer.z) == pytest.approx(instance.problem.objective(instance.solution.z), 1e-6)
     assert graph.lift(target, graph.push(target, instance.solution)).arrays().keys() == answer.arrays().keys()
 
@@ -313,7 +313,7 @@ def test_asking_for_what_an_equation_asks_for_is_enough(how):
         root = graph.push(target, point).z
         way = rng.standard_normal(8)
         size = 1.0
-        while target.residuals(EquationPoint(z=root + size * way)).error > edge.tolerance(asked):
+        while target.residuals(EquationPoint(z=root + size * way)).error > edge.tolerance(asked, {}):
             size *= 0.5
         lifted = graph.lift(target, EquationPoint(z=root + size * way))
         assert problem.residuals(lifted).error <= asked, seed

@@ -146,8 +146,8 @@ def test_the_answer_of_a_step_is_near_that_of_the_next(instances: list) -> None:
         start = transfer(before.problem.contacts, before.solution, after.problem)
         assert start.how == BY_ID
         assert start.matched >= 20
-        warm.append(after.problem.residuals(start.point).judged["energy"])
-        cold.append(after.problem.residuals(after.problem.zero_point()).judged["energy"])
+        warm.append(after.problem.residuals(start.point).measured["energy"])
+        cold.append(after.problem.residuals(after.problem.zero_point()).measured["energy"])
     assert np.median(np.array(warm) / np.array(cold)) < 0.7
 
 

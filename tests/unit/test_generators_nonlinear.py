@@ -18,6 +18,7 @@ from cpbench.formulations import NCP, VI, Equation, MiCP, NCPPoint, QVIPoint
 from cpbench.generators import Instance, generators, membranes, oligopoly, portable, traffic, vi_sets, walras
 from cpbench.generators import ncp_classics as classics
 from cpbench.testing.checks_problem import KNOWN, _marks
+from cpbench.testing.planted_nonlinear import graph
 
 FAMILIES = (
     "ncp-classics", "nash-cournot", "walras", "walras-simplex", "scarf-activities", "harker-pang", "harker-pang-sets",
@@ -285,6 +286,26 @@ def test_walras_law_and_homogeneity(goods: int, rng: np.random.Generator) -> Non
         F = made.problem.F
         assert abs(p @ F(p)) <= 1e-11 * np.abs(F(p)).max()
         np.testing.assert_allclose(F(3.0 * p), F(p), rtol=1e-11, atol=1e-10)
+
+
+@pytest.mark.parametrize("power", [-6, 0, 6])
+def test_excess_demand_is_measured_by_its_terms(power: int) -> None:
+    """F has degree 0, F′(p)p = 0 at p*; p = 0 solves nothing, so that errors are relative all along the ray."""
+    economy = walras.cobb_douglas(4, 3)
+    p = economy.solution.z * 2.0**power
+    exact = verification.judge(economy.problem, NCPPoint(z=p), 1e-9)
+    assert exact.error <= 1e-15
+    assert exact.flags == ()
+    off = verification.judge(economy.problem, NCPPoint(z=p * [1.01, 1.0, 1.0, 1.0]), 1e-9)
+    assert 1e-4 < off.error < 1e-1
+
+
+def test_degree_1_has_no_constants() -> None:
+    """max(z₁, z₂) − 2z₃ and two linear rows, solved by (1, 2, 1) and by 0: errors are absolute."""
+    import casadi as ca
+
+    F = graph(3, lambda z: ca.vertcat(ca.fmax(z[0], z[1]) - 2.0 * z[2], z[0] - z[2], z[1] - 2.0 * z[2]))
+    assert verification.judge(NCP(F=F), NCPPoint(z=[1.0, 2.0, 1.0]), 1e-9).flags == ("absolute",)
 
 
 def test_demand_is_what_a_consumer_wants_most(rng: np.random.Generator) -> None:

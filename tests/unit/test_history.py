@@ -24,6 +24,9 @@ from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec
 from cpbench.testing import planted, planted_conic
 from cpbench.verification import judge
 
+LEEWAY = 100.0
+"""The backward error and a solver's own measure of a well-scaled problem are at most so far apart."""
+
 
 class Clock:
     """Seconds that pass only when they are told to."""
@@ -178,11 +181,13 @@ def test_errors_are_those_of_the_iterates(scene: Any, rng: np.random.Generator) 
         recorded(solvers.get("pgs"), problem, budget, solvers.get("pgs").spec.options(), None)
     )
     errors = [judge(problem, point, 1e-10).error for *_, point in seen]
+    own = [problem.residuals(point, 1e-10).error for *_, point in seen]
     assert output.claim is Claim.SOLVED
     assert history.iteration[:-1].tolist() == [k for k, *_ in seen]
     np.testing.assert_array_equal(history.error[:-1], errors)
-    np.testing.assert_allclose(history.told[:-1], errors, rtol=1e-6, atol=1e-15)
-    assert history.error[-1] == history.error[-2] <= 1e-10
+    np.testing.assert_allclose(history.told[:-1], own, rtol=1e-6, atol=1e-15)
+    assert history.told[-2] <= 1e-10
+    assert history.error[-1] == history.error[-2] <= LEEWAY * 1e-10
 
 
 def test_errors_are_of_the_problem_that_was_asked(scene: Any, rng: np.random.Generator) -> None:
@@ -223,12 +228,14 @@ class Liar(Solver):
 
 
 def test_a_liar_gets_its_true_errors(scene: Any) -> None:
-    """M = 1, q = -2: z = 2 is the solution, and of the iterates 0, 1, 2, 3, 4 only the third is one."""
+    """M = 1, q = -2: z = 2 is the solution, and of the iterates 0, 1, 2, 3, 4 only the third is one.
+
+    The backward error is the row over the larger of its terms, |z - 2|/max(z, 2).
+    """
     problem = LCP(M=np.eye(1), q=np.array([-2.0]))
     history = scene(problem, "lcp").judged(recorded(Liar(), problem, Budget(), None, None))
     assert history.told[:-1].tolist() == [0.0] * 5
-    np.testing.assert_allclose(history.error[[0, 1, 2]], [1.0, 0.5, 0.0])
-    assert (history.error[[3, 4]] > 0.1).all()
+    np.testing.assert_allclose(history.error[:5], [1.0, 1 / 2, 0.0, 1 / 3, 1 / 2])
     assert history.error[5] == math.inf
     assert history.time_to(1e-10) == history.time[2]
     wrong = LCP(M=np.eye(1), q=np.array([-2.5]))
@@ -342,16 +349,24 @@ def _easy(rng: np.random.Generator, node: str) -> Any:
 
 @pytest.mark.parametrize("solver", ["pgs", "psor", "nsgs", "apgd", "newton-cone"])
 def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.Generator, solver: str) -> None:
-    """Iterations of runs at three tolerances, against the history of one run: a quarter and two off at most."""
+    """Runs at three tolerances, against the history of one run.
+
+    Solvers stop by their own measure: by what they said in the one run, they end a quarter and two iterations off at
+    most. The backward error is another number: where either is within the tolerance, the other is close to it.
+    """
     chosen = solvers.get(solver)
     problem = _easy(rng, chosen.spec.node)
     tight = Budget(tolerance=1e-10)
     history = scene(problem, problem.node).judged(recorded(chosen, problem, tight, chosen.spec.options(), None))
     for tolerance in (1e-2, 1e-4, 1e-6):
         alone = chosen.run(problem, Budget(tolerance=tolerance)).counters["iterations"]
+        end = int(np.argmax(history.told <= tolerance))
+        assert history.told[end] <= tolerance
+        assert abs(history.iteration[end] - alone) <= 2 + alone / 4, tolerance
+        assert history.error[end] <= LEEWAY * tolerance
         k = history.first(tolerance)
         assert k is not None
-        assert abs(history.iteration[k] - alone) <= 2 + alone / 4, tolerance
+        assert history.told[k] <= LEEWAY * tolerance
 
 
 def test_a_lane_returns_the_history_of_a_solver_that_records(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -80,3 +80,40 @@ def test_the_graph_knows_no_mathematics() -> None:
         for a in node.names
     }
     assert not names & {"numpy", "scipy", "np", "sp"}
+
+
+JUDGED_DATA = {
+    "cpbench.errors", "cpbench.matrices", "cpbench.formulations.base", "cpbench.product_cones.Cone",
+    "cpbench.product_cones.ProductCone",
+}  # fmt: skip
+"""What the judge may read from outside its own room: data and errors, and no mathematics of the solvers."""
+READ_AS_DATA = {
+    f"cpbench.formulations.{node}.{name}"
+    for node, name in {
+        "avi": "AVI", "coneqp": "ConeQP", "fc": "FrictionContact", "lcp": "LCP", "mlcp": "MLCP", "qp": "QP"
+    }.items()
+}  # fmt: skip
+"""Problems whose kind is asked for by exact certificates, which read their arrays."""
+
+
+def _names(path: Path) -> set[str]:
+    """Every name of cpbench that a module imports, with its full path."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found.update(f"{node.module}.{a.name}" for a in node.names if node.module.split(".")[0] == "cpbench")
+        elif isinstance(node, ast.Import):
+            found.update(a.name for a in node.names if a.name.split(".")[0] == "cpbench")
+    return found
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "verification").rglob("*.py")), ids=lambda p: p.stem)
+def test_the_judge_shares_no_mathematics_with_solvers(path: Path) -> None:
+    allowed = JUDGED_DATA | {"cpbench.verification"} | (READ_AS_DATA if path.stem == "polyhedra" else set())
+    shared = {n for n in _names(path) if not any(n == a or n.startswith(f"{a}.") for a in allowed)}
+    assert not shared, f"{path.name} imports {', '.join(sorted(shared))}"
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "solvers").rglob("*.py")), ids=lambda p: p.stem)
+def test_solvers_do_not_read_the_judge(path: Path) -> None:
+    assert not {n for n in _names(path) if n.startswith("cpbench.verification")}

@@ -164,9 +164,11 @@ def test_memory_is_limited(start: Start) -> None:
     """128 MiB are allowed: 32 more go well, 512 do not."""
     modest = start(_grow, 2**25, memory=2**27)
     modest.receive(30.0)
+    modest.warm()
     assert modest.receive(30.0) == b"32"
     greedy = start(_grow, 2**29, memory=2**27)
     greedy.receive(30.0)
+    greedy.warm()
     with pytest.raises(Died) as death:
         greedy.receive(30.0)
     assert death.value.out_of_memory
@@ -178,9 +180,9 @@ def test_an_unknown_way_is_refused() -> None:
 
 
 def test_every_way_is_explained() -> None:
-    for way in WAYS:
+    for way in (*WAYS, "open"):
         told = dict(isolation.detect(way).told())
-        assert set(told) == {"start", "kill", "memory", "guard", "forks", "affinity", "output"}
+        assert set(told) == {"start", "kill", "memory", "guard", "forks", "affinity", "writes", "output"}
 
 
 @pytest.mark.skipif(hasattr(os, "sched_setaffinity"), reason="does not apply: this system can")

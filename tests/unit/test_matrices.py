@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import cones, matrices
+from cpbench import cones, facts, matrices, storage
 from cpbench.errors import ProblemError
 from cpbench.factorization import Factorization, sparse_lu
 
@@ -23,6 +25,107 @@ def test_semidefiniteness_is_that_of_the_eigenvalues(rng: np.random.Generator, n
         whole = M + skew - skew.T
         assert (np.linalg.eigvalsh((whole + whole.T) / 2)[0] > -1e-8 * np.abs(whole).max()) == expected
         assert matrices.is_psd(sp.csr_array(whole) if sparse else whole) == expected
+
+
+def _exactly_semidefinite(M: np.ndarray) -> bool:
+    """Gauss on the symmetric part in rational arithmetic: a pivot below 0, or 0 in a row that is not, refutes."""
+    S = [
+        [Fraction(float(a)) + Fraction(float(b)) for a, b in zip(*rows, strict=True)]
+        for rows in zip(M, M.T, strict=True)
+    ]
+    while S:
+        pivot, *row = S[0]
+        if pivot < 0 or (pivot == 0 and any(row)):
+            return False
+        S = [[x - line[0] * y / pivot if pivot else x for x, y in zip(line[1:], row, strict=True)] for line in S[1:]]
+    return True
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_definiteness_is_exact_and_has_no_units(seed: int) -> None:
+    """Integer matrices, semidefinite, singular or with one eigenvalue pushed below 0, in units of 2^±60 a row."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 7))
+    G = rng.integers(-3, 4, (n, max(1, n - int(rng.integers(0, 3))))).astype(float)
+    M = G @ G.T - np.diag(rng.integers(0, 2, n) * rng.integers(0, 2))
+    skew = np.triu(rng.integers(-5, 6, (n, n)), 1)
+    M = M + skew - skew.T if seed % 2 else M
+    expected = _exactly_semidefinite(M)
+    for _ in range(2):
+        unit = np.ldexp(1.0, rng.integers(-60, 61, n))
+        scaled = unit[:, None] * M * unit
+        for stored in (scaled, sp.csr_array(scaled)):
+            assert matrices.is_psd(stored) == expected
+            assert matrices.asymmetry(stored) == matrices.asymmetry(M)
+            assert matrices.is_symmetric(stored) == (M == M.T).all()
+            known = facts.definiteness(stored, "M")
+            assert (known.value in ("positive definite", "positive semidefinite")) == expected
+            assert known.value == facts.definiteness(M, "M").value
+            if n <= 4:
+                found = facts.of_matrix(stored, "M")
+                assert [f.value for f in found if f.name != "rank"] == [
+                    f.value for f in facts.of_matrix(M, "M") if f.name != "rank"
+                ]
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_a_small_negative_direction_is_seen_beside_a_large_one(large: bool) -> None:
+    """diag(1e9, -1), and the same inside 1000 coupled rows: eigenvalues far below max|M| in size."""
+    n = 1000 if large else 0
+    chain = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n)) * 1e9 if large else None
+    for last, expected in ((-1.0, False), (0.0, True), (1.0, True)):
+        tail = sp.csr_array(np.diag([1e9, last]))
+        M = sp.csr_array(sp.block_diag([chain, tail])) if large else tail.toarray()
+        assert matrices.is_psd(M) == expected
+        assert matrices.is_definite(M) == (last > 0)
+    hidden = np.array([[1e9, 1e9], [1e9, 1e9 - 1e-3]])  # det < 0 by one part in 1e12, the size of rounding in W: passes
+    assert matrices.is_psd(hidden)
+    assert not matrices.is_psd(np.array([[1e9, 1e9], [1e9, 1e9 - 1.0]]))
+    assert not matrices.is_psd(np.array([[0.0, 1e-30], [1e-30, 1.0]]))
+
+
+def test_a_skew_block_that_is_skew_to_rounding_is_semidefinite() -> None:
+    """K = [[A, C], [-Cᵀ, 0]] with C computed twice: M_ij + M_ji is 1e-17, beside a diagonal of 0."""
+    C = np.array([[0.1 + 0.2, 1 / 3], [1e7 / 3, 0.7]])
+    K = np.block([[np.eye(2), C], [-C.T * (1 + 2.2e-16), np.zeros((2, 2))]])
+    assert (K + K.T)[:2, 2:].any()
+    for stored in (K, sp.csr_array(K)):
+        assert matrices.is_psd(stored)
+    K[0, 2] *= 1 + 1e-9
+    assert not matrices.is_psd(K)
+
+
+def test_asymmetry_of_a_stack_is_that_of_each(rng: np.random.Generator) -> None:
+    blocks = rng.standard_normal((5, 3, 3))
+    blocks[2] = blocks[2] + blocks[2].T
+    blocks[3] *= np.outer([1e9, 1, 1e-9], [1e9, 1, 1e-9])
+    each = [matrices.asymmetry(block) for block in blocks]
+    assert matrices.block_asymmetry(blocks).tolist() == each
+    assert [matrices.asymmetry(sp.csr_array(block)) for block in blocks] == pytest.approx(each, rel=1e-14)
+    assert each[2] == 0.0
+    # by the definition, in units of the diagonal
+    for M, found in zip(blocks, each, strict=True):
+        root = np.sqrt(np.abs(np.diag(M)))
+        largest = max(
+            abs(M[i, j] - M[j, i]) / max(root[i] * root[j], abs(M[i, j]), abs(M[j, i]))
+            for i in range(3) for j in range(3)
+        )  # fmt: skip
+        assert found == pytest.approx(largest, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [("Confeti-ex03-Fc3D-SBM", 1e-7), ("Confeti-ex13-4contact-Fc3D-SBM", 1e-6), ("BoxesStack1-i100000-32.hdf5", 1e-10)],
+)
+def test_measured_delassus_matrices(shared_data: Path, name: str, size: float) -> None:
+    """Confeti's are written with eight digits: not semidefinite as they stand, and so said; others are to 1e-14."""
+    W = storage.load(shared_data / "fc3d_local" / f"{name}.dat").W
+    D = 1 / np.sqrt(matrices.dense(W).diagonal())
+    least = np.linalg.eigvalsh(matrices.dense(W) * np.outer(D, D))[0]
+    assert -size < least < (0 if size > 1e-8 else 1)
+    assert matrices.is_psd(W) == (size <= matrices.PSD_TOLERANCE)
+    assert matrices.is_psd(W, size)
+    assert matrices.least_eigenvalue(W) == pytest.approx(least, abs=1e-12)
 
 
 @pytest.mark.parametrize("sparse", [False, True])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from claims import assert_claim
 
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
@@ -14,7 +15,6 @@ from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.native.contact.contact_policy import Method, Standing, policy
 from cpbench.solvers.native.contact.contact_sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
 from cpbench.testing import planted
-from cpbench.verification import judge
 
 NEW = Standing(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
 
@@ -130,7 +130,7 @@ def test_real_files_take_the_same_way_twice(shared_data: Path, name: str, most: 
     problem, solver = storage.load(shared_data / "fc3d_local" / name), solvers.get("auto-contact")
     first, second = (solver.run(problem, Budget(tolerance=1e-8)) for _ in range(2))
     assert first.claim is Claim.SOLVED, first.message
-    assert judge(problem, first.point, 1e-8).solved
+    assert_claim(problem, first.point, 1e-8)
     assert first.counters["iterations"] <= most
     assert (first.point.r == second.point.r).all()
     assert (first.counters, first.message) == (second.counters, second.message)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from claims import assert_claim
 from scipy.optimize import brentq
 
 from cpbench import cones, kernel_cache, storage
@@ -263,7 +264,7 @@ def test_real_files(shared_data: Path, name: str, tolerance: float) -> None:
     problem = storage.load(shared_data / "fc3d_local" / name)
     output = solvers.get("nsgs").run(problem, Budget(tolerance=tolerance, seconds=30.0))
     assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, tolerance).solved
+    assert_claim(problem, output.point, tolerance)
 
 
 def test_a_warm_start_is_used(rng: np.random.Generator) -> None:
@@ -287,7 +288,7 @@ def test_no_claim_on_a_real_file_is_false(shared_data: Path, folder: str) -> Non
             output = solvers.get("nsgs").run(problem, Budget(tolerance=tolerance, iterations=500))
             if output.claim is Claim.SOLVED:
                 solved += 1
-                assert judge(problem, output.point, tolerance).solved, path.name
+                assert_claim(problem, output.point, tolerance)
             else:
                 assert output.message, path.name
     assert solved > 0

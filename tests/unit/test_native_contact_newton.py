@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from claims import assert_claim
 
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
@@ -270,4 +271,4 @@ def test_real_files(shared_data: Path, name: str, file: str) -> None:
     problem = storage.load(shared_data / "fc3d_local" / file)
     output = solvers.get(name).run(problem, Budget(tolerance=1e-6, seconds=60.0))
     assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, 1e-6).solved
+    assert_claim(problem, output.point, 1e-6)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from claims import assert_claim
 
 from cpbench import storage
 from cpbench.formulations import FCPoint, GFCPoint
@@ -123,7 +124,7 @@ def test_real_files(shared_data: Path, file: str, tolerance: float) -> None:
     problem = storage.load(shared_data / file)
     output = solvers.get(SOLVERS[problem.node]).run(problem, Budget(tolerance=tolerance, seconds=60.0))
     assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, tolerance).solved
+    assert_claim(problem, output.point, tolerance)
 
 
 def bodies(dimension: int, seed: int = 0, nc: int = 24) -> GlobalFrictionContact:
@@ -203,4 +204,4 @@ def test_real_files_by_gauss_seidel_on_velocities(shared_data: Path, file: str, 
     problem = storage.load(shared_data / file)
     output = solvers.get("nsgs-global").run(problem, Budget(tolerance=tolerance, seconds=60.0))
     assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, tolerance).solved
+    assert_claim(problem, output.point, tolerance)

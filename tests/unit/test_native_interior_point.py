@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from claims import assert_claim
 
 from cpbench import storage
 from cpbench.formulations import LCP, MLCP, LCPPoint
@@ -50,7 +51,7 @@ def test_monotone_lcps(kind: str, n: int) -> None:
         problem, _ = planted.lcp(np.random.default_rng(seed), n, kind)
         output = solvers.get("interior-point-lcp").run(problem, Budget(tolerance=1e-8))
         assert output.claim is Claim.SOLVED, (seed, output.message)
-        assert judge(problem, output.point, 1e-8).solved
+        assert_claim(problem, output.point, 1e-8)
 
 
 @pytest.mark.parametrize("kind", planted.SQUARE[:3])

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from claims import assert_claim
 
 from cpbench import storage
 from cpbench.formulations import LCP, QP
@@ -193,7 +194,7 @@ def test_faces_solve_semidefinite_problems(solver: str, kind: str, sparse: bool)
             continue
         output = solvers.get(solver).run(problem, Budget(tolerance=1e-9))
         assert output.claim is Claim.SOLVED, output.message
-        assert judge(problem, output.point, 1e-9).solved
+        assert_claim(problem, output.point, 1e-9)
 
 
 @pytest.mark.parametrize("solver", FACES)
@@ -253,7 +254,7 @@ def test_published_bound_constrained_programs(shared_data: Path) -> None:
         for name in ("mprgp-qp", "projected-cg-qp"):
             output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
             assert output.claim is Claim.SOLVED, (path.name, output.message)
-            assert judge(problem, output.point, 1e-8).solved
+            assert_claim(problem, output.point, 1e-8)
 
 
 NEWTON = ("newton-min", "newton-fb", "newton-pfb", "newton-ep")
@@ -271,7 +272,7 @@ def test_newton_solves_definite_problems(solver: str, sparse: bool, n: int) -> N
     problem = LCP(M=sp.csr_array(M) if sparse else M, q=q)
     output = solvers.get(solver).run(problem, Budget(tolerance=1e-10))
     assert output.claim is Claim.SOLVED, output.message
-    assert judge(problem, output.point, 1e-10).solved
+    assert_claim(problem, output.point, 1e-10)
     again = solvers.get(solver).run(problem, Budget(tolerance=1e-10), start=output.point)
     assert again.counters["iterations"] <= 2
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -67,11 +68,18 @@ def test_singular_equality_block(lane: Lane, shared_data: Path) -> None:
 
 
 def test_nonsymmetric_delassus(lane: Lane, shared_data: Path) -> None:
-    """Capsules-i125-1213: W is not symmetric; a Gauss–Seidel that symmetrises its blocks stalls at 4e-6."""
+    """Capsules-i125-1213: W is not symmetric; a Gauss–Seidel that symmetrises its blocks stalls at 4e-6.
+
+    Here it does not. The contacts are 36 parts of very different loads, and the verdict measures each by itself: an
+    answer that meets the tolerance in the energy of all need not be solved, but it is no further off than `inaccurate`.
+    """
     path = shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5"
     problem = storage.load(path)
     assert np.abs(problem.W - problem.W.T).max() > 1e-4 * np.abs(problem.W).max()
-    assert outcome(lane, path, "nsgs", 1e-8)["status"] == "solved"
+    row = outcome(lane, path, "nsgs", 1e-8)
+    assert row["claim"] == "solved"
+    assert json.loads(row["parts"])["energy"] <= 1e-8
+    assert row["status"] in ("solved", "inaccurate")
 
 
 @pytest.mark.parametrize("solver", ["nsgs", "lemke"])

@@ -115,7 +115,7 @@ def test_what_is_measured_of_an_operator() -> None:
     """M = [[2, -1], [0, 0]]: singular values √5 and 0; the symmetric part has the eigenvalues 1 ± √(5/4)."""
     facts = features.features(LCP(M=[[2.0, -1.0], [0.0, 0.0]], q=[-1.0, 1.0]))
     expected = {
-        "asymmetry": 0.5,
+        "asymmetry": 1.0,
         "dominant": 1.0,
         "negative_couplings": 1.0,
         "zero_diagonal": 0.5,

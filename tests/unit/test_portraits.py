@@ -119,7 +119,7 @@ def asked(folder: Path, *given: dict[str, Any], answers: dict[str, bytes] | None
     path = results_file(folder / "results.sqlite", table(*given), meta())
     if answers:
         with Store(path, create=True) as store:
-            store.add_kept(answers.items(), [])
+            store.add_kept(answers.items(), [], [])
     with Store(path) as store:
         return dict(portraits.Portraits(store, store.table())())
 

@@ -28,7 +28,7 @@ def test_tables_are_those_of_the_registries() -> None:
 
 def test_the_table_of_conversions_is_the_graph() -> None:
     """Read from the README itself: names, ends and promises of every registered conversion, and of no other."""
-    rows = re.findall(r"^\| `(\S+)` \| (\w+) \| (\w+) \| ([\w -]+) \| .*\|$", README.read_text(), re.MULTILINE)
+    rows = re.findall(r"^\| `(\S+)` \| (\w+) \| (\w+) \| ([\w, -]+) \| .*\|$", README.read_text(), re.MULTILINE)
     known = {(e.name, e.source, e.target, promise(e)) for e in edges()}
     nodes = set(formulations.names())
     assert {row for row in rows if {row[1], row[2]} <= nodes} == known

@@ -95,8 +95,8 @@ def test_counts_in_the_report_are_those_of_the_table(tmp_path: Path) -> None:
         "**3 pairs of 4 solved** (2 problems, 2 solver configurations); 1 claim does"
     )
     assert "Most solved: lcp: `pgs` (2 of 2)." in text
-    assert "| `pgs` | equivalent | 2 | 2 | 0 | 1 | 3.5 ms | 1.5 | " in text
-    assert "| `lemke` | equivalent | 1 | 2 | 1 | 1 | 1 ms | 1 | " in text
+    assert "| `pgs` | equivalent | 2 | 0 | 2 | 0 | 1 | 3.5 ms | 1.5 | " in text
+    assert "| `lemke` | equivalent | 1 | 0 | 2 | 1 | 1 | 1 ms | 1 | " in text
     assert "| a-2 | `pgs` | solved | 1e-09 | 44.2 |" in text
     again = "cpbench solve problems/a-2.h5 -s lemke --tolerance 1e-06 --timeout 10s"
     assert f"| wrong | 1 | `lemke 1` | thought so | `{again}` |" in text
@@ -278,3 +278,18 @@ def test_warm_starts_are_set_beside_cold_ones(tmp_path: Path) -> None:
     text = report(table(*cold, *warm), tmp_path)
     assert "| lcp | `s` | `previous` | 4 | 4 | 4 | 0 | 0.5 | — |" in text
     assert "## Warm against cold" not in report(table(*cold), tmp_path)
+
+
+def test_stationary_has_a_column_and_is_counted_where_that_is_asked_for(tmp_path: Path) -> None:
+    rows = table(
+        row("a-1", "lemke", "solved", 1e-3),
+        row("a-2", "lemke", "stationary", 1e-3, claim="solved", flags="stationary"),
+    )
+    text = report(rows, tmp_path)
+    assert "**1 pair of 2 solved**" in text
+    assert "1 more stationary, not counted as solved." in text
+    assert re.search(r"\| `lemke` \| [^|]*\| 1 \| 1 \| 2 \| 0 \|", text)
+    counted = write_report(rows, meta(), tmp_path, "A title", count_stationary=True).read_text(encoding="utf-8")
+    assert "**2 pairs of 2 solved**" in counted
+    assert "Stationary answers are counted as solved (--count-stationary)." in counted
+    assert re.search(r"\| `lemke` \| [^|]*\| 2 \| 0 \| 2 \| 0 \|", counted)

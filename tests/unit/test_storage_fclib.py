@@ -259,7 +259,7 @@ def test_candidates_of_real_files(shared_data: Path) -> None:
     (guess,) = storage.guesses(file)
     problem = storage.load(file)
     assert 0 < np.linalg.norm(guess.r) < 0.1
-    assert problem.residuals(found[0]).judged["natural"] > problem.residuals(guess).judged["natural"]
+    assert problem.residuals(found[0]).measured["natural"] > problem.residuals(guess).measured["natural"]
     both = storage.solution(shared_data / "fc3d_global" / "Box_Stacks-i0122-82-5.hdf5")
     assert both is not None
     assert both[0].v.size == 450

@@ -125,6 +125,15 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(where)
 
 
+def _ready(child: Child) -> dict:
+    """What a worker says once it is warm: before, that it warms up, and that it compiles where it has to."""
+    told = [wire.unpack(child.receive(300.0))[0]]
+    while told[-1]["event"] != "ready":
+        told.append(wire.unpack(child.receive(300.0))[0])
+    assert [m["event"] for m in told if m["event"] != "compiling"] == ["warming", "ready"]
+    return told[-1]
+
+
 def _serve(child: Child, path: str, **asked: object) -> list[dict]:
     """All messages about one request."""
     header = {"path": path, "budget": {"tolerance": 1e-8}, "options": {}, "repeats": 3, "history": False, **asked}
@@ -141,9 +150,7 @@ def _serve(child: Child, path: str, **asked: object) -> list[dict]:
 def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
     child = Child(context(1), worker.main, ("lemke", 2**30, fresh))
     try:
-        ready, _ = wire.unpack(child.receive(120.0))
-        assert ready["event"] == "ready"
-        assert not ready["single"]
+        assert not _ready(child)["single"]
         for _ in range(2):
             told = _serve(child, path)
             assert [m["event"] for m in told] == ["loaded", "result", "repeats"]
@@ -164,13 +171,32 @@ def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
 def test_where_nothing_can_be_forked_a_worker_serves_one_request(path: str) -> None:
     child = Child(context(1, "spawn"), worker.main, ("lemke", 2**30, True))
     try:
-        ready, _ = wire.unpack(child.receive(120.0))
-        assert ready["single"]
+        assert _ready(child)["single"]
         assert [m["event"] for m in _serve(child, path)] == ["loaded", "result", "repeats"]
         with pytest.raises(Died, match="exited with code 0"):
             child.receive(60.0)
     finally:
         child.kill()
+
+
+def _counted(**counters: object) -> tuple[dict[str, int], str]:
+    counted, notes = worker._counters(counters)
+    return counted, "; ".join(notes)
+
+
+def test_counters_are_few_short_and_of_64_bits() -> None:
+    """What is left out is said; so many that their names alone take seconds are not looked at."""
+    assert _counted(iterations=7, sweeps=np.int32(-3)) == ({"iterations": 7, "sweeps": -3}, "")
+    assert _counted(a=1.5, b=2) == ({"b": 2}, "the counter a is no integer: 1.5")
+    assert _counted(a=10**5000, b=2**63 - 1, c=-(2**63) + 1) == (
+        {"b": 2**63 - 1, "c": -(2**63) + 1},
+        "the counter a has 16610 bits, 63 are kept",
+    )
+    counted, notes = worker._counters({"x" * 10**6: 1})
+    assert (list(counted), notes) == (["x" * worker.NAME], [])
+    counted, notes = worker._counters({f"c{k}": k for k in range(10**5)})
+    assert list(counted.values()) == list(range(worker.COUNTERS))
+    assert notes == [f"100000 counters, the first {worker.COUNTERS} are kept"]
 
 
 # ---------------------------------------------------------------------------------------------- apart

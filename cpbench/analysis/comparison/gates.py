@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis.attendance import REFUSED
-from cpbench.verification import VERIFIED, Status
+from cpbench.verification import CHARGED_TO_ROUTE, MET_TOLERANCE, PROVEN, Status
 
 
 class Verdict(StrEnum):
@@ -29,10 +29,12 @@ class Verdict(StrEnum):
 
 
 UNDECIDED = ""
-SETTLED = (*VERIFIED, str(Status.INFEASIBLE))
+SETTLED = (*MET_TOLERANCE, *PROVEN)
 """Statuses of a problem that is done with: an answer that was verified, or a proof that there is none."""
 WORST = (str(Status.WRONG), str(Status.CRASH))
 """What is worse than other ways not to solve a problem."""
+UNCHARGED = (*CHARGED_TO_ROUTE, str(Status.UNRESOLVABLE))
+"""What is not solved and no solver's fault: a change among these is neither better nor worse."""
 DECADE = 10.0
 """Factor between errors beyond the tolerance that counts."""
 FIRST = "iterations"
@@ -73,7 +75,7 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
         other = differ(pairs, limit) & ((base == status) ^ (new == status))
         rule(ruling, "status", Verdict.INCONCLUSIVE, other, "other limits", change + f", under another limit ({limit})")
     done, was = new.isin(SETTLED), base.isin(SETTLED)
-    contradiction = done & was & ((base == Status.INFEASIBLE) ^ (new == Status.INFEASIBLE))
+    contradiction = done & was & (base.isin(PROVEN) | new.isin(PROVEN))
     why = change + ": both were verified, so one of the two tolerances is too loose for this problem"
     rule(ruling, "status", Verdict.INCONCLUSIVE, contradiction, "contradiction", why)
     for timed_out, status, side in ((was & ~done, new, "base"), (done & ~was, base, "new")):
@@ -82,9 +84,15 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
         rule(ruling, "status", Verdict.INCONCLUSIVE, near, "at the limit", why)
     rule(ruling, "status", Verdict.REGRESSED, was & ~done, new, change)
     rule(ruling, "status", Verdict.IMPROVED, done & ~was, base, change)
+    less = done & was & (new == Status.STATIONARY)
+    more = done & was & (base == Status.STATIONARY)
+    rule(ruling, "status", Verdict.REGRESSED, less, new, change)
+    rule(ruling, "status", Verdict.IMPROVED, more, base, change)
     neither = ~done & ~was
     rule(ruling, "status", Verdict.REGRESSED, neither & new.isin(WORST), new, change)
     rule(ruling, "status", Verdict.IMPROVED, neither & base.isin(WORST), base, change)
+    charged = neither & base.isin(UNCHARGED) & new.isin(UNCHARGED)
+    rule(ruling, "status", Verdict.INCONCLUSIVE, charged, "charged elsewhere", change)
 
 
 def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
@@ -109,7 +117,7 @@ def by_counters(
     `left_out` : (solver without its variant, counter) that are not the same from run to run.
     """
     found = pd.DataFrame({"verdict": UNDECIDED, "why": UNDECIDED}, index=pairs.index)
-    solved = pairs["status_base"].isin(VERIFIED) & pairs["status_new"].isin(VERIFIED)
+    solved = pairs["status_base"].isin(MET_TOLERANCE) & pairs["status_new"].isin(MET_TOLERANCE)
     texts = pairs.loc[solved, ["solver", "counters_base", "counters_new"]]
     code = texts.groupby(list(texts), sort=False).ngroup().to_numpy()
     cases = texts[~pd.Series(code).duplicated().to_numpy()].itertuples(index=False, name=None)

@@ -16,7 +16,9 @@ import numpy as np
 import pandas as pd
 
 BIAS = 0.02
-"""Standard deviation of the log of a process's own factor on all its times."""
+"""Standard deviation of the log of a process's own factor on all its times: assumed, and said, until a job shows more
+by builds of equal code. Where it is 4 % and no such builds show it, 10 of 25 comparisons of equal code raise
+alarms."""
 STRAY = 2.0
 """Factor between two equal solves that is always possible: one moment of another program's. That some pairs of equal
 builds did not stray so far says nothing of the next ones."""

@@ -13,6 +13,7 @@ from cpbench.analysis.comparison import gates
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.pairs import Matched
 from cpbench.analysis.profiles import FLOOR
+from cpbench.verification import Status
 
 
 def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -49,6 +50,16 @@ def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
     return notes
 
 
+def on_stationary(judged: pd.DataFrame, counted: bool) -> list[str]:
+    """On answers that are stationary only: how many on each side, or that they are `counted` as solved."""
+    if counted:
+        return ["stationary answers are counted as solved (--count-stationary)"]
+    base, new = (int((judged[f"status_{side}"] == str(Status.STATIONARY)).sum()) for side in ("base", "new"))
+    return (
+        [f"stationary, and not among the solved: {base} in the base, {new} in the new results"] if base or new else []
+    )
+
+
 def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -> list[str]:
     """On what times are worth here; `interleaved`: both sides are one run, `here`: some pair is of one machine."""
     timed = judged["ratio"].notna()
@@ -70,6 +81,16 @@ def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -
         notes.append(
             f"by its reference solves the machine may differ by a factor {told.drift:.3g} between the two runs: times "
             "within that are the machine's"
+        )
+    if math.isfinite(told.equal):
+        notes.append(
+            f"equal builds differ by {told.equal - 1:.1%} in this job: one process beside another is taken to differ "
+            f"by {math.expm1(told.bias):.1%} by itself"
+        )
+    else:
+        notes.append(
+            f"no builds of equal code in this job (--noise): one process beside another is assumed to differ by "
+            f"{math.expm1(told.bias):.1%} by itself; where it differs by more, changes are seen that are none"
         )
     if told.unsteady:
         listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in told.unsteady)[:4])

@@ -2,8 +2,8 @@
 
     L_p = log(t_new / t_base),     log of the mean  L̄ = mean over the pairs solved on both sides.
 
-- Its interval resamples *families* (`analysis.bootstrap`), widened for few of them by t_{k-1} / z · √(k / (k-1)): the
-  bootstrap of k clusters has (k-1)/k of the variance, and knows it from k values only.
+- Its interval resamples *families* (`analysis.bootstrap`, plain percentiles), and is widened once, for few of them, by
+  t_{k-1} / z · √(k / (k-1)): the bootstrap of k clusters has (k-1)/k of the variance, and knows it from k values only.
 - p is the larger of Wilcoxon's signed-rank test on the L_p and of L̄ against a normal law with the interval's width
   and the bias of a worker process together (`noise`): a process's own factor is shared by all its problems,
   so that no number of them averages it away. Labels are adjusted for one another after Holm.
@@ -91,7 +91,8 @@ def mean_ratio(
     places = pd.RangeIndex(len(ratios))
     top = np.log(ratios.to_numpy(dtype=float))[:, None]
     mean = bootstrap.Statistic(("mean",), places, top, np.ones_like(top), lambda x: x)
-    found = bootstrap.intervals(mean, pd.Series(cluster.to_numpy(), index=places), level=LEVEL, seed=seed)
+    names = pd.Series(cluster.to_numpy(), index=places)
+    found = bootstrap.intervals(mean, names, level=LEVEL, seed=seed, method="percentile")
     estimate, low, high = (float(found.table.loc["mean", name]) for name in ("estimate", "low", "high"))
     k = cluster.nunique()
     wider = float(stats.t.ppf((1 + LEVEL) / 2, k - 1)) / _Z * math.sqrt(k / (k - 1)) if k > 1 else math.nan

@@ -20,6 +20,7 @@ from cpbench.analysis.comparison import gates, noise, notes, pairs, suites, time
 from cpbench.analysis.comparison.gates import Verdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.suites import Suite
+from cpbench.analysis.table import counting_stationary
 from cpbench.errors import CpbenchError
 from cpbench.verification import VERIFIED
 
@@ -45,13 +46,15 @@ class Side:
 @dataclass(frozen=True)
 class Settings:
     """How much counts. `margin` : relative change of times; `counter_margin` : of counters. `alpha` : level of tests.
-    `same_machine` : the two files are of one machine, whatever it is called in them."""
+    `same_machine` : the two files are of one machine, whatever it is called in them. `count_stationary` : stationary
+    answers are among the solved."""
 
     margin: float = 0.05
     counter_margin: float = 0.05
     alpha: float = 0.05
     same_machine: bool = False
     seed: int = 0
+    count_stationary: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.Da
     >>> str(found.verdict), found.pairs["why"].tolist()
     ('regressed', ['solved → timeout', ''])
     """
-    return _compare(_prepared(base), _prepared(new), settings, (), equal)
+    return _compare(_prepared(base, settings), _prepared(new, settings), settings, (), equal)
 
 
 def compare_labels(
@@ -112,7 +115,7 @@ def compare_labels(
 ) -> Comparison:
     """Compare two solvers, or two labels, of one run: two builds that were interleaved. `equal` : two labels of equal
     code. Raises CpbenchError, UnknownName."""
-    run = _prepared(run)
+    run = _prepared(run, settings)
     sides, loose = _sides(run, base, new)
     return _compare(*sides, settings, loose, _equal_pairs(run, equal) if equal else None)
 
@@ -130,8 +133,9 @@ def _equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
     return found
 
 
-def _prepared(side: Side) -> Side:
-    return replace(side, table=pairs.prepared(side.table))
+def _prepared(side: Side, settings: Settings = Settings()) -> Side:
+    table = counting_stationary(side.table) if settings.count_stationary else side.table
+    return replace(side, table=pairs.prepared(table))
 
 
 def _sides(run: Side, first: str, second: str) -> tuple[tuple[Side, Side], tuple[str, ...]]:
@@ -165,6 +169,7 @@ def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], eq
         notes=(
             *notes.on_publishing([base.table, new.table], [base.meta, new.meta]),
             *notes.on_pairs(judged, found, int((~started).sum())),
+            *notes.on_stationary(judged, settings.count_stationary),
             *notes.on_times(judged, told, interleaved, bool(one_machine.any())),
         ),
     )

@@ -59,6 +59,7 @@ def make(source: Path, target: Path, asked: Asked = Asked()) -> Made:
     """Bundle the results file `source` as the zip `target`; raises CpbenchError, with nothing written."""
     _require_target(target, asked)
     with Store(source) as store, tempfile.TemporaryDirectory(prefix="cpbench-bundle-") as made:
+        store.audit().require()
         folder = Path(made)
         rows = results.rows_of(store)
         found = plugins.gather(store, rows, anonymous=asked.anonymous)

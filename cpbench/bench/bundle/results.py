@@ -14,6 +14,7 @@ from typing import Any
 from cpbench.bench.bundle.problems import Place, Unit, unit
 from cpbench.bench.bundle.scrub import Scrub
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.results import seal_key
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 
@@ -107,7 +108,8 @@ def write(
         made = moved(row, places[unit(row)], scrub, own)
         keys[str(row["key"])] = made["key"]
         new.append(made)
-    with Store(target, create=True) as made_store:
+    key = None if scrub is None else seal_key.for_one_file(row["key"] for row in new)
+    with Store(target, create=True, key=key) as made_store:
         made_store.set_meta(**_meta(store, plan, names, scrub))
         for host, about in store.machines().items():
             name = host if scrub is None else scrub.host(host)
@@ -120,6 +122,7 @@ def write(
         made_store.add_kept(
             sorted((keys[key], blob) for key, blob in store.answers()),
             sorted((keys[key], blob) for key, blob in store.histories()),
+            sorted((keys[key], kind, proof) for key, kind, proof in store.certificates()),
         )
         made_store.settle()
     return new

@@ -12,10 +12,11 @@ from typing import Any
 from cpbench.bench import block as blocks
 from cpbench.bench.block import Block
 from cpbench.bench.cluster.parcel import pack_outcome, read_blocks
-from cpbench.bench.lane import LOAD_LIMIT, Lane
+from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes import wire
+from cpbench.bench.time_limits import REFEREE
 
 Places = Mapping[str, tuple[str, str]]
 """The absolute path of each address' file on the client's machine, and its member."""
@@ -58,7 +59,7 @@ class Outpost:
             file, member = places[pair.address]
             if file not in self._here:
                 reply, _ = self._lane.referee.ask(
-                    LOAD_LIMIT,
+                    REFEREE.limit(pair.limits.seconds),
                     command="open",
                     address=_address(file, member),
                     format=pair.format,

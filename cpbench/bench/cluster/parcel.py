@@ -40,13 +40,13 @@ def read_blocks(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Iterat
 
 def pack_outcome(at: int, outcome: Outcome) -> bytes:
     """The outcome of the pair that is number `at` in the blocks that were sent."""
-    parts = {"answer": outcome.answer, "history": outcome.history}
+    parts = {"answer": outcome.answer, "history": outcome.history, "proof": outcome.proof}
     row = dict(outcome.row)
     return wire.pack({"event": "outcome", "at": at, "row": row}, {k: v for k, v in parts.items() if v is not None})
 
 
 def read_outcome(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Outcome:
-    return Outcome(header["row"], vectors.get("answer"), vectors.get("history"))
+    return Outcome(header["row"], vectors.get("answer"), vectors.get("history"), vectors.get("proof"))
 
 
 def _pair_header(pair: Pair) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.lane import Lane
+from cpbench.bench.lane import Lane, Unread
 from cpbench.bench.planning import grids, plan, selection, tunings
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
@@ -31,7 +31,8 @@ class Part:
 class Assembly:
     """The pairs of a plan, and what was found on the way.
 
-    `read`, `refused` : addresses of files that are problems, and of those that are none, with the reason.
+    `read`, `refused` : addresses of files that are problems, and of those that are none, with the reason. `unread` :
+    those among the latter of which nobody could say what they hold: the plan lacks their pairs, if they have any.
     `twins` : (address, address of the same problem before it). `surveys` : facts of problems, in their order.
     """
 
@@ -39,6 +40,7 @@ class Assembly:
     pairs: Sequence[Pair]
     read: Mapping[str, str | None]
     refused: Sequence[tuple[str, str]]
+    unread: Sequence[str]
     twins: Sequence[tuple[str, str]]
     surveys: Sequence[Mapping[str, Any]] = field(repr=False)
 
@@ -84,7 +86,7 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
     for part, asks, addresses in zip(asked.sets, requests, places, strict=True):
         for address in addresses:
             wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
-    surveys, refused = _survey(lane, wanted, reading)
+    surveys, refused, unread = _survey(lane, wanted, max(part.timeout for part in asked.sets), reading)
     parts: list[Part] = []
     planned: dict[str, Pair] = {}
     for part, solvers_, asks, addresses in zip(asked.sets, entries, requests, places, strict=True):
@@ -101,6 +103,7 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
         selection.shard(planned.values(), *asked.shard),
         dict(surveys.keys()),
         refused,
+        unread,
         _twins(surveys.values()),
         list(surveys.values()),
     )
@@ -142,20 +145,24 @@ def _pairs(
 
 
 def _survey(
-    lane: Lane, wanted: Mapping[tuple[str, str | None], Mapping[str, Request]], reading: Reading
-) -> tuple[dict[tuple[str, str | None], dict[str, Any]], list[tuple[str, str]]]:
+    lane: Lane, wanted: Mapping[tuple[str, str | None], Mapping[str, Request]], timeout: float, reading: Reading
+) -> tuple[dict[tuple[str, str | None], dict[str, Any]], list[tuple[str, str]], list[str]]:
     formats: dict[str, list[str | None]] = {}
     for address, format in wanted:
         formats.setdefault(address, []).append(format)
     found: dict[tuple[str, str | None], dict[str, Any]] = {}
     refused: list[tuple[str, str]] = []
+    unread: list[str] = []
     for address in reading(list(formats)):
         for format in formats[address]:
             try:
-                found[address, format] = lane.survey(address, list(wanted[address, format].values()), format)
+                requests = list(wanted[address, format].values())
+                found[address, format] = lane.survey(address, requests, format, timeout)
             except CpbenchError as reason:
                 refused.append((address, str(reason)))
-    return found, refused
+                if isinstance(reason, Unread):
+                    unread.append(address)
+    return found, refused, unread
 
 
 def _twins(surveys: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:

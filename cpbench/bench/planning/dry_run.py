@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from cpbench.bench.lane import GRACE
 from cpbench.bench.planning import grids
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN
+from cpbench.bench.time_limits import GRACE
 from cpbench.bench.worker import SHORT
 from cpbench.solvers.base import Trait, solvers
 

@@ -33,7 +33,7 @@ NUMBERS: Mapping[str, str] = {
     "density": "nnz / entries",
     "step": "in its sequence",
     "operations": "operations of the nonlinear maps",
-    "asymmetry": "max|M - Mᵀ| / max|M| of the operator, 0 where symmetric",
+    "asymmetry": "of the operator, largest |M_ij - M_ji| over max(√|M_ii M_jj|, |M_ij|, |M_ji|), 0 where symmetric",
     "dominant": "share of the operator's rows with M_ii >= sum of |M_ij|",
     "negative_couplings": "share of the operator's nonzeros off the diagonal that are negative (1: a Z-matrix)",
     "zero_diagonal": "share of the operator's diagonal that is zero",
@@ -61,7 +61,7 @@ def features(problem: Problem) -> dict[str, float | str]:
 
     >>> from cpbench.formulations import LCP
     >>> found = features(LCP(M=[[2.0, 0], [1, 2]], q=[-1.0, 1]))
-    >>> [found[name] for name in ("density", "asymmetry", "dominant", "rank", "driven")]
+    >>> [round(found[name], 9) for name in ("density", "asymmetry", "dominant", "rank", "driven")]
     [0.75, 0.5, 1.0, 2.0, 0.5]
     """
     found: dict[str, float | str] = {"node": problem.node, "family": problem.info.family, "name": problem.name}

@@ -21,7 +21,10 @@ from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.storage.base import SEPARATOR, split_address
 
-FAILED = ("failed", "max_iter", "inaccurate", "wrong", "timeout", "memout", "crash", "error", "unavailable")
+FAILED = (
+    "approximate", "lost", "inaccurate", "wrong", "unresolvable", "failed", "max_iter", "timeout", "memout", "crash",
+    "error", "unavailable",
+)  # fmt: skip
 RERUN: Mapping[str, tuple[str, ...] | None] = {"failed": FAILED, "timeouts": ("timeout",), "all": None}
 """Statuses that `--rerun` runs again; None for any. An `unsupported` pair stays one until the code changes: `all`."""
 RETRIED = ("crash", "timeout", "memout")

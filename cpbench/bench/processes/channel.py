@@ -18,6 +18,8 @@ MOST = 2**30
 _HEAD = struct.Struct("<4sIQ")
 _MARK = b"cpb1"
 _PART = 2**20
+_AT_ONCE = 16
+"""Parts read in one go: who sends without end does not keep the reader from its clock."""
 
 
 class Channel:
@@ -53,12 +55,16 @@ class Channel:
             rest = rest[self._socket.send(rest) :]
 
     def receive_nowait(self) -> bytes | None:
-        """A whole message if it has come, else None.
+        """A whole message if it has come and was not too much to read in one go, else None: ask again.
 
         Raises EOFError when the other end is closed, WireError when what came is no message.
         """
         message = self._taken()
+        parts = 0
         while message is None:
+            if parts == _AT_ONCE:
+                return None
+            parts += 1
             wanted = min(max(self._wanted(), 4096), _PART)
             try:
                 self._socket.setblocking(False)

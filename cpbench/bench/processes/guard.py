@@ -13,7 +13,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from typing import NoReturn
 
@@ -23,6 +23,8 @@ from cpbench.bench.processes import cgroup, isolation
 
 PATIENCE = 5.0
 """Seconds for which processes that do not die are killed again and again."""
+LONGEST = 0.02
+"""Seconds between two looks whether they are dead."""
 
 
 def stand(group: str, lifeline: Connection, release: Callable[[], None]) -> None:
@@ -102,14 +104,25 @@ def reap(child: int) -> int:
             return status
 
 
+def pauses(seconds: float) -> Iterator[bool]:
+    """True at once, and again after a pause, until so many seconds are over; each pause is longer than the last.
+
+    Who looks for the dying all the time keeps them from it: to end a large process takes a processor, too.
+    """
+    deadline, pause = time.monotonic() + seconds, 0.001
+    while time.monotonic() < deadline:
+        yield True
+        time.sleep(pause)
+        pause = min(2.0 * pause, LONGEST)
+
+
 def kill_descendants() -> None:
     """SIGKILL to all that descend from this process, until nobody is left."""
-    deadline = time.monotonic() + PATIENCE
-    while has_children() and time.monotonic() < deadline:
-        for process in psutil.Process().children(recursive=True):
+    passing = pauses(PATIENCE)
+    while has_children() and next(passing, False):
+        for process in descendants(psutil.Process()):
             with contextlib.suppress(psutil.Error):
                 process.kill()
-        time.sleep(0.001)
 
 
 def end_as(status: int) -> NoReturn:
@@ -155,6 +168,42 @@ def has_children() -> bool:
     except ChildProcessError:
         return False
     return True
+
+
+def descendants(process: psutil.Process) -> list[psutil.Process]:
+    """All that descend from a process; where the system lists them, without a look at all processes there are."""
+    try:
+        ids = below(process.pid)
+    except OSError:
+        return process.children(recursive=True)
+    found: list[psutil.Process] = []
+    for pid in ids:
+        with contextlib.suppress(psutil.Error):
+            found.append(psutil.Process(pid))
+    return found
+
+
+def count_below(pid: int) -> int:
+    """How many processes descend from another one, 0 where the system does not list children.
+
+    It is asked 20 times a second while a solver runs: a look at every process there is would take milliseconds.
+    """
+    try:
+        return len(below(pid))
+    except OSError:
+        return 0
+
+
+def below(pid: int) -> list[int]:
+    """Ids of all that descend from a process; raises OSError where the system does not list them."""
+    found: list[int] = []
+    for task in os.listdir(f"/proc/{pid}/task"):
+        with open(f"/proc/{pid}/task/{task}/children") as children:
+            for child in map(int, children.read().split()):
+                found.append(child)
+                with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it ended meanwhile
+                    found += below(child)
+    return found
 
 
 def _end_all(group: str) -> NoReturn:

@@ -2,7 +2,8 @@
 
 Linux has it all. Elsewhere processes are spawned, killed as a tree and watched from outside; the same way can be
 asked for on Linux (`CPBENCH_ISOLATION=spawn`), which is how it is tested. `CPBENCH_ISOLATION=group` is Linux
-without control groups, as on a machine where they belong to the administrator.
+without control groups, as on a machine where they belong to the administrator, `CPBENCH_ISOLATION=open` Linux without
+Landlock, as with an older kernel: workers may then write wherever their user may.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from dataclasses import dataclass
 
 import psutil
 
-from cpbench.bench.processes import cgroup
+from cpbench.bench.processes import cgroup, landlock
 from cpbench.errors import CpbenchError, UnknownName
 
 VARIABLE = "CPBENCH_ISOLATION"
-CHOICES = ("", "group", "spawn")
+CHOICES = ("", "group", "open", "spawn")
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 
 
@@ -38,6 +39,7 @@ class Isolation:
     guard : whether a process stands between runner and worker that adopts orphans and dies with the runner.
     affinity : whether a process can be tied to cores. output : whether what it prints is kept.
     cgroups : the folder in which control groups are made, "" for none.
+    writes : `landlock` (workers write to folders of their own only) or `open`.
     """
 
     start: str
@@ -47,6 +49,7 @@ class Isolation:
     affinity: bool
     output: bool
     cgroups: str = ""
+    writes: str = "open"
 
     @property
     def forks(self) -> bool:
@@ -85,6 +88,10 @@ _MEANING = {
         "True": "workers can be tied to cores",
         "False": "workers cannot be tied to cores: timings are noisier",
     },
+    "writes": {
+        "landlock": "Landlock: workers write to their own temporary folder, caches and devices, to no other file",
+        "open": "wherever their user may (no Landlock here, Linux 5.13): forged rows are found, not prevented",
+    },
     "output": {
         "True": "both ends of what a solver prints are kept, through a pipe that the runner empties",
         "False": "what a solver prints is not kept",
@@ -111,6 +118,7 @@ def detect(asked: str | None = None) -> Isolation:
         affinity=affinity,
         output=posix,
         cgroups=str(folder.path) if folder is not None else "",
+        writes="landlock" if asked != "open" and landlock.version() > 0 else "open",
     )
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from cpbench.bench.processes import cgroup, guard, isolation
+from cpbench.bench.processes import cgroup, confinement, guard, isolation
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.isolation import Isolation
 
@@ -31,6 +31,9 @@ THREAD_VARIABLES = (
 )
 SAFE_PATH = "PYTHONSAFEPATH"
 WARNINGS = "PYTHONWARNINGS"
+RESTARTS, PAUSE = 8, 1.0
+"""How often a process is tried again that could not be started, and the longest pause before [s]: the forkserver may
+be killed again and again (Linux does so where memory is short), and a new one takes a second to import everything."""
 NO_LEAKS = "ignore:resource_tracker:UserWarning"
 """A guest that is killed leaves its semaphores to multiprocessing's tracker, which removes them and need not say so."""
 PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.processes.preload"]
@@ -75,7 +78,9 @@ class Start:
 
 def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any, ...]) -> Any:
     """A new process running `target(channel, *args)`; a forkserver that somebody killed is replaced. Raises OSError."""
-    for patience in (0.2, 0.0):
+    why = ""
+    for attempt in range(1 + RESTARTS):
+        time.sleep(min(PAUSE, 0.1 * 2**attempt) if attempt else 0.0)
         process = ctx.Process(target=_enter, args=(start, target, args), daemon=True)
         try:
             with _apart_from_here():
@@ -83,7 +88,6 @@ def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any
             return process
         except (OSError, EOFError) as cause:
             why = f"{type(cause).__name__}: {cause}"
-            time.sleep(patience)
     raise OSError(why)
 
 
@@ -135,6 +139,12 @@ def limit_memory(growth: int) -> None:
     """Let this process grow by at most `growth` bytes (0: no limit), where it is not limited from outside."""
     if growth > 0 and _here is not None and _here.memory == "rlimit":
         isolation.limit_address_space(growth)
+
+
+def confine(scratch: str, *, own: bool) -> None:
+    """Keep what this process writes within `scratch` and caches, where the system can (`confinement.confine`)."""
+    if _here is not None:
+        confinement.confine(_here, scratch, own)
 
 
 def forks() -> bool:

@@ -103,21 +103,9 @@ def _count() -> int:
     if os.name == "posix" and not guard.has_children():
         return 0
     try:
-        return len(_below(os.getpid()))
+        return len(guard.below(os.getpid()))
     except OSError:
         return len(descendants())
-
-
-def _below(pid: int) -> list[int]:
-    """Ids of all that descend from a process; raises OSError where the system does not list them."""
-    found: list[int] = []
-    for task in os.listdir(f"/proc/{pid}/task"):
-        with open(f"/proc/{pid}/task/{task}/children") as children:
-            for child in map(int, children.read().split()):
-                found.append(child)
-                with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it ended meanwhile
-                    found += _below(child)
-    return found
 
 
 def checksum(problem: Problem) -> int:

@@ -30,7 +30,7 @@ LAST_WORDS, LAST_WORDS_SPAWNED = 0.5, 5.0
 BURIAL = 0.2
 """Seconds that a guard has to end after all that it guarded was killed."""
 LISTENING = 30.0
-"""Seconds within which a child takes a message."""
+"""Seconds within which a child takes a message, where no phase of a run says otherwise."""
 
 
 class TimedOut(Exception):
@@ -66,8 +66,9 @@ class Child:
     Parameters
     ----------
     cpus : cores it is tied to, () for none.
-    memory : bytes by which it may grow after its first message, where that is watched from outside; where it is
-    not (`rlimit`), the target limits itself by `limit_memory`.
+    memory : bytes by which it may grow once it is `warm`, where that is watched from outside; where it is not
+    (`rlimit`), the target limits itself by `limit_memory`.
+    processes : how many it may start, all that descend from it counted, where the system tells (0: no limit).
 
     Raises Died when the system does not let it start.
     """
@@ -80,10 +81,13 @@ class Child:
         *,
         cpus: Sequence[int] = (),
         memory: int = 0,
+        processes: int = 0,
     ) -> None:
         self._isolation, self._memory = ctx.isolation, memory
+        self._processes = processes if ctx.isolation.guard else 0
         self._ceiling = 0
-        self._heard = self._over = False
+        self._looked = 0.0
+        self._warm = self._over = False
         self._log = Log(ctx.start) if ctx.isolation.output else None
         self._cgroup = _cgroup(ctx.isolation)
         self._channel, theirs = channel.pair()
@@ -123,10 +127,10 @@ class Child:
             return False
         return self._process.exitcode is None if self._end is None else not self._end.poll(0)
 
-    def send(self, message: bytes) -> None:
+    def send(self, message: bytes, seconds: float = LISTENING) -> None:
         """A new request. Raises Died when nobody listens any more, TimedOut when nobody reads."""
         try:
-            self._channel.send(message, LISTENING)
+            self._channel.send(message, seconds)
         except TimeoutError:
             raise TimedOut from None
         except OSError:
@@ -146,7 +150,6 @@ class Child:
             except EOFError:
                 raise self._death() from None
             if message is not None:
-                self._hear()
                 return message
             if ended:
                 raise self._death()
@@ -154,10 +157,19 @@ class Child:
             if left <= 0.0:
                 raise TimedOut
             ready = [key.fileobj for key, _ in self._selector.select(min(left, LOOK))]
-            ended = self._process.sentinel in ready or (not ready and not self.alive)
-            if self._ceiling and self._resident() > self._ceiling:
-                self.strike()
-                raise Died(None, self.output(), reason=f"over {self._memory} bytes", out_of_memory=True)
+            silent = self._channel not in ready
+            ended = silent and (self._process.sentinel in ready or (not ready and not self.alive))
+            self._look()
+
+    def warm(self) -> None:
+        """From here on its growth counts; without effect when said before."""
+        if self._warm:
+            return
+        self._warm = True
+        if self._memory > 0 and self._isolation.memory == "cgroup" and self._cgroup is not None:
+            self._cgroup.limit_memory(self._memory)
+        elif self._memory > 0 and self._isolation.memory == "watch":
+            self._ceiling = self._resident() + self._memory
 
     def output(self) -> str:
         """What the child printed since the last call, first and last part."""
@@ -177,11 +189,11 @@ class Child:
         if self._cgroup is not None:
             self._cgroup.kill()
         deadline = time.monotonic() + guard.PATIENCE
-        while (family := self._family()) and time.monotonic() < deadline:
+        passing = guard.pauses(guard.PATIENCE)
+        while (family := self._family()) and next(passing, False):
             for process in family:
                 with contextlib.suppress(psutil.Error):
                     process.kill()
-            time.sleep(0.001)
         if self._isolation.guard and self._lives():
             self._join(BURIAL)
         while self._lives() and time.monotonic() < deadline:
@@ -226,7 +238,7 @@ class Child:
         members: dict[int, psutil.Process] = {}
         with contextlib.suppress(psutil.Error):
             if self._first is not None:
-                members = {p.pid: p for p in (self._first, *self._first.children(recursive=True))}
+                members = {p.pid: p for p in (self._first, *guard.descendants(self._first))}
         if os.name == "posix":
             for pid in psutil.pids():
                 with contextlib.suppress(OSError, psutil.Error):
@@ -236,15 +248,18 @@ class Child:
             members.pop(self.pid, None)
         return [process for process in members.values() if _lives(process)]
 
-    def _hear(self) -> None:
-        """With its first message a child is warm: from here on its growth counts."""
-        if self._heard:
+    def _look(self) -> None:
+        """Raise Died when the child has outgrown what is watched from here; once in `LOOK` seconds."""
+        now = time.monotonic()
+        if now - self._looked < LOOK:
             return
-        self._heard = True
-        if self._memory > 0 and self._isolation.memory == "cgroup" and self._cgroup is not None:
-            self._cgroup.limit_memory(self._memory)
-        elif self._memory > 0 and self._isolation.memory == "watch":
-            self._ceiling = self._resident() + self._memory
+        self._looked = now
+        if self._ceiling and self._resident() > self._ceiling:
+            self.strike()
+            raise Died(None, self.output(), reason=f"over {self._memory} bytes", out_of_memory=True)
+        if self._processes and guard.count_below(self.pid) > self._processes:
+            self.strike()
+            raise Died(None, self.output(), reason=crowded(self._processes))
 
     def _resident(self) -> int:
         """Bytes of resident memory of the largest among the child and its descendants, who share what they forked."""
@@ -265,6 +280,11 @@ class Child:
         self._join(guard.PATIENCE)  # a guard that is about to say how its worker ended
         full = self._cgroup is not None and self._cgroup.out_of_memory
         return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)
+
+
+def crowded(most: int) -> str:
+    """Why a child was killed, or its answer not taken, that started more processes than it may."""
+    return f"more than {most} processes at a time"
 
 
 def _cgroup(means: Isolation) -> Cgroup | None:

@@ -6,6 +6,7 @@ A worker may have been corrupted by the solver it ran; nothing it sends is execu
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Mapping
 from typing import Any
@@ -13,6 +14,10 @@ from typing import Any
 import numpy as np
 
 _LENGTH = struct.Struct("<I")
+
+
+HEADER = 2**20
+"""Bytes of a header that are read of a process that ran foreign code: to parse a gigabyte of JSON takes minutes."""
 
 
 class WireError(ValueError):
@@ -33,10 +38,12 @@ def pack(header: Mapping[str, Any], vectors: Mapping[str, Any] | None = None) ->
     return b"".join([_LENGTH.pack(len(head)), head, *raw.values()])
 
 
-def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Raises WireError when `message` is malformed."""
+def unpack(message: bytes, header_bytes: float = math.inf) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Raises WireError when `message` is malformed, or its header longer than `header_bytes`."""
     try:
         (length,) = _LENGTH.unpack_from(message)
+        if length > header_bytes:
+            raise ValueError(f"a header of {length} bytes, over the limit of {header_bytes:g}")
         header = json.loads(message[4 : 4 + length])
         if not isinstance(header, dict):
             raise ValueError(f"a header of type {type(header).__name__}")

@@ -45,6 +45,8 @@ class Database:
         self._lock: Lock | None = None
         self._db: sqlite3.Connection | None = None
         self._copy: tempfile.TemporaryDirectory[str] | None = None
+        self.found = 0
+        """The version of the tables when the file was opened, 0 where there were none."""
         self._examine(create)
         try:
             if create:
@@ -122,6 +124,12 @@ class Database:
         with self._guard, self._told():
             self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
+    def require_whole(self) -> None:
+        """Raises StoreError when pages of the file do not fit together."""
+        (told,) = self.read("PRAGMA quick_check(1)")[0]
+        if told != "ok":
+            raise _explained(self._path, sqlite3.DatabaseError(told), sqlite3.SQLITE_CORRUPT)
+
     @contextmanager
     def _told(self) -> Generator[None]:
         """What SQLite or a value it cannot store raises becomes a StoreError with the cause."""
@@ -169,7 +177,7 @@ class Database:
     def _open_to_write(self) -> None:
         with self._told():
             db = self._db = self._connect("mode=rwc")
-            found = self._require(schema.version(db))
+            self.found = found = self._require(schema.version(db))
             use_journal(db, self._path)
             db.execute("PRAGMA temp_store=MEMORY")
             db.execute("PRAGMA wal_autocheckpoint=4000")  # 16 MB: a page that several rows share is moved once
@@ -191,7 +199,7 @@ class Database:
                     raise
                 self._open_unwritable()
                 found = schema.version(self.connection)
-            found = self._require(found)
+            self.found = found = self._require(found)
             self.connection.execute("PRAGMA query_only=ON")
             if found == 0:
                 raise StoreError(f"{self._path}: is empty, not a results file")
@@ -255,9 +263,9 @@ def _file_system(path: Path) -> str:
     return kind
 
 
-def _explained(path: Path, cause: Exception) -> StoreError:
-    """One line: the file, the cause, what to do."""
-    code = getattr(cause, "sqlite_errorcode", 0) & 0xFF
+def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:
+    """One line: the file, the cause, what to do; `code` : of SQLite, where the cause has none."""
+    code = getattr(cause, "sqlite_errorcode", code) & 0xFF
     kept = "what was finished is kept, and the same command goes on"
     told = {
         sqlite3.SQLITE_FULL: f"no room is left to write it ({cause}); make room: {kept}",

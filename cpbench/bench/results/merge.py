@@ -61,8 +61,10 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
     Rows of one key: the one that was run is taken; of two that were run, by `prefer` (first, last) the one of the
     first or the last file. Inputs stay as they are, and the output is there when it is complete.
 
-    Raises StoreError when the files do not compare and `mixed` is not set, when a key was run twice and `prefer` is
-    not set, and when the output is there already.
+    The seals of all inputs are checked, and every row is sealed anew.
+
+    Raises SealError when a row is not as a run wrote it; StoreError when the files do not compare and `mixed` is not
+    set, when a key was run twice and `prefer` is not set, and when the output is there already.
     """
     target = Path(output)
     for path in (target, Path(f"{target}-wal"), Path(f"{target}-journal")):
@@ -70,6 +72,9 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
             raise StoreError(f"{path}: exists; merge into a file that is not there yet, or remove it")
     with ExitStack() as opened:
         stores = [opened.enter_context(Store(path)) for path in inputs]
+        audits = [store.audit() for store in stores]
+        for audit in audits:
+            audit.require()
         found = [_facts(store) for store in stores]
         differences = [
             d for pair in itertools.combinations(range(len(stores)), 2) for d in _between(stores, found, *pair)
@@ -88,9 +93,11 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
                     made.add_kept(
                         (item for item in store.answers() if chosen[item[0]] == index),
                         (item for item in store.histories() if chosen[item[0]] == index),
+                        (item for item in store.certificates() if chosen[item[0]] == index),
                     )
                 leading = sorted(range(len(stores)), key=lambda i: not found[i].machines)
                 _merge_facts(made, [stores[i] for i in leading], told)
+                made.set_meta(seals=[audit.note for audit in audits if audit.note])
                 made.settle()
             _sync(partial)
             partial.replace(target)

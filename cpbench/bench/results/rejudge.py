@@ -1,8 +1,10 @@
-"""Judging kept answers again: another measure or tolerance, no solver."""
+"""Judging kept answers again, and checking kept proofs: another measure or tolerance, no solver."""
 
 from __future__ import annotations
 
 import itertools
+import math
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,42 +14,115 @@ from cpbench import storage, verification
 from cpbench.bench.results import answers
 from cpbench.bench.results.answer_files import ENDINGS
 from cpbench.bench.results.store import Store
-from cpbench.errors import CpbenchError
-from cpbench.formulations.base import Problem
+from cpbench.errors import CpbenchError, PointError, SealError
+from cpbench.formulations.base import Kind, Problem
+
+NO_ROUTE = ("", "direct")
+"""Routes of a solver that was given the problem itself, and of an answer made elsewhere."""
 
 
 def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None) -> Iterator[str]:
-    """One line for every kept answer whose status changes, then a summary. The file is left as it is."""
+    """One line for every row that is not as a run wrote it and every kept answer or proof whose status changes, then a
+    summary. The file is left as it is.
+
+    Raises SealError at the end when there was such a row, an answer that cannot be read,
+    or a status that changes by the row's own measure and tolerance.
+    """
     with Store(path) as store:
+        audit = store.audit()
+        yield from (f"not as a run wrote it: {row}" for row in audit.broken)
+        if audit.note:
+            yield audit.note
+        proofs = {key: (kind, data) for key, kind, data in store.certificates()}
         formats = store.meta().get("formats", {})
         rows = sorted(store.rows(), key=lambda row: row["address"])  # each problem is read once
         changes: Counter[str] = Counter()
-        total = 0
+        total = unknown = contradicted = unreadable = 0
         for address, group in itertools.groupby(rows, key=lambda row: row["address"]):
             problem: Problem | None = None
             for row in group:
                 blob = store.ending(row["key"])[1]
-                if (
-                    blob is None or row["status"] in ENDINGS
-                ):  # that came too late, or so it was told: whatever its worth
+                if row["status"] in ENDINGS:  # that came too late, or so it was told: whatever its worth
+                    continue
+                if blob is None and row["status"] not in verification.PROVEN:
                     continue
                 problem = problem or storage.load(address, format=formats.get(address))
-                status, error = _judge(problem, row, blob, measure, tolerance)
+                try:
+                    status, error = _judge(problem, row, blob, proofs.get(row["key"]), measure, tolerance)
+                except (zlib.error, ValueError, PointError) as cause:
+                    unreadable += 1
+                    yield f"{row['problem']}  {row['label']}: its answer cannot be read ({cause})"
+                    continue
                 total += 1
+                unknown += status in verification.FALSE_CLAIMS and _target(row, 1.0) is None and _exact_route(row)
                 if status != row["status"]:
+                    contradicted += tolerance in (None, row["tolerance"]) and measure in (None, row["measure"])
                     changes[f"{row['status']} -> {status}"] += 1
                     yield f"{row['problem']}  {row['label']}: {row['status']} -> {status}, error {error:.3g}"
+        if unknown:
+            yield (
+                f"{unknown} of these are {' or '.join(verification.FALSE_CLAIMS)} and came by a conversion of an older "
+                "cpbench, which did not measure them on the solver's own problem: the conversion may have lost them"
+            )
         listed = ", ".join(f"{n} {change}" for change, n in changes.most_common()) or "no change"
         yield f"{total} answers judged again{f' by {measure}' if measure else ''}: {listed}"
+        found = {
+            f"{len(audit.broken)} rows are not as a run wrote them": len(audit.broken),
+            f"{unreadable} answers cannot be read": unreadable,
+            f"{contradicted} statuses change by the row's own measure and tolerance": contradicted,
+        }
+        if any(found.values()):
+            raise SealError(f"{path}: {', '.join(told for told, count in found.items() if count)}")
 
 
 def _judge(
-    problem: Problem, row: Mapping[str, Any], blob: bytes, measure: str | None, tolerance: float | None
+    problem: Problem,
+    row: Mapping[str, Any],
+    blob: bytes | None,
+    proof: tuple[str, bytes] | None,
+    measure: str | None,
+    tolerance: float | None,
 ) -> tuple[str, float]:
-    """Status and error of a kept answer; by the row's own measure and tolerance where none is given."""
+    """Status and error of a kept answer or proof; by the row's own measure and tolerance where none is given."""
     if problem.fingerprint != row["fingerprint"]:
         raise CpbenchError(f"{row['address']}: is not the problem that was solved (its fingerprint changed)")
-    point = problem.point_from_vector(answers.unpack(blob))
-    verdict = verification.judge(problem, point, tolerance or float(row["tolerance"]), measure or row["measure"])
-    proven = row["status"] == "infeasible"
-    return verification.status(verdict, str(row["claim"]), proven_infeasible=proven), verdict.error
+    asked = tolerance or float(row["tolerance"])
+    verdict = verification.no_answer(asked)
+    if blob is not None:
+        point = problem.point_from_vector(answers.unpack(blob))
+        verdict = verification.judge(problem, point, asked, measure or row["measure"])
+    kind, target = Kind(row["kind"] or Kind.EQUIVALENT), _target(row, asked / float(row["tolerance"]))
+    proven = {f"proven_{one}": _proven(problem, row, one, proof) for one in verification.PROVEN}
+    return verification.status(verdict, str(row["claim"]), kind=kind, target=target, **proven), verdict.error
+
+
+def _target(row: Mapping[str, Any], factor: float) -> verification.Verdict | None:
+    """What was measured on the solver's own problem, at `factor` times the tolerance that it was asked for.
+
+    None where that was not measured, or where it is the problem that was asked, whose verdict says all.
+    """
+    error, asked = row["target_error"], row["target_tolerance"]
+    if error is None or row["route"] in NO_ROUTE:
+        return None
+    tolerance = factor * float(row["tolerance"] if asked is None else asked)  # an older cpbench measured at the former
+    error = math.inf if math.isnan(error) else float(error)
+    flags = ("unresolvable",) if verification.TARGET_UNRESOLVABLE in (row["flags"] or "").split(",") else ()
+    return verification.Verdict(tolerance, error <= tolerance and not flags, error, flags=flags)
+
+
+def _exact_route(row: Mapping[str, Any]) -> bool:
+    """Whether an exact conversion led to the solver's problem."""
+    return (row["route"] or "") not in NO_ROUTE and Kind(row["kind"]).exact
+
+
+def _proven(problem: Problem, row: Mapping[str, Any], kind: str, kept: tuple[str, bytes] | None) -> bool:
+    """Whether the row has this status and its proof holds; one is looked for where an older file kept none."""
+    if row["status"] != kind:
+        return False
+    if kept is None:
+        return verification.prove(problem, kind).proof is not None
+    try:
+        proof = verification.unpacked(*kept)
+    except ValueError:
+        return False
+    return proof.kind == kind and verification.holds(problem, proof)

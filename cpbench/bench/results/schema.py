@@ -1,7 +1,8 @@
 """The tables of a results file, by version, and how an older file becomes one of today.
 
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
-reference solves and machines have tables of their own. Version 3 keeps the features of the problems.
+reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
+certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import json
 import sqlite3
 
-SCHEMA = 3
+SCHEMA = 4
+SEALED_SINCE = 4
 
 PLANNED = {
     "key": "TEXT", "problem": "TEXT", "address": "TEXT", "fingerprint": "TEXT", "node": "TEXT", "family": "TEXT",
@@ -25,10 +27,11 @@ MEASURED = {
     "peak": "INTEGER", "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL",
     "signal": "INTEGER", "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER",
     "jobs": "INTEGER", "host": "TEXT", "loadavg": "REAL", "reported": "REAL", "origin": "TEXT", "finished": "TEXT",
+    "target_tolerance": "REAL",
 }  # fmt: skip
 """Columns that the run fills; `attempts` counts how often it did, `target_error` is the error on the
-solver's own problem where the route is not exact, `reported` the time by the solver's own account,
-`origin` is empty for what this tool solved and says where an imported answer was made."""
+solver's own problem, `target_tolerance` what the solver was asked for there, `reported` the time by the
+solver's own account, `origin` is empty for what this tool solved and says where an imported answer was made."""
 _OURS = {"rows", "answers", "meta"}
 _COLUMNS = ", ".join(
     f'"{name}" {kind}{" PRIMARY KEY" if name == "key" else ""}' for name, kind in {**PLANNED, **MEASURED}.items()
@@ -47,11 +50,15 @@ _NEW_IN_2 = (
     "CREATE INDEX rows_status ON rows(status)",  # what is left to run, without reading the rows
 )
 _NEW_IN_3 = ("CREATE TABLE problems (fingerprint TEXT PRIMARY KEY, features TEXT NOT NULL)",)
+_NEW_IN_4 = (
+    "CREATE TABLE certificates (key TEXT PRIMARY KEY REFERENCES rows(key), kind TEXT NOT NULL, proof BLOB NOT NULL)",
+    "CREATE TABLE seals (key TEXT PRIMARY KEY REFERENCES rows(key), seal TEXT NOT NULL)",
+)
 
 
 def create(db: sqlite3.Connection) -> None:
     """Make the tables of this version; the caller's transaction holds them."""
-    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, f"PRAGMA user_version={SCHEMA}"):
+    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, f"PRAGMA user_version={SCHEMA}"):
         db.execute(statement)
 
 
@@ -105,5 +112,14 @@ def _from_2(db: sqlite3.Connection) -> None:
         db.execute(statement)
 
 
-_STEPS = (_from_1, _from_2)
+def _from_3(db: sqlite3.Connection) -> None:
+    """Older rows have no seals and no certificates: a reader says so. What they asked of a converted problem is not
+    known, so that their statuses stay."""
+    for statement in _NEW_IN_4:
+        db.execute(statement)
+    if "target_tolerance" not in {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}:
+        db.execute('ALTER TABLE rows ADD COLUMN "target_tolerance" REAL')
+
+
+_STEPS = (_from_1, _from_2, _from_3)
 """From version 1 to 2, from 2 to 3, ..."""

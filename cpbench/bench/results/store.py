@@ -2,22 +2,29 @@
 
 `kill -9` of the runner loses at most the pair in flight: planned rows are there from the start as `not_run`,
 and a row is filled together with its answer or not at all. One process writes, any number read (`database`).
+Whatever is written of a row is sealed in the same transaction (`seals`).
 """
 
 from __future__ import annotations
 
 import json
+import sqlite3
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.planning.plan import Pair
+from cpbench.bench.results import seal_key, seals
 from cpbench.bench.results.database import Database
 from cpbench.bench.results.planned import LIMITS, agree, difference, limits_of, planned
-from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.schema import MEASURED, PLANNED, SEALED_SINCE
+from cpbench.bench.results.seal_key import Key
+from cpbench.bench.results.seals import Audit
 from cpbench.bench.results.whole import whole_table
 from cpbench.errors import StoreError
+from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, Status
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,15 +40,25 @@ class Store:
     For running, this process alone may write it, and an older file is migrated; for reading, the file is left as it
     is, whoever writes it meanwhile. May be used from several threads.
 
+    For running, the seals of the rows that are there are checked: those that do not fit are refused, or with `expel`
+    removed, so that they are planned and run again; all others are sealed anew by this user's key, or by `key`.
+    `opened` says what was found. For reading, `audit` checks them.
+
     Raises StoreError when the file is no results file, is of a newer version, is being written by another process or
-    cannot be written; from every method, when SQLite fails.
+    cannot be written; SealError; from every method StoreError, when SQLite fails.
     """
 
-    def __init__(self, path: str | Path, *, create: bool = False, keep: str = "all") -> None:
+    def __init__(
+        self, path: str | Path, *, create: bool = False, keep: str = "all", expel: bool = False, key: Key | None = None
+    ) -> None:
         self.path = Path(path)
         self._keep = keep
+        self._written: dict[str, str] | None = None
+        """What this process knows of the seals by key, None where it only reads."""
         self._database = Database(self.path, create=create)
         try:
+            self._key = key or (seal_key.find_or_make() if create else seal_key.find())
+            self.opened = self._take_over(expel) if create else Audit(str(self.path))
             self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
         except BaseException:
             self._database.close()
@@ -61,6 +78,63 @@ class Store:
         """Bring all that is written into the one file; raises StoreError when that fails, where `close` would leave
         it in the log beside the file."""
         self._database.settle()
+
+    # ------------------------------------------------------------------------------------------- seals
+
+    def audit(self) -> Audit:
+        """Check the seals of all rows; of a file that this process writes also against what it has written."""
+        unsealed = self._written is None and 0 < self._database.found < SEALED_SINCE
+        return seals.audit(self._database, str(self.path), self._key, self._written, unsealed=unsealed)
+
+    def require_unchanged(self) -> None:
+        """Raises SealError when somebody else wrote into the file that this process writes. The rows concerned are
+        marked, so that later commands find them whatever their seals say."""
+        found = self.audit()
+        if not found.broken:
+            return
+        with self._database.transaction() as db:
+            db.executemany(
+                "INSERT OR REPLACE INTO seals VALUES (?, ?)", [(one.key, seals.BROKEN) for one in found.broken]
+            )
+        found.require()
+
+    def _take_over(self, expel: bool) -> Audit:
+        """Check what is there, and vouch for it from here on."""
+        found = self.audit()
+        if not expel:
+            found.require()
+        self._written = {}
+        if found.broken or found.note:
+            with self._database.transaction() as db:
+                for table in ("answers", "histories", "certificates", "seals", "rows"):
+                    db.executemany(f"DELETE FROM {table} WHERE key = ?", [(one.key,) for one in found.broken])
+                if found.note:
+                    self._seal(db, [key for (key,) in db.execute("SELECT key FROM rows")])
+        self._written.update(self._database.read("SELECT key, seal FROM seals"))
+        if self._key is not None and not self._key.kept:
+            told = (
+                f"the key of the seals could not be kept in {seal_key.folder()}: later commands find flipped bits only"
+            )
+            return replace(found, note="; ".join(filter(None, (found.note, told))))
+        return found
+
+    def _changed(self, db: sqlite3.Connection, keys: Iterable[str]) -> set[str]:
+        """Which of the rows are not as this process wrote them: what is written into them is never sealed again."""
+        assert self._written is not None, "only who writes a file seals"
+        rows = ((key, db.execute(_ONE, (key,)).fetchone()) for key in keys)
+        return {key for key, row in rows if row and seals.unfit(row, self._key, self._written)}
+
+    def _seal(self, db: sqlite3.Connection, keys: Iterable[str], changed: Collection[str] = ()) -> None:
+        """Seal rows as SQLite has stored them, but those that somebody else had changed before, or whose plan is
+        another than this process knows; part of the transaction that wrote them."""
+        assert self._key is not None, "only who writes a file seals"
+        assert self._written is not None, "only who writes a file seals"
+        made = {key: seals.sealed(db.execute(_ONE, (key,)).fetchone(), self._key) for key in keys}
+        for key, seal in made.items():
+            if key in changed or not seals.same_plan(self._written.get(key, seal), seal):
+                made[key] = seals.BROKEN
+        db.executemany("INSERT OR REPLACE INTO seals VALUES (?, ?)", made.items())
+        self._written |= made
 
     # ------------------------------------------------------------------------------------------- write
 
@@ -103,8 +177,15 @@ class Store:
         """Whole rows, as `rows` gives them, in one transaction."""
         names = (*PLANNED, *MEASURED)
         marks = ", ".join("?" * len(names))
+        keys: list[str] = []
+
+        def values(row: Mapping[str, Any]) -> list[Any]:
+            keys.append(row["key"])
+            return [row[n] for n in names]
+
         with self._database.transaction() as db:
-            db.executemany(f"INSERT INTO rows ({_ALL}) VALUES ({marks})", ([row[n] for n in names] for row in rows))
+            db.executemany(f"INSERT INTO rows ({_ALL}) VALUES ({marks})", map(values, rows))
+            self._seal(db, keys)
 
     def put(self, row: Mapping[str, Any], answer: bytes | None) -> None:
         """A whole row with its answer, in place of the one of its key."""
@@ -112,18 +193,36 @@ class Store:
         marks = ", ".join("?" * len(names))
         keep = answer is not None and self._kept + len(answer) <= KEEP_LIMIT
         with self._database.transaction() as db:
-            for table in ("answers", "histories"):
+            for table in _KEPT:
                 db.execute(f"DELETE FROM {table} WHERE key = ?", (row["key"],))
             db.execute(f"INSERT OR REPLACE INTO rows ({_ALL}) VALUES ({marks})", [_text(row[n]) for n in names])
             if answer is not None and keep:
                 db.execute("INSERT INTO answers VALUES (?, ?, ?)", (row["key"], len(answer), answer))
                 self._kept += len(answer)
+            assert self._written is not None, "only who writes a file seals"
+            self._written.pop(row["key"], None)  # its plan may be another one
+            self._seal(db, [row["key"]])
 
-    def add_kept(self, answers: Iterable[tuple[str, bytes]], histories: Iterable[tuple[str, bytes]]) -> None:
-        """Answers and histories of rows that are there, as `answers` and `histories` give them."""
+    def add_kept(
+        self,
+        answers: Iterable[tuple[str, bytes]],
+        histories: Iterable[tuple[str, bytes]],
+        certificates: Iterable[tuple[str, str, bytes]],
+    ) -> None:
+        """Answers, histories and certificates of rows that are there, as the methods of these names give them."""
+        keys: dict[str, None] = {}  # in their order: equal files have equal bytes
+
+        def noted(items: Iterable[Any]) -> Iterator[Any]:
+            for item in items:
+                keys[item[0]] = None
+                yield item
+
         with self._database.transaction() as db:
-            db.executemany("INSERT INTO answers VALUES (?, ?, ?)", ((key, len(blob), blob) for key, blob in answers))
-            db.executemany("INSERT INTO histories VALUES (?, ?)", histories)
+            kept = ((key, len(blob), blob) for key, blob in noted(answers))
+            db.executemany("INSERT INTO answers VALUES (?, ?, ?)", kept)
+            db.executemany("INSERT INTO histories VALUES (?, ?)", noted(histories))
+            db.executemany("INSERT INTO certificates VALUES (?, ?, ?)", noted(certificates))
+            self._seal(db, keys)
 
     def plan(self, pairs: Iterable[Pair]) -> None:
         """Add the rows of a plan as `not_run`; those that are there already stay as they are.
@@ -139,6 +238,7 @@ class Store:
         with self._database.transaction() as db:
             self._require_same_limits(pairs, keys)
             db.executemany(f"INSERT OR IGNORE INTO rows ({names}) VALUES ({marks})", rows)
+            self._seal(db, [key for key in keys if key not in (self._written or {})])
 
     def _require_same_limits(self, pairs: list[Pair], keys: list[str]) -> None:
         columns = ", ".join(LIMITS)
@@ -155,10 +255,15 @@ class Store:
                 raise StoreError(f"{self.path}: {difference(pair.set, next(iter(before)), asked)}")
 
     def finish(
-        self, key: str, row: Mapping[str, Any], answer: bytes | None = None, history: bytes | None = None
+        self,
+        key: str,
+        row: Mapping[str, Any],
+        answer: bytes | None = None,
+        history: bytes | None = None,
+        proof: bytes | None = None,
     ) -> None:
-        """Fill a planned row, with its answer and its history, in one transaction; `attempts` goes up by one unless
-        the row tells it."""
+        """Fill a planned row, with its answer, its history and the proof of its status, in one transaction; `attempts`
+        goes up by one unless the row tells it."""
         unknown = row.keys() - MEASURED.keys()
         if unknown:
             raise StoreError(f"{self.path}: no column {', '.join(sorted(unknown))}")
@@ -166,23 +271,26 @@ class Store:
         if keep and answer is not None and self._kept + len(answer) > KEEP_LIMIT:
             row = {**row, "message": f"{row.get('message') or ''} (answer not kept: over {KEEP_LIMIT} bytes)".strip()}
             keep = False
-        sets = ", ".join(f'"{c}" = ?' for c in row)
-        if "attempts" not in row:
-            sets += ", attempts = coalesce(attempts, 0) + 1"
+        values = [_text(row.get(c)) for c in MEASURED if c != "attempts"]
         with self._database.transaction() as db:
-            done = db.execute(f"UPDATE rows SET {sets} WHERE key = ?", (*map(_text, row.values()), key))
+            done = db.execute(_FINISH, (*values, row.get("attempts"), key))
             if done.rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key} was planned")
+            for table in ("answers", "histories", "certificates"):
+                db.execute(f"DELETE FROM {table} WHERE key = ?", (key,))
             if keep and answer is not None:
                 db.execute("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
             if history is not None:
                 db.execute("INSERT OR REPLACE INTO histories VALUES (?, ?)", (key, history))
+            if proof is not None:
+                db.execute("INSERT OR REPLACE INTO certificates VALUES (?, ?, ?)", (key, str(row["status"]), proof))
+            self._seal(db, [key])
         if keep and answer is not None:
             self._kept += len(answer)
 
     def _wants(self, status: str) -> bool:
         if self._keep == "wrong":
-            return status in ("wrong", "inaccurate")
+            return status in (*FALSE_CLAIMS, *CHARGED_TO_ROUTE, str(Status.UNRESOLVABLE))
         return self._keep == "all"
 
     def reset(
@@ -213,10 +321,13 @@ class Store:
             db.executemany("INSERT OR IGNORE INTO temp.asked VALUES (?)", [(key,) for key in keys or ()])
             db.execute(f"INSERT INTO temp.chosen SELECT key FROM rows WHERE {' AND '.join(chosen)}", given)
             among = "key IN (SELECT key FROM temp.chosen)"
+            again = [key for (key,) in db.execute("SELECT key FROM temp.chosen")]
+            changed = self._changed(db, again)
             count = db.execute(f"UPDATE rows SET {cleared}, status = 'not_run' WHERE {among}").rowcount
             freed = db.execute(f"SELECT coalesce(sum(bytes), 0) FROM answers WHERE {among}").fetchone()[0]
-            for table in ("answers", "histories"):
+            for table in _KEPT:
                 db.execute(f"DELETE FROM {table} WHERE {among}")
+            self._seal(db, again, changed)
             db.execute("DROP TABLE temp.asked")
             db.execute("DROP TABLE temp.chosen")
         self._kept -= freed
@@ -285,12 +396,24 @@ class Store:
         """(key, compressed history) of every kept history."""
         yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
 
+    def certificates(self) -> Iterator[tuple[str, str, bytes]]:
+        """(key, kind, proof) of every row that is proved to have no solution; none in a file of an older version."""
+        if self._database.read("SELECT name FROM sqlite_master WHERE name = 'certificates'"):
+            yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
+
     def table(self) -> pd.DataFrame:
         """All rows, in the order problem, label."""
         return whole_table(self._database)
 
 
+_KEPT = ("answers", "histories", "certificates")
+"""Tables of what is kept of single rows."""
 _ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))
+_FINISH = (
+    f"UPDATE rows SET {', '.join(f'{chr(34)}{c}{chr(34)} = ?' for c in MEASURED if c != 'attempts')},"
+    " attempts = coalesce(?, coalesce(attempts, 0) + 1) WHERE key = ?"
+)
+_ONE = f"{seals.READ} WHERE rows.key = ?"
 
 
 def read_results(path: str | Path) -> pd.DataFrame:

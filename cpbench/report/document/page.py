@@ -77,6 +77,7 @@ def write_document(
     facets: Collection[str] = (),
     publishable: bool = False,
     with_imported: bool = False,
+    count_stationary: bool = False,
 ) -> Path:
     """Write the three files into `folder`; gives the path of report.tex.
 
@@ -91,7 +92,14 @@ def write_document(
             raise UnknownName("facet", facet, FACETS)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    run = assembled(table, meta, folder, publishable=publishable, with_imported=with_imported)
+    run = assembled(
+        table,
+        meta,
+        folder,
+        publishable=publishable,
+        with_imported=with_imported,
+        count_stationary=count_stationary,
+    )
     macros, references = Macros(), Bibliography()
     body = list(_body(run, macros, references, dict(citations or {}), facets))
     parts = [
@@ -118,6 +126,8 @@ def _body(
     solved = macros.define(("solved",), str(int(rows_of.solved(rows).sum())))
     problems = macros.define(("problems",), str(rows["fingerprint"].nunique()))
     told = f"{solved} of {pairs} pairs of a problem and a solver were solved; there are {problems} problems."
+    if run.stationary:
+        told += f" {text(run.stationary.capitalize())}."
     yield f"\\section{{Overview}}\n{told}"
     yield from _methods(run, macros)
     for group, own in rows_of.groups(rows):

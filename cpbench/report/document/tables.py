@@ -8,7 +8,7 @@ from typing import Any
 
 from cpbench.report.document.escape import label, text
 from cpbench.report.document.macros import Macros
-from cpbench.report.figures import INEXACT, MARKS
+from cpbench.report.figures import MARKS
 from cpbench.report.tex import number
 from cpbench.report.text import seconds
 
@@ -39,7 +39,8 @@ def solved_table(macros: Macros, words: tuple[str, ...], counts: Any, caption: s
         named = (*words, r.label)
         cells = {
             "solved": str(r.solved),
-            "false": str(r.false) if r.kind not in INEXACT else "---",
+            "stationary": str(r.stationary),
+            "false": str(r.false),
             "fastest": str(r.fastest) if r.ranked else "---",
             "median": duration(r.median),
             "mean": duration(r.mean) if r.solved else "---",
@@ -47,11 +48,11 @@ def solved_table(macros: Macros, words: tuple[str, ...], counts: Any, caption: s
         macros.define((*named, "planned"), str(r.planned))
         sign = f" {text(MARKS[r.kind])}" if r.kind in MARKS else ""
         row = [label(r.label) + sign, *(macros.define((*named, word), value) for word, value in cells.items())]
-        rows += [row] if r.solved or (r.false and r.kind not in INEXACT) else []
+        rows += [row] if r.solved or r.stationary or r.false else []
     rest = len(counts) - len(rows)
     caption += f" Not shown: {rest} that solved none." if rest else ""
-    head = ["solver", "solved", "false", "fastest", "median", "mean"]
-    return table(head, rows, r">{\raggedright\arraybackslash}p{0.4\columnwidth}rrrrr", caption)
+    head = ["solver", "solved", "stationary", "false", "fastest", "median", "mean"]
+    return table(head, rows, r">{\raggedright\arraybackslash}p{0.3\columnwidth}rrrrrr", caption)
 
 
 def duration(value: float) -> str:

@@ -25,11 +25,12 @@ from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.portraits import Portrait
 from cpbench.analysis.table import CHARGED, Group
+from cpbench.analysis.tolerances import Ladders, ladders
 from cpbench.report.html.container import Column
 from cpbench.report.matrix import SYMBOLS
 from cpbench.report.run import Run, group_name_text, tunings
 from cpbench.report.text import one_line, solve_command
-from cpbench.verification import VERIFIED, Status
+from cpbench.verification import INACCURATE_FACTOR, VERIFIED
 
 WHOLE = 20_000
 """Rows up to which a page has every pair with all its facts."""
@@ -38,7 +39,7 @@ KEPT = 4_000
 ITERATES = 200_000
 """The most iterates of histories on a page."""
 TEXTS = ("route", "kind", "claim", "flags", "message", "counters", "parts", "version", "started", "origin")
-PLAIN = ("verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
+PLAIN = ("target_error", "verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
 """Numbers of a row that are shown and not computed with."""
 
 
@@ -57,6 +58,8 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "ranked": rows_of.ranked(rows).to_numpy(dtype=np.int64),
         "error": rows["error"].to_numpy(dtype=float),
     }
+    judged = ladders(rows)
+    columns |= {"met": judged.met, "ladder": judged.code}
     known = _metrics(rows, whole)
     columns |= {metric.name: metrics.spent(rows, metric) for metric in known}
     detail, texts = _details(run, rows, whole)
@@ -70,7 +73,7 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "whole": whole,
         "iterates": len(run.histories),
         "kept": int((columns["detail"] > 0).sum()),
-        "status": _statuses(),
+        "status": _statuses(judged),
         "metrics": [
             {"name": m.name, "unit": m.unit, "floor": m.floor, "doc": m.doc, "count": bool(m.counter)} for m in known
         ],
@@ -103,13 +106,14 @@ def _metrics(rows: pd.DataFrame, whole: bool) -> list[metrics.Metric]:
     return [m for m in found if m.name == "time" or np.isfinite(metrics.spent(rows, m)[done]).any()]
 
 
-def _statuses() -> dict[str, Any]:
+def _statuses(judged: Ladders) -> dict[str, Any]:
     names = list(rows_of.STATUSES)
     return {
         "names": names,
         "words": [name.replace("_", " ") for name in names],
         "verified": [int(name in VERIFIED) for name in names],
-        "infeasible": names.index(str(Status.INFEASIBLE)),
+        "ladders": [[names.index(outcome) for outcome in one] for one in judged.outcomes],
+        "factor": INACCURATE_FACTOR,
         "refused": [int(name in REFUSED) for name in names],
         "symbols": [SYMBOLS[name].strip() for name in names],
     }
@@ -140,7 +144,7 @@ def _numeric(values: pd.Series) -> pd.Series[float]:
 
 def _chosen(rows: pd.DataFrame) -> pd.Index[Any]:
     """The failures that are kept of many rows: by turns of every solver and status."""
-    failed = ~rows_of.solved(rows) & ~rows["status"].isin(REFUSED)
+    failed = ~rows_of.met(rows) & ~rows["status"].isin(REFUSED)
     turn = rows.loc[failed, ["label", "status", "node"]].groupby(["label", "status", "node"], sort=False).cumcount()
     return pd.Index(np.sort(turn.sort_values(kind="stable").index[:KEPT].to_numpy()))
 

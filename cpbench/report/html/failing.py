@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.analysis import attendance
-from cpbench.report.html.markup import Markup, code, element, table
-from cpbench.report.run import Run
+from cpbench.analysis import attendance, reliability
+from cpbench.report.html.markup import Markup, code, element, prose, table
+from cpbench.report.methods import LOSSES
+from cpbench.report.run import Run, each
 from cpbench.report.text import counted, cut, number, solve_command
 
 LISTED = 60
@@ -33,7 +34,7 @@ def false_claims(run: Run) -> Iterator[Markup]:
 
 
 def reasons(run: Run) -> Iterator[Markup]:
-    """Outcomes and messages that are alike in one line, then who was absent."""
+    """Outcomes and messages that are alike in one line, then what conversions lost, and who was absent."""
     for title, found in (("Started, not solved", run.failures), ("Never started", run.refusals)):
         if not found:
             continue
@@ -50,6 +51,13 @@ def reasons(run: Run) -> Iterator[Markup]:
         )
         head = ["outcome", "pairs", "solvers", "message of the first", "first pair again"]
         yield table(title, head, lines, right=[1])
+    lost = reliability.losses(run.rows)
+    if len(lost):
+        yield element("h3", f"Lost on the way back ({lost['lost'].sum()})")
+        yield prose(LOSSES)
+        head = ["route", "answers lost", "worst factor"]
+        lines = ([code(r.route), r.lost, number(r.factor)] for r in each(lost))
+        yield table("Conversions that lost answers", head, lines, right=[1, 2])
     gone = attendance.absences(run.rows)
     if gone:
         yield element("h3", "Not available here")

@@ -36,6 +36,7 @@ def overview(run: Run) -> Iterator[Markup]:
         yield element("p", told, class_="note warning")
     facts = {
         "pairs solved": f"{int(rows_of.solved(rows).sum())} of {len(rows)}",
+        **({"stationary": run.stationary} if run.stationary else {}),
         "problems": rows["fingerprint"].nunique(),
         "solver configurations": rows["label"].nunique(),
         "formulations": rows["node"].nunique(),

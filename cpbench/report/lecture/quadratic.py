@@ -60,7 +60,7 @@ def _problem(qp: QP, found: Answer) -> tuple[Block, ...]:
 
 
 def _conditions(qp: QP, found: Answer) -> tuple[Block, ...]:
-    judged = qp.residuals(found.point).judged
+    judged = qp.residuals(found.point).measured
     return (
         Heading("First-order conditions"),
         text(

@@ -43,7 +43,7 @@ def obstacle(problem: ConeQP) -> str | None:
         return "has no unknown (n = 0): there is nothing to minimise"
     if not problem.convex:
         least = matrices.least_eigenvalue(problem.Q)
-        return f"not convex: Q has the eigenvalue {least:.1e} (max|Q| = {matrices.max_abs(problem.Q):.1e})"
+        return f"not convex: Q has, at unit diagonal, the eigenvalue {least:.1e} or less"
     return None
 
 

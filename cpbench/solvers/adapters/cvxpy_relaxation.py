@@ -39,7 +39,10 @@ from cpbench.solvers.base import (
 )
 
 SYMMETRY_LIMIT = 1e-8
-"""max|W − Wᵀ|/max|W| up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
+"""Asymmetry up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
+INDEFINITE = 2e-7
+"""−λ_min of W scaled to unit diagonal up to which W counts as positive semidefinite: the Delassus matrices of
+FrictionContactProblem, written with eight digits, have 1e-7."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +80,13 @@ class CvxpyRelaxation(Solver):
         asymmetry = matrices.asymmetry(problem.W)
         if asymmetry > SYMMETRY_LIMIT:
             return (
-                f"needs W symmetric, max|W − Wᵀ|/max|W| = {asymmetry:.1e} > {SYMMETRY_LIMIT:.0e}: "
+                f"needs W symmetric, asymmetry = {asymmetry:.1e} > {SYMMETRY_LIMIT:.0e}: "
                 "the relaxation is then no minimisation; use a solver of the exact law"
             )
-        if not matrices.is_psd(problem.W, 1e-7):
-            return "needs W positive semidefinite: its least eigenvalue is below -1e-7 max|W|"
+        if not matrices.is_psd(problem.W, INDEFINITE):
+            return (
+                f"needs W positive semidefinite: scaled to unit diagonal it has an eigenvalue below -{INDEFINITE:.0e}"
+            )
         return None
 
     def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> _Model:

@@ -101,7 +101,7 @@ class GamsMiCP(Solver):
         if ended == LICENCE:
             raise Unavailable("licence", f"{self.guest} has no licence; {gams_licence.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
-        error = prepared.residuals(point).judged["natural"] if point is not None else math.inf
+        error = prepared.residuals(point).measured["natural"] if point is not None else math.inf
         if error <= budget.tolerance:
             claim = Claim.SOLVED
         elif ended in (ITERATIONS, RESOURCES):

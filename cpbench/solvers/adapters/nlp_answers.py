@@ -35,7 +35,7 @@ def answer(problem: NLP, z: Any, lam: Any, mu: Any) -> NLPPoint:
 
 def judged(problem: NLP, point: NLPPoint) -> float:
     """The largest of what the node judges."""
-    return max(problem.residuals(point).judged.values())
+    return max(problem.residuals(point).measured.values())
 
 
 def concluded(

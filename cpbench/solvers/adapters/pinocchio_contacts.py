@@ -19,7 +19,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Matrix, Vector
 
 SYMMETRY_LIMIT = 1e-8
-"""max|W − Wᵀ|/max|W| up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
+"""Asymmetry up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
 FINEST = 1e-14
 """The least criterion that is asked for, with data of size 1."""
 
@@ -57,7 +57,7 @@ def obstacle(problem: FrictionContact) -> str | None:
     asymmetry = matrices.asymmetry(problem.W)
     if asymmetry > SYMMETRY_LIMIT:
         return (
-            f"needs W symmetric, max|W − Wᵀ|/max|W| = {asymmetry:.1e} > {SYMMETRY_LIMIT:.0e}: Pinocchio reads one "
+            f"needs W symmetric, asymmetry = {asymmetry:.1e} > {SYMMETRY_LIMIT:.0e}: Pinocchio reads one "
             "triangle or the symmetric part and would answer another problem; use nsgs"
         )
     return None

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.linalg as sla
 
 from cpbench import matrices
 from cpbench.formulations.qp import QP
@@ -79,7 +78,7 @@ class QPBackend(Solver):
                 )
         if not problem.convex:
             return f"not convex: Q has a negative eigenvalue{_least_eigenvalue(problem.Q)}"
-        if self.definite and not _positive_definite(problem.Q):
+        if self.definite and not matrices.is_definite(problem.Q):
             return (
                 f"needs Q positive definite, Q is singular{_least_eigenvalue(problem.Q)}; "
                 "use clarabel, piqp or proxqp, which take a semidefinite Q"
@@ -180,21 +179,7 @@ def _import_qpsolvers() -> None:
         importlib.import_module("qpsolvers")
 
 
-def _positive_definite(Q: Matrix) -> bool:
-    """Whether Q minus rounding (n·eps·max|Q|) still has a Cholesky factorization."""
-    n = Q.shape[0]
-    D = np.array(matrices.dense(Q))
-    D[np.diag_indices(n)] -= n * np.finfo(float).eps * matrices.max_abs(Q)
-    try:
-        sla.cholesky(D, lower=True, overwrite_a=True, check_finite=False)
-    except sla.LinAlgError:
-        return False
-    return True
-
-
 def _least_eigenvalue(Q: Matrix) -> str:
-    n = Q.shape[0]
-    if n > EIGENVALUE_LIMIT:
+    if Q.shape[0] > EIGENVALUE_LIMIT:
         return ""
-    least = float(sla.eigvalsh(matrices.dense(Q), subset_by_index=[0, 0], check_finite=False)[0])
-    return f" (least eigenvalue {least:.1e}, max|Q| = {matrices.max_abs(Q):.1e})"
+    return f" (least eigenvalue at unit diagonal {matrices.least_eigenvalue(Q):.1e})"

@@ -37,8 +37,8 @@ from cpbench.solvers.external.folder import Folder
 from cpbench.solvers.external.session import ProgramError, Session
 
 PROTOCOL = 1
-HELLO, WARMUP, FILES = 60.0, 600.0, 600.0
-"""Seconds for the first answer of a program, for its warm-up, and for reading a problem or writing an answer."""
+BACKSTOP = 600.0
+"""Seconds for any answer but that to `solve`, should nobody else end a program that hangs: a run does, much earlier."""
 MATRICES = ("as-is", "dense", "csr")
 CLAIM = "claim.json"
 """What a command says of its answer, beside it or in its folder."""
@@ -174,7 +174,7 @@ class ServedSolver(Solver):
             return output
         if session is None or session.holds is not handed:
             raise ProgramError(f"{self.spec.name}: holds another problem than the one whose answer is wanted")
-        session.ask("write", FILES, answer=str(handed.room()))
+        session.ask("write", BACKSTOP, answer=str(handed.room()))
         return dataclasses.replace(output, point=handed.answer(self.spec.name, output.claim))
 
     def warmup(self) -> None:
@@ -206,7 +206,7 @@ class ServedSolver(Solver):
             session = _take_spare(self.key) or _started(self)[0]
             session.pass_on()
             try:
-                session.ask("warmup", WARMUP)
+                session.ask("warmup", BACKSTOP)
             except BaseException:
                 session.kill()
                 raise
@@ -215,7 +215,7 @@ class ServedSolver(Solver):
 
     def _load(self, session: Session, handed: HandedOver) -> None:
         session.holds = None
-        session.ask("load", FILES, problem=str(handed.path("problem")), node=handed.problem.node)
+        session.ask("load", BACKSTOP, problem=str(handed.path("problem")), node=handed.problem.node)
         session.holds = handed
 
 
@@ -303,7 +303,7 @@ def _started(solver: ServedSolver) -> tuple[Session, str]:
         raise Unavailable("missing", lacking)
     session = Session(solver.spec.name, solver.command, solver.env, solver.cwd)
     try:
-        reply = session.ask("hello", HELLO, protocol=PROTOCOL)
+        reply = session.ask("hello", BACKSTOP, protocol=PROTOCOL)
     except Unavailable:
         session.kill()
         raise

@@ -50,7 +50,7 @@ class Plan:
 
 
 class AutomaticChoice(Solver):
-    """Ends with the first solver that solves the problem, or proves that nothing does; the message tells of all.
+    """Ends with the first solver that solves the problem, or certifies that nothing does; the message tells of all.
 
     A start that is a solution already is the answer. The next solver starts from the best answer so far, where it
     takes a start and the answer is better than nothing.
@@ -152,13 +152,13 @@ class _Run:
             self._told.append(f"{phase.solver}: solved")
             self._end(output, recorded=Trait.HISTORY in solver.spec.traits)
         elif output.certificate is not None:
-            self._told.append(f"{phase.solver}: {output.claim}, proved")
+            self._told.append(f"{phase.solver}: {output.claim}, with a certificate")
             self._ended = output
         else:
             self._keep(phase.solver, output)
 
     def concluded(self) -> SolverOutput:
-        """The answer that solves it, the proof that none does, or the best that was found."""
+        """The answer that solves it, the certificate that none does, or the best that was found."""
         if self._ended is not None:
             told = [self._ended.message] if not self._told else self._told
             ended, message = self._ended, "; ".join(told)

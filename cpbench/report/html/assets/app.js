@@ -102,16 +102,10 @@ const App = (() => {
   /* The status of a row at the tolerance that is chosen, as analysis.tolerances.judged_at. */
   function statusOf(row) {
     const {
-        columns,
-        facts: { status },
-      } = data,
-      before = status.names[columns.status[row]];
-    if (state.tolerance === null) return before;
-    const good = Engine.solved(columns, row, state.tolerance, status),
-      was = status.verified[columns.status[row]] === 1;
-    if (good === was) return before;
-    if (good) return "solved";
-    return columns.error[row] <= 100 * state.tolerance ? "inaccurate" : "wrong";
+      columns,
+      facts: { status },
+    } = data;
+    return status.names[Engine.outcome(columns, row, state.tolerance, status)];
   }
 
   /* A solver keeps its colour while it is shown; free colours go to those that lead. */

@@ -21,10 +21,18 @@ const Engine = (() => {
     return { row, problems, labels };
   }
 
+  /* The status of a row at the planned tolerance (null) or another one, as analysis.tolerances.Ladders gives it. */
+  function outcome(columns, r, tolerance, status) {
+    if (tolerance === null) return columns.status[r];
+    const error = columns.error[r],
+      met = columns.met[r],
+      near = Math.min(error, met) <= status.factor * tolerance;
+    return status.ladders[columns.ladder[r]][error <= tolerance ? 0 : met <= tolerance ? 1 : near ? 2 : 3];
+  }
+
   /* Whether a row's answer meets the tolerance: the planned one (null), or another that the error is held against. */
   function solved(columns, r, tolerance, status) {
-    if (tolerance === null) return status.verified[columns.status[r]] === 1;
-    return columns.error[r] <= tolerance && columns.status[r] !== status.infeasible;
+    return status.verified[outcome(columns, r, tolerance, status)] === 1;
   }
 
   /* The costs of the chosen problems and labels, as analysis.metrics.measured gives them: labels with a verified
@@ -247,6 +255,7 @@ const Engine = (() => {
 
   return Object.freeze({
     index,
+    outcome,
     solved,
     costs,
     ratios,

@@ -4,6 +4,8 @@ const Pair = (() => {
   const { h } = Dom;
   const FLAGS = {
     direction: "accepted, and yet some contact slips in a direction that the law forbids",
+    unresolvable: "rounding decides whether the answer meets the tolerance",
+    "target unresolvable": "rounding decides whether the answer meets the tolerance on the solver's own problem",
     scale: "the natural residual passes and the energy norm does not",
     absolute: "a scale was 0, so that the error is absolute",
     repeat: "a repeat of the timing failed after the first answer",
@@ -86,6 +88,12 @@ const Pair = (() => {
       ],
       ["claim", text("claim") || "none"],
       ["error", `${Dom.number(columns.error[row])} (tolerance ${Dom.number(group.tolerance)})`],
+      [
+        "error there",
+        text("route") !== "direct" && Number.isFinite(value("target_error"))
+          ? `${Dom.number(value("target_error"))} on the solver's own problem`
+          : "",
+      ],
       ["slip angle", slip(text("parts"))],
       [
         "route",

@@ -30,6 +30,7 @@
         lines.label.map((name, k) => [
           h("span", {}, name, ...context.marksOf(name, lines.kind[k])),
           String(lines.solved[k]),
+          String(lines.stationary[k]),
           String(lines.planned[k]),
           lines.low[k] === null ? "—" : `${Dom.percent(lines.low[k])} to ${Dom.percent(lines.high[k])}`,
           Filters.INEXACT.has(lines.kind[k]) ? "see routes" : String(lines.false[k]),
@@ -48,6 +49,7 @@
           head: [
             "solver",
             `solved of ${total}`,
+            "stationary",
             "planned",
             "95 % interval",
             "claimed, is not",
@@ -57,7 +59,7 @@
             "mean",
           ],
           rows: rows(),
-          right: [1, 2, 3, 4, 5, 6, 7, 8],
+          right: [1, 2, 3, 4, 5, 6, 7, 8, 9],
         }),
       };
     },

@@ -83,7 +83,7 @@ class APGD(Solver):
             return f"needs x itself in K (A = I, b = 0), A is {m}x{n}: use clarabel-cone"
         if not problem.convex:
             least = matrices.least_eigenvalue(problem.Q)
-            return f"not convex: Q has the eigenvalue {least:.1e} (max|Q| = {matrices.max_abs(problem.Q):.1e})"
+            return f"not convex: Q has, at unit diagonal, the eigenvalue {least:.1e} or less"
         return None
 
     def setup(self, problem: ConeQP, budget: Budget, options: APGDOptions) -> ScaledProgram:

@@ -12,7 +12,7 @@ import numpy as np
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP
-from cpbench.matrices import Vector, least_eigenvalue, max_abs
+from cpbench.matrices import Vector, least_eigenvalue
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.native.cone.conic_form import ConicForm, conic_form
@@ -46,8 +46,7 @@ class ConicSolver(Solver):
         if isinstance(problem, SOCLCP):
             return None
         if not problem.convex:
-            least, top = least_eigenvalue(problem.Q), max_abs(problem.Q)
-            return f"not convex: Q has the eigenvalue {least:.1e} (max|Q| = {top:.1e})"
+            return f"not convex: Q has, at unit diagonal, the eigenvalue {least_eigenvalue(problem.Q):.1e}"
         return None
 
     def setup(self, problem: ConeQP | SOCLCP, budget: Budget, options: Any) -> ConicForm:

@@ -239,6 +239,6 @@ class InteriorPointSOCLCP(_InteriorPoint):
 
     def obstacle(self, problem: ConeQP | SOCLCP) -> str | None:
         if isinstance(problem, SOCLCP) and not problem.monotone:
-            least, top = least_eigenvalue(problem.M), max_abs(problem.M)
-            return f"not monotone: M + Mᵀ has the eigenvalue {2 * least:.1e} (max|M| = {top:.1e}): use newton-cone"
+            least = least_eigenvalue(problem.M)
+            return f"not monotone: M + Mᵀ has, at unit diagonal, the eigenvalue {least:.1e}: use newton-cone"
         return super().obstacle(problem)

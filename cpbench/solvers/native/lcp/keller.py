@@ -37,7 +37,7 @@ class Keller(PrincipalPivoting):
     def obstacle(self, problem: LCP) -> str | None:
         why = dense_obstacle(problem)
         if why is None and (measured := asymmetry(problem.M)) > SYMMETRY_TOLERANCE:
-            why = f"needs a symmetric matrix, max|M - Mᵀ|/max|M| = {measured:.1e}: use cottle-dantzig or lemke"
+            why = f"needs a symmetric matrix, asymmetry = {measured:.1e}: use cottle-dantzig or lemke"
         return why
 
     def begin(self, prepared: ScaledLCP, F: np.ndarray[Any, Any], zero: float) -> Tableau | None:

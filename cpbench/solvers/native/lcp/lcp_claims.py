@@ -93,7 +93,7 @@ def guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
 
 
 def farkas(problem: LCP, budget: Budget) -> Vector | None:
-    """A checked y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
+    """A y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
     from scipy.optimize import linprog  # slow to import, and rarely needed
 
     n = problem.q.size

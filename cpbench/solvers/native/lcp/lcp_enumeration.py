@@ -124,7 +124,7 @@ class LCPEnumeration(Solver):
             claim = Claim.FAILED if whole else Claim.MAX_ITER
             return conclude(problem, np.zeros(n), budget, counters, otherwise=claim, message=f"{found}, of {2**n}")
         certificate = farkas(problem, budget)
-        how = "y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 proves it" if certificate is not None else "by exhaustion"
+        how = "y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding" if certificate is not None else "by exhaustion, to rounding"
         message = f"no solution in all {2**n} bases, the closest misses by {-found.closest:.1e}: {how}"
         return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
 

@@ -229,7 +229,7 @@ def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]
             claim=Claim.INFEASIBLE,
             counters=counters,
             certificate=certificate,
-            message=f"ray after {counters['pivots']} pivots; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 proves that there is no solution",
+            message=f"ray after {counters['pivots']} pivots; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding (Farkas)",
         )
     return conclude(
         problem,

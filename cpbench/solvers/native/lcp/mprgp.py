@@ -78,7 +78,7 @@ def scaled_box(problem: Any, A: Matrix, q: Vector, lower: Vector, upper: Vector,
 def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:
     """Why A cannot be symmetric and positive semidefinite, as far as that is cheap to tell."""
     if not symmetric:
-        return f"needs a symmetric matrix, max|A-Aᵀ|/max|A| = {matrices.asymmetry(A):.1e}: use {instead}"
+        return f"needs a symmetric matrix, asymmetry = {matrices.asymmetry(A):.1e}: use {instead}"
     diagonal = A.diagonal()
     if diagonal.size and diagonal.min() < 0:
         i = int(diagonal.argmin())
@@ -204,9 +204,9 @@ class _OnLCP(Solver):
                     claim=Claim.INFEASIBLE,
                     counters=ended.counters,
                     certificate=certificate,
-                    message=f"{message}; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 proves that there is no solution",
+                    message=f"{message}; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding (Farkas)",
                 )
-            message += ", and nothing proves that there is no solution"
+            message += ", and no certificate that there is no solution"
         return conclude(
             problem, ended.z, budget, ended.counters, error=ended.error, otherwise=ended.claim, message=message
         )

@@ -174,9 +174,7 @@ class PrincipalPivoting(Solver):
             if not problem.certifies_infeasibility(certificate):
                 certificate = farkas(problem, budget) if outcome == kernel.RAY else None
             if certificate is not None:
-                message = (
-                    f"nothing blocks after {pivots} pivots; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 proves that there is no solution"
-                )
+                message = f"nothing blocks after {pivots} pivots; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding (Farkas)"
                 return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
         claim = Claim.FAILED
         if outcome == kernel.RAY:

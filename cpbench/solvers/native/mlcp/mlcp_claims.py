@@ -190,7 +190,7 @@ def conclude(
 
 
 def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:
-    """A checked (y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0; None without."""
+    """(y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None without."""
     from scipy.optimize import linprog  # slow to import, and rarely needed
 
     n, N = prepared.free, prepared.k.size

@@ -64,7 +64,7 @@ class MLCPEnumeration(Solver):
             return SolverOutput(claim=output.claim, point=output.point, counters=counters, message=message)
         certificate = farkas(prepared, budget)
         if certificate is not None:
-            message += "; y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 proves that there is no solution"
+            message += "; y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 to rounding (Farkas)"
             return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
         claim = Claim.FAILED if found.bases == whole else Claim.MAX_ITER
         return conclude(prepared, np.zeros(prepared.k.size), budget, counters, otherwise=claim, message=message)

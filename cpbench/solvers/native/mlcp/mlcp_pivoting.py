@@ -248,7 +248,7 @@ def _after_ray(prepared: ScaledMLCP, x: Vector, budget: Budget, counters: dict[s
     after = f"{what} after {counters['pivots']} pivots"
     certificate = farkas(prepared, budget)
     if certificate is not None:
-        message = f"{after}; y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 proves that there is no solution"
+        message = f"{after}; y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 to rounding (Farkas)"
         return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
     message = f"{after}, and no certificate of infeasibility: undecided"
     return conclude(prepared, x, budget, counters, otherwise=Claim.FAILED, message=message)

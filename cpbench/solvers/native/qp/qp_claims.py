@@ -1,4 +1,5 @@
-"""What the QP solvers share: the judged error, proofs that there is no solution, and the last word on a claim."""
+"""What the QP solvers share: the judged error, certificates to rounding that there is no solution, and the last word
+on a claim."""
 
 from __future__ import annotations
 
@@ -96,17 +97,13 @@ def convex_obstacle(problem: QP) -> str | None:
         return "has no unknown (n = 0): there is nothing to minimise"
     if problem.convex:
         return None
-    return f"not convex: Q has the eigenvalue {matrices.least_eigenvalue(problem.Q):.1e}"
+    return f"not convex: Q has, at unit diagonal, the eigenvalue {matrices.least_eigenvalue(problem.Q):.1e}"
 
 
 def definite_obstacle(problem: QP) -> str | None:
     """Why Q, brought to a diagonal of ones, is not positive definite beyond rounding, else None."""
-    n, diagonal = problem.p.size, problem.Q.diagonal()
-    if n == 0 or (diagonal > 0.0).all():
-        unit = matrices.scaled_both(problem.Q, 1.0 / np.sqrt(diagonal))
-        rounding = 20 * n * np.finfo(float).eps
-        if matrices.is_psd(unit - rounding * matrices.identity(n, unit), 0.0):
-            return None
+    if matrices.is_definite(problem.Q):
+        return None
     return "needs Q positive definite, Q is singular: use qp-proximal-active-set or qp-interior-point"
 
 
@@ -152,15 +149,15 @@ def unboundedness(problem: QP, ray: Vector) -> float | None:
 
 
 def infeasible(problem: QP, lam: Vector, mu: Vector, counters: Mapping[str, int]) -> SolverOutput | None:
-    """The claim with its proof, where the multipliers give one: as they are, or their large ones with Aᵀλ + Cᵀμ = 0
-    restored. What the problem itself does not accept is no proof."""
+    """The claim with its certificate, where the multipliers are one to rounding: as they are, or their large ones with
+    Aᵀλ + Cᵀμ = 0 restored."""
     for restore in (False, True):
         if restore:
             lam, mu = _restored(problem, lam, mu)
         value = infeasibility(problem, lam, mu)
         certificate = np.concatenate([np.maximum(lam, 0.0), mu])
         if value is not None and problem.certifies_infeasibility(certificate):
-            message = f"λ ≥ 0, Aᵀλ + Cᵀμ + ν = 0, bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ = {value:.1e} > 0: no z satisfies them"
+            message = f"λ ≥ 0, Aᵀλ + Cᵀμ + ν = 0, bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ = {value:.1e} > 0, to rounding"
             counted = dict(counters)
             return SolverOutput(claim=Claim.INFEASIBLE, counters=counted, certificate=certificate, message=message)
     return None
@@ -179,11 +176,13 @@ def _restored(problem: QP, lam: Vector, mu: Vector) -> tuple[Vector, Vector]:
 
 
 def unbounded(problem: QP, ray: Vector, counters: Mapping[str, int]) -> SolverOutput | None:
-    """The claim, where the ray proves it: as it is, or with its small components 0."""
+    """The claim, where the ray is one to rounding: as it is, or with its small components 0."""
     slope = unboundedness(problem, ray)
     if slope is None:
         slope = unboundedness(problem, np.where(abs(ray) > DECISIVE * max_abs(ray), ray, 0.0))
     if slope is None:
         return None
-    message = f"a ray x of the constraints with Qx = 0 and pᵀx/|x| = {slope:.1e} < 0: unbounded where feasible"
+    message = (
+        f"a ray x of the constraints with Qx = 0 and pᵀx/|x| = {slope:.1e} < 0, to rounding: unbounded if feasible"
+    )
     return SolverOutput(claim=Claim.UNBOUNDED, counters=dict(counters), message=message)

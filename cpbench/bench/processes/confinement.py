@@ -1,0 +1,40 @@
+"""Where a worker may write: to a temporary folder of its own, to caches and to devices, where the system can see to it.
+
+The results file, the problems, cpbench itself and the key of the seals are out of its reach.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from cpbench import kernel_cache
+from cpbench.bench.processes import landlock
+from cpbench.bench.processes.isolation import Isolation
+from cpbench.bench.results import seal_key
+
+DEVICES = ("/dev", "/proc/self")
+CACHES = (("XDG_CACHE_HOME", "~/.cache"), ("JULIA_DEPOT_PATH", "~/.julia"), ("CUDA_CACHE_PATH", "~/.nv"))
+"""Where guests keep what they compile: a variable that says so, and where it is else."""
+_PACKAGE = Path(kernel_cache.__file__).resolve().parent
+
+
+def confine(means: Isolation, scratch: str, own: bool) -> None:
+    """Give this process a temporary folder below `scratch`, and take from it, where the system can, the right to write
+    elsewhere. `own` : whether it runs a solver of cpbench, which compiles into the package's own cache."""
+    temporary = tempfile.mkdtemp(prefix="worker-", dir=scratch)
+    tempfile.tempdir = temporary
+    os.environ["TMPDIR"] = temporary
+    if means.writes != "landlock":
+        return
+    caches = [os.environ.get(variable, "").split(os.pathsep)[0] or usual for variable, usual in CACHES]
+    compiled = _kernels() if own else []
+    writable = [os.path.realpath(os.path.expanduser(path)) for path in (temporary, *DEVICES, *caches, *compiled)]
+    landlock.confine(writable, os.path.realpath(seal_key.folder()))
+
+
+def _kernels() -> list[str]:
+    """Where numba keeps what is compiled of cpbench."""
+    kernels = (path / "__pycache__" for path in _PACKAGE.glob("*/kernels"))
+    return [str(kernel_cache.ensure_cache_dir()), *map(str, kernels)]

@@ -1,0 +1,39 @@
+"""From an answer to a verdict and a status; knows no solver."""
+
+from cpbench.verification.certificates import Attempt, Proof, certified_infeasible, holds, packed, prove, unpacked
+from cpbench.verification.status import (
+    CHARGED_TO_ROUTE,
+    FALSE_CLAIMS,
+    INACCURATE_FACTOR,
+    MET_TOLERANCE,
+    PROVEN,
+    TARGET_UNRESOLVABLE,
+    VERIFIED,
+    Status,
+    status,
+)
+from cpbench.verification.verdict import DIRECTION_DEGREES, Verdict, judge, measured, no_answer
+
+__all__ = [
+    "CHARGED_TO_ROUTE",
+    "DIRECTION_DEGREES",
+    "FALSE_CLAIMS",
+    "INACCURATE_FACTOR",
+    "MET_TOLERANCE",
+    "PROVEN",
+    "TARGET_UNRESOLVABLE",
+    "VERIFIED",
+    "Attempt",
+    "Proof",
+    "Status",
+    "Verdict",
+    "certified_infeasible",
+    "holds",
+    "judge",
+    "measured",
+    "no_answer",
+    "packed",
+    "prove",
+    "status",
+    "unpacked",
+]

@@ -1,0 +1,263 @@
+"""Proofs that a problem has no solution, or that its objective has no lower bound, exact in rational arithmetic.
+
+Data are doubles, hence rationals. A solver's certificate, or the answer of a linear program, is a hint: it is rounded,
+projected exactly on the equalities that it meets to rounding, and what comes out is checked on the problem that was
+asked. Only what holds there without any tolerance is a proof.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+import zlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from decimal import ROUND_DOWN, Context, Decimal
+from fractions import Fraction
+from itertools import chain
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.base import Problem
+from cpbench.matrices import Vector
+from cpbench.verification import hints
+from cpbench.verification.exact_linear import Exact, Rationals, rationals, rounded, solve
+from cpbench.verification.polyhedra import Polyhedron, conditions, multipliers, objective
+
+SECONDS = 20.0
+"""Time for the search of one proof [s]."""
+ROUNDING = (1e-9, 1e-12, 1e-6)
+"""What is this small among the terms it is made of may be meant to be 0."""
+_Vector: TypeAlias = tuple[Fraction, ...]
+_ZERO = Fraction(0)
+
+
+@dataclass(frozen=True)
+class Infeasible:
+    """Proof that no point meets the problem's linear conditions: multipliers (Farkas)."""
+
+    kind: ClassVar[str] = "infeasible"
+    statement: ClassVar[str] = "the conditions add up to 0 ≥ γ with γ > 0, in rational arithmetic"
+    multipliers: _Vector
+
+
+@dataclass(frozen=True)
+class Unbounded:
+    """Proof that the objective falls for ever: a point that meets all constraints, and a ray from it that never leaves.
+
+    The point is required, for without one the problem is infeasible and has no objective value at all.
+    """
+
+    kind: ClassVar[str] = "unbounded"
+    statement: ClassVar[str] = "from a feasible point the objective falls along a ray for ever, in rational arithmetic"
+    point: _Vector
+    ray: _Vector
+
+
+Proof: TypeAlias = Infeasible | Unbounded
+_KINDS: dict[str, type[Infeasible] | type[Unbounded]] = {kind.kind: kind for kind in (Infeasible, Unbounded)}
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A proof, or none, and what is known then."""
+
+    proof: Proof | None
+    message: str
+
+
+def holds(problem: Problem, proof: Proof) -> bool:
+    """Whether the proof is one of this problem, in exact arithmetic and by nothing but its numbers."""
+    known, goal = conditions(problem), objective(problem)
+    if known is None:
+        return False
+    if isinstance(proof, Infeasible):
+        combined = known.combined(proof.multipliers)
+        return combined is not None and combined[0] > 0 and combined[1] == 0
+    return (
+        goal is not None
+        and known.contains(proof.point)
+        and known.recedes(proof.ray)
+        and goal.falls(proof.point, proof.ray)
+    )
+
+
+def certified_infeasible(problem: Problem, certificate: Vector | None) -> bool:
+    """Whether a solver's certificate, rounded and projected, proves exactly that this problem has no solution."""
+    known = conditions(problem)
+    if known is None or certificate is None:
+        return False
+    return _infeasible(known, _given(problem, known, certificate), time.perf_counter() + SECONDS).proof is not None
+
+
+def prove(problem: Problem, kind: str, certificate: Vector | None = None, seconds: float = SECONDS) -> Attempt:
+    """Look for a proof that the problem is `infeasible` or `unbounded` (`kind`), for so many seconds.
+
+    `certificate` is a solver's vector for this very problem; without one, or where it leads nowhere, linear programs
+    give hints.
+    """
+    known, goal = conditions(problem), objective(problem)
+    if known is None or (kind == Unbounded.kind and goal is None):
+        return Attempt(None, f"{kind} was claimed; no exact proof of that is known for {problem.node}")
+    deadline = time.perf_counter() + seconds
+    if goal is not None and kind == Unbounded.kind:
+        point = _point(known, deadline)
+        if point is None:
+            return Attempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
+        for direction in hints.rays(known, goal, deadline):
+            for ray in _rays(known, goal.Q, direction, deadline):
+                if known.recedes(ray) and goal.falls(point, ray):
+                    return Attempt(Unbounded(tuple(point), tuple(ray)), f"proved: {Unbounded.statement}")
+        return Attempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")
+    return _infeasible(known, chain(_given(problem, known, certificate), hints.multipliers(known, deadline)), deadline)
+
+
+def packed(proof: Proof) -> bytes:
+    """The proof as bytes: its vectors as fractions of hexadecimal integers, compressed JSON."""
+    vectors = {f.name: [f"{v.numerator:x}/{v.denominator:x}" for v in getattr(proof, f.name)] for f in fields(proof)}
+    return zlib.compress(json.dumps(vectors).encode())
+
+
+def unpacked(kind: str, data: bytes) -> Proof:
+    """The proof that `packed` wrote; raises ValueError where the bytes are none."""
+    try:
+        vectors: Any = json.loads(zlib.decompress(data))
+        parsed = {name: tuple(_fraction(text) for text in values) for name, values in vectors.items()}
+        return _KINDS[kind](**parsed)
+    except (zlib.error, KeyError, TypeError, ValueError, AttributeError, ZeroDivisionError) as cause:
+        raise ValueError(f"no proof of kind {kind!r} ({type(cause).__name__}: {cause})") from None
+
+
+def _fraction(text: str) -> Fraction:
+    numerator, denominator = text.split("/")
+    return Fraction(int(numerator, 16), int(denominator, 16))
+
+
+def _given(problem: Problem, known: Polyhedron, certificate: Vector | None) -> list[Vector]:
+    if certificate is None or certificate.size != known.h.size + known.f.size or not np.isfinite(certificate).all():
+        return []
+    return [multipliers(problem, certificate)]
+
+
+def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -> Attempt:
+    """The first proof among the vectors, or the largest radius that they prove."""
+    radius = _ZERO
+    for vector in vectors:
+        for y in _multipliers(known, vector, deadline):
+            if time.perf_counter() > deadline:
+                break
+            combined = known.combined(y)
+            if combined is None or combined[0] <= 0:
+                continue
+            gamma, excess = combined
+            if excess == 0:
+                return Attempt(Infeasible(tuple(y)), f"proved: {Infeasible.statement}")
+            radius = max(radius, gamma / excess)
+    if radius == 0:
+        return Attempt(None, "infeasible was claimed; no certificate of it holds in exact arithmetic")
+    size = f"‖{known.unknowns}‖∞ < {_digits(radius)}"
+    return Attempt(None, f"infeasible was claimed; what is proved exactly: no solution with {size}")
+
+
+def _multipliers(known: Polyhedron, vector: Vector, deadline: float) -> Iterator[Rationals]:
+    """The vector as it is, rounded, and projected on the components of Gᵀλ + Eᵀμ that are 0 to rounding."""
+    m = known.h.size
+    y = vector.copy()
+    y[:m] = np.where(np.isneginf(known.h), 0.0, np.maximum(y[:m], 0.0))
+    if not y.any():
+        return
+    y = y / np.ldexp(1.0, math.frexp(float(np.abs(y).max()))[1])
+    yield rationals(y)
+    rows: Any = sp.vstack([sp.csr_array(known.G), sp.csr_array(known.E)], format="csr")
+    sizes = np.asarray(abs(rows).max(axis=1).toarray()).ravel() if rows.nnz else np.ones(y.size)
+    for rounding in ROUNDING:
+        large = np.abs(y) * sizes > rounding * float((np.abs(y) * sizes).max(initial=0.0))
+        support = np.flatnonzero(large | (np.arange(y.size) >= m) & (y != 0.0))
+        kept = np.zeros_like(y)
+        kept[support] = y[support]
+        yield rounded(kept)
+        nu, terms = rows.T @ kept, abs(rows).T @ np.abs(kept)
+        boxed = np.isfinite(known.lb) & np.isfinite(known.ub)
+        level = np.isneginf(known.lb) & np.isposinf(known.ub)
+        tight = np.flatnonzero((terms > 0.0) & ~boxed & (level | (np.abs(nu) <= rounding * terms)))
+        block = sp.csr_array(rows[support][:, tight].T)
+        part = solve(block, [_ZERO] * tight.size, kept[support], deadline)
+        if part is not None:
+            whole = [_ZERO] * y.size
+            for place, value in zip(support.tolist(), part, strict=True):
+                whole[place] = value
+            yield whole
+
+
+def _point(known: Polyhedron, deadline: float) -> Rationals | None:
+    """A point that meets all conditions exactly."""
+    x = hints.interior_point(known, deadline)
+    if x is None:
+        return None
+    G: Any = sp.csr_array(known.G)
+    for rounding in (0.0, *ROUNDING):
+        size = np.maximum(np.abs(x), max(float(np.abs(x).max(initial=0.0)), 1.0) * rounding)
+        low = (known.lb == known.ub) | (x - known.lb <= rounding * size)
+        high = ~low & (known.ub - x <= rounding * size)
+        near = np.where(low, known.lb, np.where(high, known.ub, x))
+        finite = np.isfinite(known.h)
+        terms = abs(G) @ np.abs(near) + np.abs(np.where(finite, known.h, 0.0))
+        active = np.flatnonzero(finite & (G @ near - known.h <= rounding * terms) & (rounding > 0.0))
+        right = rationals(np.concatenate([known.f, known.h[active]]))
+        point = _solved(known, active, None, right, near, low | high, deadline)
+        if point is not None and known.contains(point):
+            return point
+    return None
+
+
+def _rays(known: Polyhedron, Q: Any, direction: Vector, deadline: float) -> Iterator[Rationals]:
+    """The direction projected on the equalities that it meets to rounding; on Qd = 0 too, where it does."""
+    G, curves = sp.csr_array(known.G), sp.csr_array(Q)
+    d = direction / np.ldexp(1.0, math.frexp(float(np.abs(direction).max()))[1])
+    flat = bool((np.abs(curves @ d) <= 1e-6 * (abs(curves) @ np.abs(d))).all())
+    for rounding in ROUNDING:
+        zero = np.abs(d) <= rounding
+        near = np.where(zero, 0.0, d)
+        active = np.flatnonzero(np.isfinite(known.h) & (G @ near <= rounding * (abs(G) @ np.abs(near))))
+        level = curves if flat else None
+        right = [_ZERO] * (known.f.size + active.size + (d.size if flat else 0))
+        ray = _solved(known, active, level, right, near, zero, deadline)
+        if ray is not None:
+            yield ray
+
+
+def _solved(
+    known: Polyhedron,
+    active: Any,
+    further: Any,
+    right: Rationals,
+    near: Vector,
+    fixed: Any,
+    deadline: float,
+) -> Rationals | None:
+    """An exact x near `near` with Ex and the active rows of Gx (and `further` rows) equal to `right`.
+
+    Where `fixed`, x is what `near` is.
+    """
+    blocks = [sp.csr_array(known.E), sp.csr_array(known.G)[active], *([] if further is None else [further])]
+    rows: Any = sp.vstack(blocks, format="csr")
+    kept, free = np.flatnonzero(fixed), np.flatnonzero(~fixed)
+    held = rationals(near)
+    if kept.size:
+        there = Exact.of(rows[:, kept]).times([held[j] for j in kept.tolist()])
+        right = [b - a for a, b in zip(there, right, strict=True)]
+    part = solve(rows[:, free], right, near[free], deadline)
+    if part is None:
+        return None
+    for place, value in zip(free.tolist(), part, strict=True):
+        held[place] = value
+    return held
+
+
+def _digits(x: Fraction) -> str:
+    """Two digits, rounded down."""
+    context = Context(prec=2, rounding=ROUND_DOWN)
+    return f"{context.divide(Decimal(x.numerator), Decimal(x.denominator)):.1e}"

@@ -1,0 +1,185 @@
+"""Answers to the conic and nonlinear formulations as systems for `backward_error`.
+
+A nonlinear map is taken as its linearization at the answer, F(x) = F′(z)x + (F(z) − F′(z)z): the terms of a row are
+those of F′(z)z and the rest is its constant, however F is written down. Where F has degree 0 (excess demand of prices),
+the rest is F(z), 0 at a solution; but 0 does not solve it: such a row has a constant, as large as its terms.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.matrices import Vector
+from cpbench.verification import sets
+from cpbench.verification.backward_error import System, Terms, block_norms
+from cpbench.verification.parallel_rows import relief_of
+from cpbench.verification.systems import kept
+
+
+def soclcp(P: Any, point: Any) -> System:
+    """x in K beside Mx + q."""
+    block = P.K.blocks
+    terms = kept(P, lambda: Terms.of_blocks(P.M, block, block))
+    return System(point.x, P.M @ point.x + P.q, block, terms, _norms(P.q, block), sets.of_product(P.K))
+
+
+def coneqp(P: Any, point: Any) -> System:
+    """(x, y) beside Qx + p − Aᵀy and Ax + b, which is in K."""
+    x, y = point.x, point.y
+    n, m = x.size, y.size
+    block = np.concatenate([np.arange(n), n + P.K.blocks])
+    last = int(block[-1]) + 1 if block.size else 0
+
+    def terms() -> Terms:
+        A = sp.csr_array(P.A)
+        return Terms.of_blocks(sp.block_array([[sp.csr_array(P.Q), A.T], [A, sp.csr_array((m, m))]]), block, block)
+
+    product: list[sets.Set] = [sets.Box.of(np.arange(n), -np.inf, np.inf), *sets.of_product(P.K, n, rows=True)]
+    rest = np.abs(P.Q @ x) + np.abs(P.p)
+    relief = np.concatenate([relief_of(sp.csr_array(P.A), y, rest), np.zeros(last - n)])
+    return System(
+        x=np.concatenate([x, y]),
+        f=np.concatenate([P.Q @ x + P.p - P.A.T @ y, P.A @ x + P.b]),
+        block=block,
+        terms=kept(P, terms),
+        constants=_norms(np.concatenate([P.p, P.b]), block),
+        sets=product,
+        relief=relief,
+        multiplier=np.arange(last) >= n,
+    )
+
+
+def complementarity(P: Any, point: Any) -> System:
+    """ncp, micp and equation: z between bounds beside F(z)."""
+    z = point.z
+    lb, ub = {"ncp": (0.0, np.inf), "equation": (-np.inf, np.inf)}.get(P.node) or (P.lb, P.ub)
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), [sets.Box.of(np.arange(z.size), lb, ub)], np.arange(z.size))
+
+
+def ge(P: Any, point: Any) -> System:
+    """z in S beside F(z)."""
+    z = point.z
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), *_simple(P, P.K, P.lb, P.ub, z.size))
+
+
+def vi(P: Any, point: Any) -> System:
+    """(z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
+    z = point.z
+    rows, values, constants = [sp.csr_array(P.A), sp.csr_array(P.C)], [P.A @ z - P.b, P.C @ z - P.d], [P.b, P.d]
+    if P.g.rows:
+        slope, g = sp.csr_array(P.g.jacobian(z)), P.g(z)
+        rows, values, constants = [*rows, slope], [*values, g], [*constants, g - slope @ z]
+    signs = [(0.0, P.b.size), (-np.inf, P.d.size), (0.0, P.g.rows)]
+    multipliers = np.concatenate([point.lam, point.mu, point.nu])
+    own = _simple(P, P.K, P.lb, P.ub, z.size)
+    return _with_rows(
+        P, z, P.F(z), P.F.jacobian(z), *own, rows=rows, values=values, constants=constants, signs=signs,
+        multipliers=multipliers,
+    )  # fmt: skip
+
+
+def cp(P: Any, point: Any) -> System:
+    """(x, λ) beside F(x) − Aᵀλ and Ax."""
+    x = point.x
+    own = _simple(P, P.K, np.full(x.size, -np.inf), np.full(x.size, np.inf), x.size)
+    return _with_rows(
+        P, x, P.F(x), P.F.jacobian(x), *own, rows=[sp.csr_array(P.A)], values=[P.A @ x],
+        constants=[np.zeros(P.A.shape[0])], signs=[(0.0, P.A.shape[0])], multipliers=point.lam,
+    )  # fmt: skip
+
+
+def qvi(P: Any, point: Any) -> System:
+    """(z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
+    z = point.z
+    own = _simple(P, *P.set_at(z), z.size)
+    rows, values, constants = [], [], []
+    if P.g.rows:
+        g = P.row_values(z)
+        whole = sp.csr_array(P.g.jacobian(np.concatenate([z, z])))
+        slope = sp.csr_array(whole[:, : z.size])
+        rows, values, constants = [slope], [g], [g - whole @ np.concatenate([z, z])]
+    return _with_rows(
+        P, z, P.F(z), P.F.jacobian(z), *own, rows=rows, values=values, constants=constants, signs=[(0.0, P.g.rows)],
+        multipliers=point.nu,
+    )  # fmt: skip
+
+
+def nlp(P: Any, point: Any) -> System:
+    """(z, λ, μ) beside ∇f − ∇g λ − ∇h μ, g(z) and h(z); ν is the first of them."""
+    z, lam, mu = point.z, point.lam, point.mu
+    g, h, Jg, Jh = P.g(z), P.h(z), sp.csr_array(P.g.jacobian(z)), sp.csr_array(P.h.jacobian(z))
+    gradient = P.f.jacobian(z).toarray().ravel()
+    curvature = abs(sp.csr_array(P.f.hessian(z, np.ones(1))))
+    for F, weights in ((P.g, lam), (P.h, mu)):
+        if F.rows:
+            curvature = curvature + abs(sp.csr_array(F.hessian(z, weights)))
+    return _with_rows(
+        P, z, gradient, curvature, [sets.Box.of(np.arange(z.size), P.lb, P.ub)], np.arange(z.size),
+        rows=[Jg, Jh], values=[g, h], constants=[g - Jg @ z, h - Jh @ z],
+        signs=[(0.0, g.size), (-np.inf, h.size)], multipliers=np.concatenate([lam, mu]), nu=point.nu,
+    )  # fmt: skip
+
+
+def _with_rows(
+    P: Any, z: Vector, force: Vector, slope: Any, own: list[Any], block: Any, *, rows: Any = (), values: Any = (),
+    constants: Any = (), signs: Any = (), multipliers: Vector | None = None, nu: Vector | None = None,
+) -> System:  # fmt: skip
+    """F(z) less the rows' multipliers beside z, and each row beside its multiplier."""
+    slope = sp.csr_array(slope)
+    first = int(block[-1]) + 1 if len(block) else 0
+    constant = force - slope @ z
+    if P.node != "nlp":
+        constant = _of_degree_0(P.F, z, slope, constant)
+    load = _norms(constant, block)
+    if multipliers is None:
+        return System(z, force, block, Terms.of_blocks(slope, block, block), load, own)
+    n, m = z.size, multipliers.size
+    A = sp.csr_array(sp.vstack(rows)) if len(rows) else sp.csr_array((0, n))
+    whole = np.concatenate([block, first + np.arange(m)])
+    at, boxes = n, list(own)
+    for lower, count in signs:
+        boxes.append(sets.Box.of(np.arange(at, at + count), lower, np.inf))
+        at += count
+    rest = np.abs(slope @ z) + np.abs(constant)
+    relief = np.concatenate([_norms(relief_of(A, multipliers, rest), block), np.zeros(m)])
+    balance = force - A.T @ multipliers
+    return System(
+        x=np.concatenate([z, multipliers]),
+        f=np.concatenate([balance, *values]),
+        block=whole,
+        terms=Terms.of_blocks(sp.block_array([[slope, A.T], [A, sp.csr_array((m, m))]]), whole, whole),
+        constants=np.concatenate([load, *(np.abs(c) for c in constants)]),
+        sets=boxes,
+        relief=relief,
+        multiplier=np.arange(first + m) >= first,
+        also=None if nu is None else (balance - nu, block),
+    )
+
+
+def _of_degree_0(F: Any, z: Vector, slope: Any, constant: Vector) -> Vector:
+    """The constants of the rows of F; where one is 0 although the row is not 0 at 0, the size of its terms."""
+    empty = constant == 0
+    if not empty.any():
+        return constant
+    empty &= F(np.zeros_like(z)) != 0  # no number counts as not 0
+    return np.where(empty, abs(slope) @ np.abs(z), constant)
+
+
+def _simple(P: Any, K: Any, lb: Vector, ub: Vector, n: int) -> tuple[list[Any], Any]:
+    """S = {z ∈ K : lb ≤ z ≤ ub} as sets, and the blocks of its components."""
+    if not P.cone_kind.size:
+        return [sets.Box.of(np.arange(n), lb, ub)], np.arange(n)
+    free = np.flatnonzero(P.in_free_factor) if hasattr(P, "in_free_factor") else np.zeros(0, dtype=np.int64)
+    found: list[Any] = []
+    for part in sets.of_product(K):
+        if isinstance(part, sets.Box) and free.size and np.isin(part.at, free).all():
+            part = sets.Box.of(part.at, lb[part.at], ub[part.at])
+        found.append(part)
+    return found, K.blocks
+
+
+def _norms(x: Vector, block: Any) -> Vector:
+    return block_norms(x, block, int(block[-1]) + 1 if len(block) else 0)

@@ -1,0 +1,163 @@
+"""Answers to the contact formulations as systems for `part_error`.
+
+A contact is one block: the friction law is in the change of variable û = u + μ‖u_T‖e_N (De Saxcé and Feng 1998), so
+that û is in the dual of the cone of r and orthogonal to it. Moments are divided and angular velocities multiplied by
+the lengths of the contacts, so that a block has one unit.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.matrices import Dense, Vector, dense
+from cpbench.product_cones import Cone
+from cpbench.verification import sets
+from cpbench.verification.backward_error import System, Terms
+from cpbench.verification.systems import kept, stack
+
+
+def local(P: Any, point: Any) -> System:
+    """fc, rfc and afc: r beside û(Wr + q)."""
+    unit = _units(P)
+    r, u, q = point.r / unit, (P.W @ point.r + P.q) * unit, P.q * unit
+    block = np.arange(r.size) // P.dimension
+
+    def terms() -> Terms:
+        return Terms.of_blocks(_scaled(P.W, unit, unit), block, block)
+
+    law = contact_set(P)
+    return System(r, shifted(P, u), block, kept(P, terms), _norms(q, P.dimension), [law])
+
+
+def mixed(P: Any, point: Any) -> System:
+    """fcm: (r, λ) beside û(Wr + Vλ + q) and Vᵀr + Rλ + s."""
+    unit, lam = _units(P), point.lam
+    u = (P.W @ point.r + P.V @ lam + P.q) * unit
+    f = np.concatenate([shifted(P, u), P.V.T @ point.r + P.R @ lam + P.s])
+    rows, joints = point.r.size, lam.size
+    block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(joints)])
+
+    def terms() -> Terms:
+        V = _scaled(P.V, unit, np.ones(joints))
+        return Terms.of_blocks(stack([[_scaled(P.W, unit, unit), V], [V.T, P.R]]), block, block)
+
+    constants = np.concatenate([_norms(P.q * unit, P.dimension), np.abs(P.s)])
+    free = sets.Box.of(np.arange(rows, rows + joints), -np.inf, np.inf)
+    return System(np.concatenate([point.r / unit, lam]), f, block, kept(P, terms), constants, [contact_set(P), free])
+
+
+def dynamic(P: Any, point: Any) -> System:
+    """gfc and grfc: (r, v, λ) beside û(Hᵀv + w), Mv − Hr − Gλ − f and Gᵀv + b."""
+    v, lam = point.v, point.lam
+    force = P.M @ v - P.H @ point.r - P.G @ lam - P.f
+    joints = P.G.T @ v + P.b
+    return _dynamics(P, point.r, v, lam, force, joints, lambda: P.M, np.abs(P.f), np.abs(P.b), P.G, keep=True)
+
+
+def nonlinear_dynamic(P: Any, point: Any) -> System:
+    """nfc: (r, v) beside û(Hᵀv + w) and F(v) − Hr, F linearized at v."""
+    v, F, M = point.v, P.F(point.v), P.F.jacobian(point.v)
+    none = np.zeros(0)
+    constants = np.abs(F - M @ v)
+    G = sp.csr_array((v.size, 0))
+    return _dynamics(P, point.r, v, none, F - P.H @ point.r, none, lambda: M, constants, none, G, keep=False)
+
+
+def _dynamics(
+    P: Any, r: Vector, v: Vector, lam: Vector, force: Vector, joints: Vector, mass: Any, load: Vector, drift: Vector,
+    G: Any, *, keep: bool,
+) -> System:  # fmt: skip
+    unit = _units(P)
+    u = (P.H.T @ v + P.w) * unit
+    rows, n, p = r.size, v.size, lam.size
+    block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(n + p)])
+
+    def terms() -> Terms:
+        H = _scaled(P.H, np.ones(n), unit)
+        Gs = sp.csr_array(G)
+        empty = sp.csr_array((rows, rows)), sp.csr_array((rows, p)), sp.csr_array((p, p))
+        whole = stack([[empty[0], H.T, empty[1]], [H, mass(), Gs], [empty[1].T, Gs.T, empty[2]]])
+        return Terms.of_blocks(whole, block, block)
+
+    free = sets.Box.of(np.arange(rows, rows + n + p), -np.inf, np.inf)
+    return System(
+        x=np.concatenate([r / unit, v, lam]),
+        f=np.concatenate([shifted(P, u), force, joints]),
+        block=block,
+        terms=kept(P, terms) if keep else terms(),
+        constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
+        sets=[contact_set(P), free],
+        multiplier=(np.arange(P.nc + n + p) < P.nc) | (np.arange(P.nc + n + p) >= P.nc + n),
+    )
+
+
+def worst_loaded(P: Any, system: System, tolerance: float) -> float:
+    """Largest ‖r_c − P(r_c − ρ_c û_c)‖/max(‖r_c‖, ρ_c‖û_c‖) of the contacts that carry load.
+
+    A contact does where its own reaction or velocity has more than the tolerance of the energy of the free velocities,
+    so that neither the self-stress of others nor a contact that only just touches decides.
+    """
+    law, d = contact_set(P), P.dimension
+    r, u = system.x[: P.nc * d], system.f[: P.nc * d]
+    rho = np.repeat(P.rho, d)
+    defect = _norms(law.defect(r, u, np.ones(r.size), rho), d)
+    r_size, u_size = _norms(r, d), P.rho * _norms(u, d)
+    free = P.q if hasattr(P, "q") else P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity
+    energy = np.sqrt((P.rho * _norms(free * _units(P), d) ** 2).sum())
+    own = np.maximum(r_size, u_size)
+    loaded = own / np.sqrt(P.rho) > np.sqrt(tolerance) * energy
+    return float(np.max(np.divide(defect, own, out=np.zeros_like(own), where=loaded & (own > 0)), initial=0.0))
+
+
+def contact_set(P: Any) -> sets.Factors:
+    """The cones of the reactions, which are the first unknowns."""
+    at = np.arange(P.nc * P.dimension).reshape(P.nc, P.dimension)
+    mu, mu_r = coefficients(P)
+    return sets.Factors(
+        Cone.SECOND_ORDER if mu_r is None else Cone.ROLLING, at, mu, np.zeros(P.nc) if mu_r is None else mu_r
+    )
+
+
+def coefficients(P: Any) -> tuple[Vector, Vector | None]:
+    """μ and μ_r of the cones in the variables of the blocks: 1 for an elliptic cone, whose axes are in the units."""
+    mu_r = getattr(P, "mu_r", None)
+    if P.node == "afc":
+        return np.ones(P.nc), None
+    if mu_r is None:
+        return P.mu, None
+    k = (P.dimension - 1) // 2
+    length = _units(P).reshape(P.nc, P.dimension)[:, 1 + k]
+    return P.mu, mu_r / length
+
+
+def shifted(P: Any, u: Vector) -> Vector:
+    """û of velocities in the units of the blocks."""
+    U = u.reshape(P.nc, P.dimension).copy()
+    mu, mu_r = coefficients(P)
+    k = P.dimension - 1 if mu_r is None else (P.dimension - 1) // 2
+    slide = mu * np.sqrt((U[:, 1 : 1 + k] ** 2).sum(axis=1))
+    roll = 0.0 if mu_r is None else mu_r * np.sqrt((U[:, 1 + k :] ** 2).sum(axis=1))
+    U[:, 0] += slide + roll
+    return U.ravel()
+
+
+def _units(P: Any) -> Vector:
+    """What reactions are divided and velocities multiplied by: lengths for moments, the axes of an elliptic cone."""
+    if P.node == "afc":
+        mu = dense(P.mu)
+        return np.column_stack([np.ones(P.nc), mu]).ravel()
+    if hasattr(P, "mu_r"):
+        return P.lengths.ravel()
+    return np.ones(P.nc * P.dimension)
+
+
+def _scaled(M: Any, left: Vector, right: Vector) -> Any:
+    return sp.csr_array(sp.diags_array(left) @ sp.csr_array(M) @ sp.diags_array(right))
+
+
+def _norms(x: Vector, d: int) -> Vector:
+    rows: Dense = x.reshape(-1, d)
+    return np.sqrt((rows * rows).sum(axis=1))

@@ -1,0 +1,268 @@
+"""Linear algebra over the rationals: exact products with matrices of doubles, exact solutions of linear systems.
+
+A double is a rational m·2^e. A system is solved by Dixon's lifting (Numer. Math. 40, 1982): the inverse modulo a prime
+gives one p-adic digit of the solution after the other, and a rational reconstruction the fractions. That needs NumPy
+alone and can be stopped at any digit, which is why no library of exact arithmetic is a dependency of the package.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy.linalg as sl
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from cpbench.matrices import Matrix, Vector
+
+Rationals: TypeAlias = list[Fraction]
+_Integers: TypeAlias = NDArray[np.int64]
+
+PRIME = 33554393
+"""The largest prime below 2^25: sums of 2^13 products of two residues fit into 63 bits."""
+_LIMB = 24
+LARGEST = 1500
+"""Unknowns, or equations, of the largest system that is solved."""
+_ZERO = Fraction(0)
+
+
+@dataclass(frozen=True)
+class Exact:
+    """A matrix of doubles as integers times one power of two, by entries.
+
+    Attributes
+    ----------
+    shape : rows, columns. row, column : places of the entries. value : the integers. exponent : of the power of two.
+    """
+
+    shape: tuple[int, int]
+    row: list[int]
+    column: list[int]
+    value: list[int]
+    exponent: int
+
+    @classmethod
+    def of(cls, matrix: Matrix) -> Exact:
+        """Every entry that is not 0; raises nothing, for a problem's data are finite."""
+        entries: Any = sp.coo_array(matrix)
+        kept = np.flatnonzero(entries.data)
+        value, exponent = _integers(np.asarray(entries.data, dtype=np.float64)[kept])
+        rows, columns = matrix.shape
+        return cls((rows, columns), entries.row[kept].tolist(), entries.col[kept].tolist(), value, exponent)
+
+    def times(self, x: Sequence[Fraction]) -> Rationals:
+        """The product with x, exact."""
+        return self._product(self.row, self.column, self.shape[0], x)
+
+    def transposed_times(self, x: Sequence[Fraction]) -> Rationals:
+        """The product of the transposed with x, exact."""
+        return self._product(self.column, self.row, self.shape[1], x)
+
+    def _product(self, to: list[int], by: list[int], size: int, x: Sequence[Fraction]) -> Rationals:
+        common = math.lcm(*(value.denominator for value in x))
+        numerators = [value.numerator * (common // value.denominator) for value in x]
+        sums = [0] * size
+        for place, source, value in zip(to, by, self.value, strict=True):
+            if numerators[source]:
+                sums[place] += value * numerators[source]
+        unit = Fraction(2) ** self.exponent / common
+        return [total * unit if total else _ZERO for total in sums]
+
+
+def rationals(x: Vector) -> Rationals:
+    """The doubles of a finite vector as they are."""
+    return [Fraction(value) for value in x.tolist()]
+
+
+def rounded(x: Vector, bits: int = 24) -> Rationals:
+    """The components of a finite vector, each to so many binary digits."""
+    fraction, exponent = np.frexp(x)
+    return rationals(np.ldexp(np.round(np.ldexp(fraction, bits)), exponent - bits))
+
+
+def dot(x: Sequence[Fraction], y: Sequence[Fraction]) -> Fraction:
+    """Σ xᵢ yᵢ."""
+    return sum((a * b for a, b in zip(x, y, strict=True) if a and b), _ZERO)
+
+
+def solve(matrix: Matrix, right: Sequence[Fraction], near: Vector, deadline: float = math.inf) -> Rationals | None:
+    """An exact solution of `matrix` x = `right` whose free components are those of `near`, rounded.
+
+    Unknowns with the largest terms are solved for, the others keep their value. None where there is no solution, the
+    system is too large, or `time.perf_counter()` reaches `deadline`.
+    """
+    rows, columns = matrix.shape
+    exact, start = Exact.of(matrix), rounded(near)
+    rest = [b - a for a, b in zip(exact.times(start), right, strict=True)]
+    if not any(rest):
+        return start
+    if max(rows, columns) > LARGEST or not exact.value:
+        return None
+    integers = _dense(exact)
+    pivots = _pivots(integers, _order(matrix, near), deadline)
+    if pivots is None:
+        return None
+    chosen_rows, chosen_columns, inverse = pivots
+    held = list(start)
+    for column in chosen_columns:
+        held[column] = _ZERO
+    unit = Fraction(2) ** -exact.exponent
+    need = [(b - a) * unit for a, b in zip(exact.times(held), right, strict=True)]
+    block = integers[np.ix_(chosen_rows, chosen_columns)]
+    found = _lifted(block, inverse, [need[row] for row in chosen_rows], deadline)
+    if found is None:
+        return None
+    for column, value in zip(chosen_columns, found, strict=True):
+        held[column] = value
+    return held if exact.times(held) == list(right) else None
+
+
+def _integers(x: Vector) -> tuple[list[int], int]:
+    """Integers and e with x = integers·2^e, e as large as it can be; of nonzero numbers."""
+    if x.size == 0:
+        return [], 0
+    fraction, exponent = np.frexp(x)
+    mantissa = (fraction * 2.0**53).astype(np.int64)
+    zeros = np.log2((mantissa & -mantissa).astype(np.float64)).astype(np.int64)
+    shift = exponent.astype(np.int64) - 53 + zeros
+    least = int(shift.min())
+    shifts = (shift - least).tolist()
+    return [m << s for m, s in zip((mantissa >> zeros).tolist(), shifts, strict=True)], least
+
+
+def _dense(exact: Exact) -> NDArray[Any]:
+    full = np.zeros(exact.shape, dtype=object)
+    full[exact.row, exact.column] = exact.value
+    return full
+
+
+def _order(matrix: Matrix, near: Vector) -> list[int]:
+    """Columns by what their terms add that those before did not."""
+    terms: Any = (sp.csr_array(matrix) * near[None, :]).toarray()
+    sizes = np.abs(terms).max(axis=1, initial=0.0)
+    terms = terms / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+    order: Any = sl.qr(terms, mode="r", pivoting=True, check_finite=False)[1]
+    return order.tolist()
+
+
+def _pivots(integers: NDArray[Any], order: list[int], deadline: float) -> tuple[list[int], list[int], _Integers] | None:
+    """Rows and columns of a largest block that is regular modulo the prime, with its inverse there."""
+    rows, _ = integers.shape
+    residues = (integers % PRIME).astype(np.int64)
+    work = np.concatenate([residues[:, order], np.eye(rows, dtype=np.int64)], axis=1)
+    free = np.ones(rows, dtype=bool)
+    chosen_rows: list[int] = []
+    chosen_columns: list[int] = []
+    for place, column in enumerate(order):
+        if len(chosen_rows) == rows:
+            break
+        if time.perf_counter() > deadline:
+            return None
+        candidates = np.flatnonzero(free & (work[:, place] != 0))
+        if candidates.size == 0:
+            continue
+        pivot = int(candidates[0])
+        work[pivot] = work[pivot] * pow(int(work[pivot, place]), -1, PRIME) % PRIME
+        others = np.flatnonzero(work[:, place])
+        others = others[others != pivot]
+        work[others] = (work[others] - work[others, place][:, None] * work[pivot]) % PRIME
+        free[pivot] = False
+        chosen_rows.append(pivot)
+        chosen_columns.append(column)
+    # row chosen_rows[i] of the work is now unit in column chosen_columns[i]; its right half combines those rows only
+    inverse = work[np.ix_(chosen_rows, [len(order) + row for row in chosen_rows])]
+    return chosen_rows, chosen_columns, inverse
+
+
+def _lifted(block: NDArray[Any], inverse: _Integers, right: Rationals, deadline: float) -> Rationals | None:
+    """The solution of `block` x = `right`, one p-adic digit after the other."""
+    n = len(right)
+    common = math.lcm(*(value.denominator for value in right))
+    rest = [value.numerator * (common // value.denominator) for value in right]
+    limbs = _limbs(block)
+    bound = _cramer(block, rest)
+    modulus, digits, look = 1, list[NDArray[Any]](), 8
+    for count in range(1, bound.bit_length() // (PRIME.bit_length() - 1) + 3):
+        if time.perf_counter() > deadline:
+            return None
+        digit = inverse @ np.array([value % PRIME for value in rest], dtype=np.int64) % PRIME
+        digits.append(digit.astype(object))
+        modulus *= PRIME
+        products = [(limb @ digit).tolist() for limb in limbs]
+        for place in range(n):
+            total = sum(part[place] << (_LIMB * k) for k, part in enumerate(products))
+            rest[place] = (rest[place] - total) // PRIME
+        if count == look or modulus > 2 * bound:
+            look *= 2
+            found = _fractions(_summed(digits).tolist(), modulus)
+            if found is not None and _holds(block, found, right, common):
+                return [value / common for value in found]
+    return None
+
+
+def _summed(digits: list[NDArray[Any]]) -> NDArray[Any]:
+    """Σ digitsᵢ PRIMEⁱ, the halves first: with one sum after the other the time would grow with the square."""
+    if len(digits) == 1:
+        return digits[0]
+    half = len(digits) // 2
+    return _summed(digits[:half]) + _summed(digits[half:]) * PRIME**half
+
+
+def _limbs(block: NDArray[Any]) -> list[_Integers]:
+    """The integers in base 2^24, signs with them."""
+    sign = np.where(block < 0, -1, 1).astype(np.int64)
+    left, limbs = abs(block), list[_Integers]()
+    while left.any():
+        limbs.append((left % 2**_LIMB).astype(np.int64) * sign)
+        left = left // 2**_LIMB
+    return limbs
+
+
+def _cramer(block: NDArray[Any], right: list[int]) -> int:
+    """At least twice the product of a numerator and a denominator of the solution (Hadamard and Cramer)."""
+    columns = [math.isqrt(sum(v * v for v in column)) + 1 for column in block.T.tolist()]
+    determinant = math.prod(columns)
+    return 2 * determinant * determinant * (math.isqrt(sum(v * v for v in right)) + 1)
+
+
+def _fractions(digits: list[int], modulus: int) -> Rationals | None:
+    """The fractions of least size with these residues; the denominator of the earlier ones is tried first."""
+    bound = math.isqrt(modulus // 2)
+    found: Rationals = []
+    denominator = 1
+    for digit in digits:
+        value = digit * denominator % modulus
+        value = value - modulus if 2 * value > modulus else value
+        if abs(value) > bound:
+            fraction = _fraction(digit * denominator % modulus, modulus, bound)
+            if fraction is None:
+                return None
+            found.append(fraction / denominator)
+            denominator *= fraction.denominator
+        else:
+            found.append(Fraction(value, denominator))
+    return found
+
+
+def _fraction(residue: int, modulus: int, bound: int) -> Fraction | None:
+    """n/d = `residue` modulo `modulus` with |n| and d at most `bound` (Wang 1981); None without."""
+    r0, r1, t0, t1 = modulus, residue, 0, 1
+    while r1 > bound:
+        quotient = r0 // r1
+        r0, r1, t0, t1 = r1, r0 - quotient * r1, t1, t0 - quotient * t1
+    return Fraction(r1, t1) if t1 and abs(t1) <= bound else None
+
+
+def _holds(block: NDArray[Any], x: Rationals, right: Rationals, common: int) -> bool:
+    shared = math.lcm(*(value.denominator for value in x))
+    numerators = np.array([value.numerator * (shared // value.denominator) for value in x], dtype=object)
+    return all(
+        total * right_value.denominator == right_value.numerator * common * shared
+        for total, right_value in zip((block @ numerators).tolist(), right, strict=True)
+    )

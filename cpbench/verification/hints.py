@@ -1,0 +1,204 @@
+"""Approximate multipliers, points and rays of a polyhedron by linear programs (HiGHS); what they prove is decided
+elsewhere, in exact arithmetic."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sl
+import scipy.sparse as sp
+
+from cpbench.matrices import Matrix, Vector, power_of_two
+from cpbench.verification.polyhedra import Objective, Polyhedron
+
+ACCURACY = 1e-10
+"""HiGHS' least feasibility tolerance."""
+CURVED = 5
+"""Eigenvectors of negative curvature near which a ray is sought."""
+DESCENTS = 8
+"""Linear programs from each of them along which the curvature is followed."""
+LARGEST = 1000
+"""Unknowns of the largest objective whose eigenvectors are computed."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """The polyhedron in units in which rows and columns are of size one: x = column·x', multipliers = row·theirs."""
+
+    G: Any
+    h: Vector
+    E: Any
+    f: Vector
+    lb: Vector
+    ub: Vector
+    row: Vector
+    column: Vector
+
+
+def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
+    """Vectors (λ, μ) that combine the conditions to a contradiction, to rounding: a vertex, and one inside."""
+    S = _scaled(P)
+    m, k, n = S.h.size, S.f.size, S.lb.size
+    low, high = np.isfinite(S.lb), np.isfinite(S.ub)
+    transposed: Any = sp.hstack([S.G.T, S.E.T, sp.eye_array(n), -sp.eye_array(n), sp.csr_array((n, 1))], format="csr")
+    gain = np.concatenate([np.where(np.isfinite(S.h), S.h, 0.0), S.f, np.where(low, S.lb, 0), -np.where(high, S.ub, 0)])
+    gain = np.append(gain / (np.abs(gain).max(initial=0.0) or 1.0), 0.0)
+    bounds = np.zeros((m + k + 2 * n + 1, 2))
+    bounds[:m, 1] = np.isfinite(S.h)
+    bounds[m : m + k] = (-1.0, 1.0)
+    bounds[m + k :, 1] = np.concatenate([np.where(low, np.inf, 0.0), np.where(high, np.inf, 0.0), [0.0]])
+    vertex = _least(-gain, None, None, transposed, np.zeros(n), bounds, deadline)
+    if vertex is None or not gain @ vertex > 0.0:
+        return
+    yield vertex[: m + k] * S.row
+    single = np.flatnonzero(low ^ high)
+    if single.size:  # every ν that has a sign away from 0, as far as it goes
+        parts = np.where(low, 0, n)[single] + m + k
+        width = gain.size
+        away = sp.coo_array((np.full(single.size, -1.0), (np.arange(single.size), parts)), shape=(single.size, width))
+        away = sp.hstack([sp.csr_array(away)[:, :-1], sp.csr_array(np.ones((single.size, 1)))])
+        bounds[-1, 1] = 1.0
+        inside = _least(
+            np.append(np.zeros(width - 1), -1.0),
+            sp.vstack([away, sp.csr_array(-gain[None, :])], format="csr"),
+            np.append(np.zeros(single.size), -0.5 * float(gain @ vertex)),
+            transposed,
+            np.zeros(n),
+            bounds,
+            deadline,
+        )
+        if inside is not None and inside[-1] > 0.0:
+            yield inside[: m + k] * S.row
+
+
+def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
+    """A point that meets the conditions, as far from their sides as there is room."""
+    S = _scaled(P)
+    n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
+    low, high = np.flatnonzero(np.isfinite(S.lb)), np.flatnonzero(np.isfinite(S.ub))
+    unit = sp.eye_array(n, format="csr")
+    sides = sp.vstack([-S.G[rows], -unit[low], unit[high]], format="csr")
+    room = np.concatenate([np.ones(rows.size), *(np.where(S.lb[at] < S.ub[at], 1.0, 0.0) for at in (low, high))])
+    x = _least(
+        np.append(np.zeros(n), -1.0),
+        sp.hstack([sides, sp.csr_array(room[:, None])], format="csr"),
+        np.concatenate([-S.h[rows], -S.lb[low], S.ub[high]]),
+        sp.hstack([S.E, sp.csr_array((S.f.size, 1))], format="csr"),
+        S.f,
+        np.vstack([np.full((n, 2), (-np.inf, np.inf)), (0.0, 1.0)]),
+        deadline,
+    )
+    return None if x is None else x[:n] * S.column
+
+
+def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
+    """Directions that never leave the polyhedron and along which the objective may fall: flat ones, then curved."""
+    S = _scaled(P)
+    n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
+    Q: Any = sp.csr_array(goal.Q)
+    Q = sp.csr_array(sp.diags_array(S.column) @ (Q + Q.T) @ sp.diags_array(S.column)) * 0.5
+    p = goal.p * S.column
+    bounds = np.stack([np.where(np.isfinite(S.lb), 0.0, -1.0), np.where(np.isfinite(S.ub), 0.0, 1.0)], axis=1)
+    sizes = power_of_two(np.asarray(abs(Q).max(axis=1).toarray()).ravel())
+    flat = sp.vstack([S.E, sp.csr_array(sp.diags_array(sizes) @ Q)], format="csr")
+
+    def steepest(slope: Vector, level: Any) -> Vector | None:
+        slope = slope / (np.abs(slope).max(initial=0.0) or 1.0)
+        return _least(slope, -S.G[rows], np.zeros(rows.size), level, np.zeros(level.shape[0]), bounds, deadline)
+
+    def nearest(v: Vector) -> Vector | None:
+        """The direction within of the least ‖d − v‖₁."""
+        unit, nothing = sp.eye_array(n, format="csr"), sp.csr_array((rows.size, n))
+        sides = sp.block_array([[unit, -unit], [-unit, -unit], [-S.G[rows], nothing]], format="csr")
+        limits = np.concatenate([v, -v, np.zeros(rows.size)])
+        level = sp.hstack([S.E, sp.csr_array((S.f.size, n))], format="csr")
+        far = np.vstack([bounds, np.full((n, 2), (0.0, np.inf))])
+        cost = np.concatenate([np.zeros(n), np.ones(n)])
+        found = _least(cost, sides, limits, level, np.zeros(S.f.size), far, deadline)
+        return None if found is None else found[:n]
+
+    d = steepest(p, flat)
+    if d is not None and p @ d < 0.0:
+        yield d * S.column
+    for v in _curved(Q, S.E):
+        for start in (nearest(v), nearest(-v), steepest(-v, S.E), steepest(v, S.E)):
+            d = start
+            for _ in range(DESCENTS):
+                if d is None or not d.any() or d @ (Q @ d) < 0.0:
+                    break
+                d = _descended(Q, d, steepest(Q @ d, S.E))
+            if d is not None and d @ (Q @ d) < 0.0:
+                yield d * S.column
+
+
+def _descended(Q: Any, d: Vector, towards: Vector | None) -> Vector | None:
+    """The least value of dᵀQd on the way to another direction (Frank and Wolfe); None where there is no way down."""
+    if towards is None:
+        return None
+    step = towards - d
+    slope, curvature = float(step @ (Q @ d)), float(step @ (Q @ step))
+    if slope >= 0.0:
+        return None
+    return d + step * (min(-slope / curvature, 1.0) if curvature > 0.0 else 1.0)
+
+
+def _curved(Q: Any, E: Any) -> list[Vector]:
+    """Directions of the least eigenvalues, where negative, of Q on Ex = 0; none where Q is too large for dense ones."""
+    if not 0 < Q.shape[0] <= LARGEST:
+        return []
+    level = sl.null_space(E.toarray()) if E.shape[0] else np.eye(Q.shape[0])
+    values, vectors = np.linalg.eigh(level.T @ (Q @ level))
+    found = (level @ vectors[:, i] for i in range(min(values.size, CURVED)) if values[i] < 0.0)
+    return [v / np.abs(v).max() for v in found]
+
+
+def _scaled(P: Polyhedron) -> _Scaled:
+    """Units by two passes over rows and columns, in powers of two."""
+    G, E = sp.csr_array(P.G), sp.csr_array(P.E)
+    whole: Any = abs(sp.vstack([G, E], format="csr"))
+    row, column = np.ones(whole.shape[0]), np.ones(whole.shape[1])
+    for _ in range(2 if whole.nnz else 0):
+        row = row * power_of_two(_largest(whole, 1))
+        whole = sp.csr_array(sp.diags_array(row) @ abs(sp.vstack([G, E])) @ sp.diags_array(column))
+        column = column * power_of_two(_largest(whole, 0))
+        whole = sp.csr_array(sp.diags_array(row) @ abs(sp.vstack([G, E])) @ sp.diags_array(column))
+    m = P.h.size
+    right: Any = sp.diags_array(column)
+    return _Scaled(
+        sp.csr_array(sp.diags_array(row[:m]) @ G @ right),
+        P.h * row[:m],
+        sp.csr_array(sp.diags_array(row[m:]) @ E @ right),
+        P.f * row[m:],
+        P.lb / column,
+        P.ub / column,
+        row,
+        column,
+    )
+
+
+def _largest(M: Matrix, axis: int) -> Vector:
+    largest: Any = sp.csr_array(M).max(axis=axis)
+    return np.asarray(largest.toarray(), dtype=np.float64).ravel()
+
+
+def _least(cost: Vector, A: Any, b: Vector | None, E: Any, f: Vector, bounds: Any, deadline: float) -> Vector | None:
+    """A minimiser of costᵀx over Ax ≤ b, Ex = f and the bounds; None where HiGHS gives none in time."""
+    from scipy.optimize import linprog  # slow to import, and rarely needed
+
+    left = deadline - time.perf_counter()
+    if left <= 0.0:
+        return None
+    options: Any = {"primal_feasibility_tolerance": ACCURACY, "dual_feasibility_tolerance": ACCURACY}
+    if math.isfinite(left):
+        options["time_limit"] = left
+    A, b = (None, None) if A is None or A.shape[0] == 0 else (A, b)
+    E, f_ = (None, None) if E.shape[0] == 0 else (E, f)
+    program: Any = linprog(cost, A_ub=A, b_ub=b, A_eq=E, b_eq=f_, bounds=bounds, method="highs-ds", options=options)
+    if program.x is None or program.status not in (0, 3):
+        return None
+    return np.asarray(program.x, dtype=np.float64)

@@ -1,0 +1,67 @@
+"""The error of an answer to any formulation, by which its verdict is given."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cpbench.verification import conic_systems, contact_systems, systems
+from cpbench.verification.backward_error import BackwardError, System, backward_error
+from cpbench.verification.part_error import Measure, part_error, parts_between, parts_of
+
+SYSTEMS: dict[str, Callable[[Any, Any], System]] = {
+    "lcp": systems.lcp, "mlcp": systems.mlcp, "relay": systems.relay, "avi": systems.avi, "qp": systems.qp,
+    "fc": contact_systems.local, "rfc": contact_systems.local, "afc": contact_systems.local,
+    "fcm": contact_systems.mixed, "gfc": contact_systems.dynamic, "grfc": contact_systems.dynamic,
+    "nfc": contact_systems.nonlinear_dynamic,
+    "soclcp": conic_systems.soclcp, "coneqp": conic_systems.coneqp,
+    "ncp": conic_systems.complementarity, "micp": conic_systems.complementarity,
+    "equation": conic_systems.complementarity, "ge": conic_systems.ge, "vi": conic_systems.vi, "cp": conic_systems.cp,
+    "qvi": conic_systems.qvi, "nlp": conic_systems.nlp,
+}  # fmt: skip
+
+
+CONTACT = ("fc", "rfc", "afc", "fcm", "gfc", "grfc", "nfc")
+BY_PARTS = dict.fromkeys(("lcp", "mlcp", "relay", "avi", "soclcp"), Measure.PAIRS)
+BY_PARTS |= dict.fromkeys(("qp", "coneqp", "nlp"), Measure.GAP)
+BY_PARTS |= dict.fromkeys(CONTACT, Measure.ENERGY)
+"""What is measured of the nodes whose problems are taken part by part; the others are measured row by row."""
+AT_START: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "nlp": lambda problem: {"z": problem.at_start},
+    "nfc": lambda problem: {"v": problem.start},
+}
+"""Nodes of these whose matrix depends on the point, with another point of the problem."""
+NOTICED = 0.1
+"""An accepted answer in which a contact with load misses the law by so much of its own has the flag `contact`."""
+
+
+def system_of(problem: Any, point: Any) -> System | None:
+    """The rows of an answer that the problem has accepted; None for a formulation of a plugin."""
+    with np.errstate(all="ignore"):
+        return SYSTEMS[problem.node](problem, point) if problem.node in SYSTEMS else None
+
+
+def measure(problem: Any, point: Any, system: System | None = None) -> BackwardError:
+    """The error of an answer that the problem has accepted; `system` are its rows, where they are made already."""
+    system = system or system_of(problem, point)
+    if system is None:  # a formulation of a plugin is measured by its own residuals
+        return BackwardError(problem.residuals(point).error, False, 0.0)
+    with np.errstate(all="ignore"):
+        if problem.node not in BY_PARTS:
+            return backward_error(system)
+        measure = BY_PARTS[problem.node]
+        if problem.node not in AT_START:
+            return part_error(system, parts_of(problem, system, measure))
+        there = dataclasses.replace(point, **AT_START[problem.node](problem))
+        return part_error(system, parts_between(system, SYSTEMS[problem.node](problem, there), measure))
+
+
+def misses_the_law(problem: Any, system: System | None, tolerance: float) -> bool:
+    """Whether a contact that carries load misses its law by more than `NOTICED` of its own size."""
+    if system is None or problem.node not in CONTACT or not problem.nc:
+        return False
+    with np.errstate(all="ignore"):
+        return contact_systems.worst_loaded(problem, system, tolerance) > NOTICED

@@ -1,0 +1,209 @@
+"""The linear conditions that every solution of a problem meets, and exact sums over them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.formulations.avi import AVI
+from cpbench.formulations.base import Problem
+from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.lcp import LCP
+from cpbench.formulations.mlcp import MLCP
+from cpbench.formulations.qp import QP
+from cpbench.matrices import Matrix, Vector
+from cpbench.product_cones import Cone
+from cpbench.verification.exact_linear import Exact, dot
+from cpbench.verification.sets import INFINITE
+
+_ZERO = Fraction(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Polyhedron:
+    """Gx ≥ h, Ex = f, lb ≤ x ≤ ub; sides and bounds may be infinite.
+
+    `unknowns` is what x is called.
+    """
+
+    G: Matrix
+    h: Vector
+    E: Matrix
+    f: Vector
+    lb: Vector
+    ub: Vector
+    unknowns: str = "z"
+
+    @cached_property
+    def exact(self) -> tuple[Exact, Exact]:
+        """G and E as integers."""
+        return Exact.of(self.G), Exact.of(self.E)
+
+    def contains(self, x: Sequence[Fraction]) -> bool:
+        """Whether x meets every condition exactly."""
+        rows, equalities = self.exact
+        return (
+            len(x) == self.lb.size
+            and all(a >= b for a, b in zip(rows.times(x), self.h.tolist(), strict=True))
+            and all(a == b for a, b in zip(equalities.times(x), self.f.tolist(), strict=True))
+            and all(a <= b <= c for a, b, c in zip(self.lb.tolist(), x, self.ub.tolist(), strict=True))
+        )
+
+    def recedes(self, d: Sequence[Fraction]) -> bool:
+        """Whether d, from any point within, never leaves: Gd ≥ 0, Ed = 0, d ≥ 0 (≤ 0) where x has a lower (upper)
+        bound."""
+        rows, equalities = self.exact
+        return (
+            len(d) == self.lb.size
+            and all(a >= 0 for a, b in zip(rows.times(d), self.h.tolist(), strict=True) if b > -math.inf)
+            and not any(equalities.times(d))
+            and all(v >= 0 for v, b in zip(d, self.lb.tolist(), strict=True) if b > -math.inf)
+            and all(v <= 0 for v, b in zip(d, self.ub.tolist(), strict=True) if b < math.inf)
+        )
+
+    def combined(self, y: Sequence[Fraction]) -> tuple[Fraction, Fraction] | None:
+        """γ and ε with γ ≤ ε‖x‖∞ for every x within, by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
+
+        With ν = −Gᵀλ − Eᵀμ, −νᵀx ≥ hᵀλ + fᵀμ; where a bound goes with the sign of ν_j it replaces x_j, which adds up to
+        γ, and ε is the sum of the other |ν_j|. None where y is no such vector: λ ≥ 0, and 0 at infinite sides.
+        """
+        m = self.h.size
+        if len(y) != m + self.f.size:
+            return None
+        if any(v < 0 or (v and b == -math.inf) for v, b in zip(y[:m], self.h.tolist(), strict=True)):
+            return None
+        rows, equalities = self.exact
+        by_rows, by_equalities = rows.transposed_times(y[:m]), equalities.transposed_times(y[m:])
+        gamma = dot(y[m:], [Fraction(v) for v in self.f.tolist()])
+        gamma += sum((v * Fraction(b) for v, b in zip(y[:m], self.h.tolist(), strict=True) if v), _ZERO)
+        excess = _ZERO
+        for a, b, low, high in zip(by_rows, by_equalities, self.lb.tolist(), self.ub.tolist(), strict=True):
+            nu = -a - b
+            bound = low if nu > 0 else high
+            if nu and math.isinf(bound):
+                excess += abs(nu)
+            elif nu:
+                gamma += nu * Fraction(bound)
+        return gamma, excess
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """½xᵀQx + pᵀx."""
+
+    Q: Matrix
+    p: Vector
+
+    def falls(self, x: Sequence[Fraction], d: Sequence[Fraction]) -> bool:
+        """Whether it has no lower bound on the points x + td, t ≥ 0: dᵀQd < 0, or dᵀQd = 0 and the slope is negative.
+
+        That holds for any Q; where Q is positive semidefinite, dᵀQd = 0 says Qd = 0, and the slope is pᵀd.
+        """
+        exact = Exact.of(self.Q)
+        along = exact.times(d)
+        curvature = dot(d, along)
+        slope = (dot(x, along) + dot(d, exact.times(x))) / 2 + dot(d, [Fraction(v) for v in self.p.tolist()])
+        return curvature < 0 or (curvature == 0 and slope < 0)
+
+
+def conditions(problem: Problem) -> Polyhedron | None:
+    """Linear conditions that every solution meets, None where no rule is known.
+
+    Those of a program are all its constraints, those of an AVI are in (z, λ, μ), its multipliers, and those of contacts
+    are u_N ≥ 0 and |r_T| ≤ μ r_N by components.
+    """
+    if isinstance(problem, LCP):
+        n = problem.q.size
+        return _over(problem.M, -problem.q, None, None, np.zeros(n), np.full(n, np.inf))
+    if isinstance(problem, MLCP):
+        free, signed = problem.a.size, problem.b.size
+        lb = np.concatenate([np.full(free, -np.inf), np.zeros(signed)])
+        G, E = matrices.block([[problem.D, problem.B]]), matrices.block([[problem.A, problem.C]])
+        return _over(G, -problem.b, E, -problem.a, lb, np.full(free + signed, np.inf), "(u, v)")
+    if isinstance(problem, QP):
+        return _over(problem.A, problem.b, problem.C, problem.d, problem.lb, problem.ub)
+    if isinstance(problem, AVI):
+        return _avi(problem)
+    if isinstance(problem, FrictionContact):
+        return _contact(problem)
+    return _coneqp(problem) if isinstance(problem, ConeQP) else None
+
+
+def objective(problem: Problem) -> Objective | None:
+    """What a program minimises over its conditions; None of other problems."""
+    return Objective(problem.Q, problem.p) if isinstance(problem, QP | ConeQP) else None
+
+
+def multipliers(problem: Problem, certificate: Vector) -> Vector:
+    """A solver's vector, in the order of its node, in the order of the conditions."""
+    if isinstance(problem, MLCP):  # (y of the equalities, z of the rows)
+        n = problem.a.size
+        return np.concatenate([certificate[n:], certificate[:n]])
+    return certificate
+
+
+def _over(
+    G: Matrix, h: Vector, E: Matrix | None, f: Vector | None, lb: Vector, ub: Vector, unknowns: str = "z"
+) -> Polyhedron:
+    return Polyhedron(
+        G,
+        np.where(h <= -INFINITE, -np.inf, h),
+        matrices.zeros(0, lb.size, G) if E is None else E,
+        np.zeros(0) if f is None else f,
+        np.where(lb <= -INFINITE, -np.inf, lb),
+        np.where(ub >= INFINITE, np.inf, ub),
+        unknowns,
+    )
+
+
+def _avi(problem: AVI) -> Polyhedron:
+    """z within, λ ≥ 0, and F = Mz + q − Aᵀλ − Cᵀμ: ≥ 0 (≤ 0) where z_j has a lower (upper) bound only, 0 without."""
+    m, k = problem.b.size, problem.d.size
+    low, high = problem.lb > -INFINITE, problem.ub < INFINITE
+    force = matrices.block([[problem.M, -matrices.transpose(problem.A), -matrices.transpose(problem.C)]])
+    above, below, level = (np.flatnonzero(at) for at in (low & ~high, high & ~low, ~low & ~high))
+    rows = matrices.block([[problem.A, matrices.zeros(m, m + k, problem.M)]])
+    equalities = matrices.block([[problem.C, matrices.zeros(k, m + k, problem.M)]])
+    return _over(
+        matrices.block([[rows], [force[above]], [-force[below]]]),
+        np.concatenate([problem.b, -problem.q[above], problem.q[below]]),
+        matrices.block([[equalities], [force[level]]]),
+        np.concatenate([problem.d, -problem.q[level]]),
+        np.concatenate([problem.lb, np.zeros(m), np.full(k, -np.inf)]),
+        np.concatenate([problem.ub, np.full(m + k, np.inf)]),
+        "(z, λ, μ)",
+    )
+
+
+def _contact(problem: FrictionContact) -> Polyhedron:
+    n, d = problem.q.size, problem.dimension
+    place = np.arange(n)
+    normal, tangent = place[::d], place[place % d > 0]
+    contact, count = tangent // d, np.arange(tangent.size)
+    shape = (tangent.size, n)
+    friction = sp.csr_array((problem.mu[contact], (count, contact * d)), shape=shape)
+    force = sp.csr_array((np.ones(tangent.size), (count, tangent)), shape=shape)
+    W = matrices.sparse(problem.W)
+    rows: Matrix = sp.csr_array(sp.vstack([W[normal], friction - force, friction + force], format="csr"))
+    sides = np.concatenate([-problem.q[normal], np.zeros(2 * tangent.size)])
+    lb = np.where(place % d == 0, 0.0, -np.inf)
+    return _over(rows, sides, None, None, lb, np.full(n, np.inf), "r")
+
+
+def _coneqp(problem: ConeQP) -> Polyhedron | None:
+    """Ax + b ∈ K where K is a polyhedron: {0}, ℝ, ℝ₊."""
+    if not np.isin(problem.cone_kind, (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)).all():
+        return None
+    kind = np.repeat(problem.cone_kind, problem.cone_size.astype(np.int64))
+    signed, level = np.flatnonzero(kind == Cone.NONNEGATIVE), np.flatnonzero(kind == Cone.ZERO)
+    n, A, b = problem.p.size, problem.A, problem.b
+    free = np.full(n, np.inf)
+    return _over(A[signed], -b[signed], A[level], -b[level], -free, free, "x")

@@ -1,0 +1,79 @@
+"""Verdict on an answer: what was measured of it on the problem that was asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from cpbench.errors import UnknownName
+from cpbench.formulations.base import Problem
+from cpbench.verification import measures
+
+DIRECTION_DEGREES = 5.0
+"""An accepted contact answer whose slip angle is above this carries the flag `direction`."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What was measured of one answer at one tolerance.
+
+    Attributes
+    ----------
+    solved : `error` is at most the tolerance. error : the backward error, or the measure that was named (NaN counts
+    as ∞). judged : the number that decides. parts : further measures, those of the literature among them.
+    flags : `direction` (accepted, but some contact slips or rolls more than 5° off), `contact` (accepted, but a
+    contact that carries load misses the law by more than a tenth), `stationary`, `absolute` (a part of the problem has
+    no constants), `unresolvable` (rounding alone may cause the error).
+    """
+
+    tolerance: float
+    solved: bool
+    error: float
+    judged: Mapping[str, float] = field(default_factory=dict)
+    parts: Mapping[str, float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+
+def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = None) -> Verdict:
+    """Measure `point` on `problem`; raises PointError when it is not an answer to it.
+
+    The backward error decides (`cpbench.verification.measures`). With `measure`, a published number does instead
+    (`natural`, `siconos_mlcp`, `fclib2018`, ...: the names among the verdict's parts).
+    """
+    problem.check_point(point)
+    if not point.finite:
+        return Verdict(tolerance, False, math.inf, flags=("not finite",))
+    residuals = problem.residuals(point, tolerance)
+    published = {**residuals.parts, **residuals.measured}
+    flags = [flag for flag in residuals.flags if flag != "absolute"]
+    system = measures.system_of(problem, point)
+    found = measures.measure(problem, point, system)
+    if measure is not None:
+        error = measured(published, measure, found.error)
+    else:
+        error = found.error
+        if found.absolute:
+            flags.append("absolute")
+        if max(error, tolerance) <= found.floor:
+            flags.append("unresolvable")
+    solved = error <= tolerance and "unresolvable" not in flags
+    if solved and any(published.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
+        flags.append("direction")
+    if solved and measures.misses_the_law(problem, system, tolerance):
+        flags.append("contact")
+    return Verdict(tolerance, solved, error, {"backward": found.error}, published, tuple(flags))
+
+
+def measured(published: Mapping[str, float], name: str, backward: float) -> float:
+    """One named number of an answer; raises UnknownName."""
+    both = {k.split(" [")[0]: v for k, v in published.items()} | {"backward": backward}
+    if name not in both:
+        raise UnknownName("measure", name, both)
+    return both[name]
+
+
+def no_answer(tolerance: float) -> Verdict:
+    """The verdict on nothing."""
+    return Verdict(tolerance, False, math.inf, flags=("no answer",))

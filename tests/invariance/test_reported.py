@@ -1,0 +1,236 @@
+"""Verdicts that were wrong once, with their numbers: idle sides, units, multipliers that cancel, stiffness."""
+
+from __future__ import annotations
+
+import dataclasses
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cpbench.formulations import (
+    LCP,
+    MLCP,
+    NCP,
+    NLP,
+    QP,
+    VI,
+    FCPoint,
+    FrictionContact,
+    GFCPoint,
+    GlobalFrictionContact,
+    LCPPoint,
+    MiCP,
+    MiCPPoint,
+    MLCPPoint,
+    NCPPoint,
+    NLPPoint,
+    QPPoint,
+    Relay,
+    VIPoint,
+)
+from cpbench.testing.planted_nonlinear import graph
+from cpbench.verification import judge
+
+TOLERANCES = (1e-4, 1e-6, 1e-8)
+INF = np.inf
+ZERO2 = QPPoint(z=np.zeros(2), lam=[], mu=[], nu=np.zeros(2))
+
+
+def _never(problem: Any, point: Any, *tolerances: float) -> None:
+    for tolerance in tolerances or TOLERANCES:
+        verdict = judge(problem, point, tolerance)
+        assert not verdict.solved, f"solved at {tolerance:g}, error {verdict.error:.1e}, {dict(verdict.judged)}"
+
+
+def _always(problem: Any, point: Any, *tolerances: float) -> None:
+    for tolerance in tolerances or TOLERANCES:
+        verdict = judge(problem, point, tolerance)
+        assert verdict.solved, f"not solved at {tolerance:g}, error {verdict.error:.1e}, {dict(verdict.judged)}"
+
+
+# an idle side hides a row that is missed
+
+
+def test_a_row_far_away_hides_no_missed_row_of_an_lcp() -> None:
+    problem = LCP(M=np.eye(2), q=[-1.0, 1e8])
+    _never(problem, LCPPoint(z=[50.0, 0.0]))
+    _always(problem, LCPPoint(z=[1.0, 0.0]))
+
+
+@pytest.mark.parametrize("bound", [1e8, 1e18, 1e20, INF])
+def test_an_idle_bound_hides_no_missed_equality(bound: float) -> None:
+    """z₁ + z₂ = 5 is missed by 100 %."""
+    sum_ = QP.build(np.eye(2), np.zeros(2), C=np.ones((1, 2)), d=[5.0], ub=[bound, INF])
+    _never(sum_, dataclasses.replace(ZERO2, mu=[0.0]))
+    _always(sum_, QPPoint(z=[2.5, 2.5], lam=[], mu=[2.5], nu=np.zeros(2)))
+
+
+@pytest.mark.parametrize("side", [-1e7, -1e18, -9.999999999999998e19, -1e20])
+def test_an_idle_row_hides_no_missed_row(side: float) -> None:
+    problem = QP.build(np.eye(2), np.zeros(2), A=np.array([[1.0, 1.0], [1.0, 0.0]]), b=[5.0, side])
+    _never(problem, dataclasses.replace(ZERO2, lam=np.zeros(2)))
+    _always(problem, QPPoint(z=[2.5, 2.5], lam=[2.5, 0.0], mu=[], nu=np.zeros(2)))
+
+
+# nodes without a unit-free number, and scales at a far point
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e6, 1e9])
+def test_five_times_the_solution_is_wrong_at_every_node(size: float) -> None:
+    """F = s [[2, 1], [1, 2]] z − 1: five times the solution leaves F = 4."""
+    M, q = size * np.array([[2.0, 1.0], [1.0, 2.0]]), -np.ones(2)
+    F = graph(2, lambda z: _product(M, z) + q)
+    z, none = np.full(2, 1.0 / (3.0 * size)), np.full(2, INF)
+    for problem, point in (
+        (LCP(M=M, q=q), LCPPoint),
+        (Relay(M=M, q=q, lb=np.zeros(2), ub=np.ones(2)), LCPPoint),
+        (NCP(F=F), NCPPoint),
+        (MiCP(F=F, lb=np.zeros(2), ub=none), MiCPPoint),
+        (VI(F=F, lb=np.zeros(2)), VIPoint),
+    ):
+        _never(problem, point(z=5.0 * z))
+        _always(problem, point(z=z))
+
+
+def _product(M: np.ndarray, z: Any) -> Any:
+    import casadi as ca
+
+    return ca.DM(M) @ z
+
+
+@pytest.mark.parametrize("bound", [0.0, 1e-8, 1e-6, 1e-3])
+def test_the_size_of_f_at_a_bound_is_no_scale(bound: float) -> None:
+    """F = z − 1/z is 1/bound there; at 2 it is 1.5, and 0 at 1."""
+    problem = MiCP(F=graph(1, lambda z: z - 1.0 / z), lb=[bound], ub=[INF], start=np.ones(1))
+    _never(problem, MiCPPoint(z=[2.0]))
+    _always(problem, MiCPPoint(z=[1.0]))
+
+
+def test_a_large_constant_hides_no_small_row() -> None:
+    F = graph(2, lambda z: z + np.array([-1.0, 1e8]))
+    _never(NCP(F=F), NCPPoint(z=[50.0, 0.0]))
+    _always(NCP(F=F), NCPPoint(z=[1.0, 0.0]))
+
+
+# units of programs
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-6, 1e-7, 1e-8, 1e-30])
+def test_zero_is_no_solution_in_small_units(unit: float) -> None:
+    problem = QP.build(np.eye(2), -unit * np.array([1.0, 2.0]))
+    _never(problem, ZERO2)
+    _always(problem, dataclasses.replace(ZERO2, z=unit * np.array([1.0, 2.0])))
+    program = _program(lambda z: unit * ((z[0] - 1.0) ** 2 + z[1] ** 2))
+    _never(program, _answer([0.0, 0.0]))
+    _always(program, _answer([1.0, 0.0]))
+
+
+def _program(f: Any, g: Any = None, h: Any = None, **bounds: Any) -> NLP:
+    maps = {name: graph(2, F) for name, F in (("f", f), ("g", g), ("h", h)) if F is not None}
+    return NLP(**maps, **bounds, convex=True)
+
+
+def _answer(z: Any, lam: Any = (), mu: Any = (), nu: Any = (0.0, 0.0)) -> NLPPoint:
+    return NLPPoint(z=np.array(z), lam=np.array(lam), mu=np.array(mu), nu=np.array(nu))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e7])
+def test_multipliers_that_cancel_hide_no_wrong_gradient(size: float) -> None:
+    """min z₁ − z₂ with z₁ + z₂ = 0, said twice, |z| ≤ 1: (−1, 1), and not 0 with λ = −μ."""
+    row, one = np.ones((1, 2)), np.ones(2)
+    problem = QP.build(np.zeros((2, 2)), [1.0, -1.0], A=row, b=[0.0], C=row, d=[0.0], lb=-one, ub=one)
+    right = QPPoint(z=[-1.0, 1.0], lam=[size], mu=[-size], nu=[1.0, -1.0])
+    _never(problem, dataclasses.replace(right, z=np.zeros(2), nu=np.zeros(2)))
+    _always(problem, right)
+    program = _program(lambda z: z[0] - z[1], lambda z: z[0] + z[1], lambda z: z[0] + z[1], lb=-one, ub=one)
+    _never(program, _answer([0.0, 0.0], [size], [-size]))
+    _always(program, _answer([-1.0, 1.0], [size], [-size], [1.0, -1.0]))
+
+
+@pytest.mark.parametrize("constant", [0.0, 1e8, -1e12])
+def test_a_constant_in_the_objective_changes_nothing(constant: float) -> None:
+    """min (z₁ − 1)² + z₂² + c with z₁ ≤ 2 and z₂ ≥ −5: (1, 0), and not 0 with λ = 2 of a row that is not active."""
+    problem = _program(lambda z: (z[0] - 1.0) ** 2 + z[1] ** 2 + constant, lambda z: _column(2.0 - z[0], z[1] + 5.0))
+    _never(problem, _answer([0.0, 0.0], [2.0, 0.0]))
+    _always(problem, _answer([1.0, 0.0], [0.0, 0.0]))
+
+
+def _column(*rows: Any) -> Any:
+    import casadi as ca
+
+    return ca.vertcat(*rows)
+
+
+def test_an_unknown_in_no_row_is_no_scale() -> None:
+    problem = _program(lambda z: (z[0] - 3.0) ** 2, None, lambda z: z[0] - 1.0)
+    _never(problem, _answer([3.0, 1e7], [], [0.0]))
+    _always(problem, _answer([1.0, 1e7], [], [-4.0]))
+
+
+# self-stress
+
+
+def _squeezed(reaction: list[float], stress: float) -> tuple[FrictionContact, FCPoint]:
+    """A body between two contacts that press with any force, beside a contact on a mass of 1."""
+    h = np.array([[1.0, 0, 0, -1, 0, 0], [0, 1, 0, 0, 1, 0], [0, 0, 1, 0, 0, 1]])
+    W = np.block([[h.T @ h, np.zeros((6, 3))], [np.zeros((3, 6)), np.eye(3)]])
+    q = np.concatenate([np.zeros(6), [-1.0, 0.3, 0.0]])
+    r = np.concatenate([[stress, 0, 0, stress, 0, 0], reaction])
+    return FrictionContact(W=W, q=q, mu=np.full(3, 0.5), dimension=3), FCPoint(r=r)
+
+
+@pytest.mark.parametrize("stress", [0.0, 1.0, 1e3, 1e6, 1e8])
+def test_self_stress_hides_no_wrong_contact(stress: float) -> None:
+    _always(*_squeezed([1.0, -0.3, 0.0], stress))
+    _never(*_squeezed([5.0, 0.3, 0.0], stress))
+
+
+@pytest.mark.parametrize("stress", [1.0, 1e3, 1e6])
+def test_self_stress_of_a_joint_hides_no_wrong_motion(stress: float) -> None:
+    """A body that is pinned and pressed, and another that falls with 1.02 of its speed."""
+    M, H, G = np.eye(6), np.vstack([np.eye(3), np.zeros((3, 3))]), np.eye(6)[:, :1]
+    f, v = np.array([-1.0, 0, 0, -1, 0, 0]), np.array([0.0, 0, 0, -1, 0, 0])
+    problem = GlobalFrictionContact(M=M, H=H, G=G, f=f, w=np.zeros(3), b=np.zeros(1), mu=[0.5], dimension=3)
+    answer = GFCPoint(v=v, r=[stress, 0.0, 0.0], lam=[1.0 - stress])
+    _always(problem, answer)
+    _never(problem, dataclasses.replace(answer, v=v * 1.02))
+
+
+# right to the last bit
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10, 1e12, 1e14])
+def test_the_exact_solution_rounded_to_doubles_is_solved(stiffness: float) -> None:
+    """M = [[k, −k], [−k, k + 1]]: in plain residuals no double near the solution is within 1e-6 at k = 1e12."""
+    M, q = np.array([[stiffness, -stiffness], [-stiffness, stiffness + 1.0]]), np.array([-1.0, -0.3])
+    a, b, c, d = (Fraction(float(m)) for m in M.ravel())
+    e, f = (-Fraction(float(x)) for x in q)
+    z = np.array([float((d * e - b * f) / (a * d - b * c)), float((a * f - c * e) / (a * d - b * c))])
+    mixed = MLCP(A=M, B=np.zeros((0, 0)), C=np.zeros((2, 0)), D=np.zeros((0, 2)), a=q, b=[])
+    for problem, answer in (
+        (LCP(M=M, q=q), lambda z: LCPPoint(z=z)),
+        (mixed, lambda z: MLCPPoint(u=z, v=[])),
+        (QP.build(M, q), lambda z: dataclasses.replace(ZERO2, z=z)),
+        (FrictionContact(W=M, q=q, mu=[2.0], dimension=2), lambda z: FCPoint(r=z)),
+    ):
+        _always(problem, answer(z), 1e-6, 1e-8)
+        _never(problem, answer(z * [1.5, 1.0]))
+
+
+def test_a_slack_that_is_rounding_is_zero() -> None:
+    """b = 0 and w = Du + Bv is rounding, as in circuits of resistors, capacitors and diodes: w has no size of its own
+    that it could be measured by."""
+    rng = np.random.default_rng(4)
+    A, C = rng.standard_normal((3, 3)) + 3.0 * np.eye(3), rng.standard_normal((3, 2))
+    v = np.array([0.7, 0.3])
+    u = np.linalg.solve(A, np.ones(3) - C @ v)
+    D = rng.standard_normal((2, 3))
+    D -= np.outer(D @ u, u) / (u @ u)  # so that w is rounding with B = 0
+    problem = MLCP(A=A, B=np.zeros((2, 2)), C=C, D=D, a=-np.ones(3), b=np.zeros(2))
+    w = D @ u
+    assert 0.0 < np.abs(w).max() < 1e-14
+    _always(problem, MLCPPoint(u=u, v=v))
+    _never(problem, MLCPPoint(u=2.0 * u, v=v))
+    _never(problem, MLCPPoint(u=u, v=2.0 * v))

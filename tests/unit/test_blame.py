@@ -1,0 +1,322 @@
+"""Who is charged with an answer that is not right: the solver, the conversion, or nobody."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_results import meta, row
+from written_reports import write_html, write_report
+
+from cpbench import storage
+from cpbench.analysis import reliability
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.tolerances import judged_at
+from cpbench.bench.planning import plan
+from cpbench.bench.processes import wire
+from cpbench.bench.referee import Referee
+from cpbench.bench.results.planned import planned
+from cpbench.bench.results.rejudge import rejudge_file
+from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.results.store import Store
+from cpbench.conversions import make
+from cpbench.formulations.base import Kind, Problem
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.lcp import LCP
+from cpbench.formulations.mlcp import MLCP
+from cpbench.solvers.base import Claim
+from cpbench.verification import TARGET_UNRESOLVABLE, Status, Verdict, judge, status
+
+TOLERANCE = 1e-6
+
+
+def cancelling() -> MLCP:
+    """u = 1 − v and w = 1 − 10⁸u = 10⁸v − 99999999: of what is large in the Schur complement nothing is left in u."""
+    one = np.eye(1)
+    return MLCP(A=one, B=0 * one, C=one, D=-1e8 * one, a=[-1.0], b=[1.0])
+
+
+def contact() -> FrictionContact:
+    """A contact that slides at 30°, which no edge of eight facets has."""
+    way = np.array([math.cos(math.radians(30)), math.sin(math.radians(30))])
+    r, u = np.array([1.0, *(-0.5 * way)]), np.array([0.0, *way])
+    return FrictionContact(W=np.eye(3), q=u - r, mu=[0.5], dimension=3)
+
+
+def at_its_tolerance(problem: Problem, solution: np.ndarray, direction: np.ndarray, tolerance: float) -> np.ndarray:
+    """An answer that just meets the tolerance: the largest step by which the error does not exceed it."""
+    low, high = 0.0, 1e-14
+
+    def error(step: float) -> float:
+        return judge(problem, problem.point_from_vector(solution + step * direction), tolerance).error
+
+    assert error(0.0) <= tolerance
+    while error(high) <= tolerance:
+        low, high = high, 2 * high
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if error(middle) <= tolerance else (low, middle)
+    return solution + low * direction
+
+
+class Bench:
+    """A referee with one problem, asked as the runner asks it."""
+
+    def __init__(self, folder: Path, problem: Problem, node: str, request: plan.Request, tolerance: float = TOLERANCE):
+        path = folder / "p.h5"
+        storage.save(problem, path)
+        self.problem, self.referee = problem, Referee(folder)
+        self.case = {
+            "address": str(path), "format": None, "fingerprint": problem.fingerprint, "node": node,
+            "request": request.header, "tolerance": tolerance, "measure": None,
+        }  # fmt: skip
+        self.prepared, _ = wire.unpack(self.referee.prepare(None, case=self.case))
+        assert self.prepared["event"] == "prepared"
+
+    def judged(self, z: np.ndarray, claim: str = "solved", **more: Any) -> Mapping[str, Any]:
+        reply, _ = wire.unpack(self.referee.judge({"z": z}, case=self.case, claim=claim, answered=True, **more))
+        return reply
+
+
+@pytest.fixture
+def schur(tmp_path: Path) -> Bench:
+    return Bench(tmp_path, cancelling(), "lcp", plan.exact())
+
+
+def test_what_an_exact_conversion_loses_is_lost_and_not_wrong(schur: Bench) -> None:
+    assert (schur.prepared["route"], schur.prepared["kind"]) == ("mlcp-lcp-schur", "equivalent")
+    target = make("mlcp-lcp-schur").step(schur.problem)
+    asked = schur.prepared["tolerance"]
+    z = at_its_tolerance(target, np.array([1.0 - 1e-8]), np.ones(1), asked)
+    for claim in ("solved", "max_iter"):
+        row = schur.judged(z, claim)
+        assert row["status"] == Status.LOST
+        assert 0.9 * asked < row["target_error"] <= asked
+        assert row["error"] > 1e7 * asked, "the conversion amplifies by 10⁸, and asks for 10⁴ more at most"
+
+
+def test_a_solver_that_misses_its_own_target_is_charged(schur: Bench) -> None:
+    row = schur.judged(np.array([2.0]))
+    assert row["status"] == Status.WRONG
+    assert row["target_error"] > 0.1
+    assert schur.judged(np.array([2.0]), "max_iter")["status"] == Status.MAX_ITER
+    target = make("mlcp-lcp-schur").step(schur.problem)
+    near = at_its_tolerance(target, np.array([1.0 - 1e-8]), np.ones(1), 10 * schur.prepared["tolerance"])
+    assert schur.judged(near)["status"] == Status.INACCURATE
+
+
+def test_an_answer_that_is_right_is_solved_whatever_the_way(schur: Bench) -> None:
+    row = schur.judged(np.array([1.0 - 1e-8]))
+    assert row["status"] == Status.SOLVED
+    assert row["target_error"] <= schur.prepared["tolerance"]
+
+
+def test_a_solver_of_the_problem_itself_has_one_error(tmp_path: Path) -> None:
+    own = Bench(tmp_path, LCP(M=np.eye(1), q=[-1.0]), "lcp", plan.exact())
+    for z, expected in ((1.0, "solved"), (1.001, "wrong")):
+        row = own.judged(np.array([z]))
+        assert (row["status"], row["target_error"]) == (expected, row["error"])
+
+
+def test_facets_are_approximate_and_a_liar_on_facets_is_wrong(tmp_path: Path) -> None:
+    from cpbench.solvers import Budget, solvers
+
+    facets = Bench(tmp_path, contact(), "lcp", plan.facets("inner", 8)[0])
+    assert facets.prepared["kind"] == "approximate"
+    target = make("fc-lcp-inner", {"facets": 8}).step(contact())
+    found = solvers.get("lemke").run(target, Budget(tolerance=TOLERANCE))
+    row = facets.judged(found.point.z)
+    assert row["status"] == Status.APPROXIMATE
+    assert row["target_error"] <= TOLERANCE < row["error"]
+    lie = facets.judged(np.zeros(found.point.z.size))
+    assert lie["status"] == Status.WRONG
+    assert lie["target_error"] > 100 * TOLERANCE
+
+
+def test_a_solver_that_drops_a_term_has_no_problem_of_its_own(tmp_path: Path) -> None:
+    own = Bench(tmp_path, LCP(M=np.eye(1), q=[-1.0]), "lcp", plan.exact())
+    row = own.judged(np.array([3.0]), promise="relaxation")
+    assert (row["status"], row["target_error"]) == (Status.APPROXIMATE, None)
+    assert own.judged(np.array([1.0]), promise="relaxation")["status"] == Status.SOLVED
+
+
+# ------------------------------------------------------------------------------------- what is kept, judged again
+
+
+def results_of(bench: Bench, folder: Path, rows: Mapping[str, tuple[np.ndarray, str]], **more: Any) -> Path:
+    """A results file with a row for each solver's answer, as a run writes it."""
+    asked = plan.exact()
+    path = folder / "r.sqlite"
+    with Store(path, create=True) as store:
+        for solver, (z, claim) in rows.items():
+            pair = plan.Pair(
+                address=bench.case["address"],
+                problem="p",
+                fingerprint=bench.problem.fingerprint,
+                node=bench.problem.node,
+                family="",
+                sizes=bench.problem.sizes(),
+                request=asked,
+                entry=plan.parse_entry(solver),
+                target=bench.case["node"],
+                tolerance=TOLERANCE,
+                limits=plan.Limits(),
+            )
+            reply, blobs = wire.unpack(bench.referee.judge({"z": z}, case=bench.case, claim=claim, answered=True))
+            told = {"target_tolerance": bench.prepared["tolerance"]}
+            told |= {name: bench.prepared[name] for name in ("route", "kind")}
+            told |= {name: reply[name] for name in ("status", "error", "target_error")} | more
+            told |= {"claim": claim, "flags": ",".join(reply["flags"])}
+            store.put({**planned(pair), **dict.fromkeys(MEASURED), **told}, blobs["answer"])
+    return path
+
+
+def test_kept_answers_are_judged_again_as_they_were(schur: Bench, tmp_path: Path) -> None:
+    target = make("mlcp-lcp-schur").step(schur.problem)
+    lost = at_its_tolerance(target, np.array([1.0 - 1e-8]), np.ones(1), schur.prepared["tolerance"])
+    rows = {"lemke": (lost, "solved"), "pgs": (np.array([2.0]), "solved"), "bpp": (np.array([1.0 - 1e-8]), "failed")}
+    path = results_of(schur, tmp_path, rows)
+    with Store(path) as store:
+        assert {r["label"]: r["status"] for r in store.rows()} == {"lemke": "lost", "pgs": "wrong", "bpp": "solved"}
+    assert list(rejudge_file(path, None, None)) == ["3 answers judged again: no change"]
+    looser = list(rejudge_file(path, None, 0.1))
+    assert "lemke: lost -> solved" in looser[0]
+    tighter = list(rejudge_file(path, None, TOLERANCE / 2))
+    assert "lost -> inaccurate" in tighter[0], "half the tolerance is missed on the solver's own problem, too"
+
+
+def test_what_an_older_file_cannot_tell_is_said(schur: Bench, tmp_path: Path) -> None:
+    target = make("mlcp-lcp-schur").step(schur.problem)
+    lost = at_its_tolerance(target, np.array([1.0 - 1e-8]), np.ones(1), schur.prepared["tolerance"])
+    older = {"target_error": None, "target_tolerance": None, "status": "wrong"}
+    told = list(rejudge_file(results_of(schur, tmp_path, {"lemke": (lost, "solved")}, **older), None, None))
+    assert "did not measure them on the solver's own problem" in told[0]
+    assert told[1] == "1 answers judged again: no change"
+
+
+def measured(tolerance: float, error: float, flags: Sequence[str]) -> Verdict:
+    """The verdict of an error, which solves nothing where rounding decides."""
+    solved = error <= tolerance and "unresolvable" not in flags
+    return Verdict(tolerance, solved, error, flags=tuple(flags))
+
+
+def rows_of_every_kind() -> pd.DataFrame:
+    """Rows as runs write them, of every error, target, promise, claim and flag, with the statuses that they have."""
+    rng = np.random.default_rng(0)
+    found: list[dict[str, Any]] = []
+    for _ in range(3000):
+        error, there = 10.0 ** rng.uniform(-9, 1, 2)
+        factor = float(rng.choice([1.0, 1e-3]))
+        kind, claim = Kind(rng.choice(list(Kind))), str(rng.choice(list(Claim)))
+        flags = [f for f in ("stationary", "unresolvable", "direction") if rng.random() < 0.1]
+        known = rng.random() < 0.7
+        verdict = measured(TOLERANCE, error, flags)
+        blurred = ["unresolvable"] if rng.random() < 0.05 else []
+        target = measured(factor * TOLERANCE, there, blurred) if known else None
+        flags += [TARGET_UNRESOLVABLE] if known and blurred else []
+        outcome = str(status(verdict, claim, kind=kind, target=target))
+        if rng.random() < 0.1:
+            outcome = str(rng.choice(["timeout", "crash", "infeasible", "unbounded", "unsupported"]))
+        found.append(
+            {
+                "problem": "p", "label": f"s{len(found)}", "solver": "s", "status": outcome, "claim": claim,
+                "kind": str(kind), "flags": ",".join(flags), "error": error, "tolerance": TOLERANCE,
+                "target_error": there if known else math.nan, "target_tolerance": factor * TOLERANCE,
+                "route": "a-b",
+            }
+        )  # fmt: skip
+    return rows_of.normalised(pd.DataFrame(found))
+
+
+def test_judged_at_its_own_tolerance_every_row_is_what_it_is() -> None:
+    rows = rows_of_every_kind()
+    assert set(rows["status"]) >= {str(s) for s in Status} - {"memout", "error", "unavailable", "not_run"}
+    assert judged_at(rows, TOLERANCE)["status"].tolist() == rows["status"].tolist()
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-4, 1e-2])
+def test_judged_at_another_tolerance_is_what_a_run_at_it_would_say(tolerance: float) -> None:
+    rows = rows_of_every_kind()
+    others = judged_at(rows, tolerance)["status"]
+    for one, found in zip(rows.itertuples(), others, strict=True):
+        if one.status in ("timeout", "crash", "infeasible", "unbounded", "unsupported"):
+            assert found == one.status
+            continue
+        flags = one.flags.split(",")
+        verdict = measured(tolerance, one.error, flags)
+        asked, blurred = one.target_tolerance * tolerance / TOLERANCE, TARGET_UNRESOLVABLE in flags
+        known = one.target_error >= 0
+        target = measured(asked, one.target_error, ["unresolvable"] if blurred else []) if known else None
+        assert found == status(verdict, one.claim, kind=Kind(one.kind), target=target)
+
+
+def test_only_those_who_missed_their_target_are_accused() -> None:
+    rows = rows_of_every_kind()
+    lies = reliability.false_claims(rows)
+    assert len(lies) > 100
+    assert set(lies["status"]) == {"inaccurate", "wrong"}
+    assert (lies["target_error"].isna() | (lies["target_error"] > lies["target_tolerance"])).all()
+    claims = reliability.claims(rows.assign(label="s")).loc["s"]
+    met = rows[rows["status"].isin(["lost", "approximate"]) & (rows["claim"] == "solved")]
+    solved = rows[rows["status"].isin(["solved", "stationary"]) & (rows["claim"] == "solved")]
+    measured = met[met["target_error"].notna()]
+    assert len(measured) < len(met)
+    assert claims["true"] == len(solved) + len(measured)
+    losses = reliability.losses(rows)
+    assert losses["lost"].tolist() == [(rows["status"] == "lost").sum()]
+    lost = rows[rows["status"] == "lost"]
+    assert losses["factor"].tolist() == [(lost["error"] / lost["target_error"]).max()]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "verdict"),
+    [
+        ("wrong", "lost", "improved"),
+        ("lost", "wrong", "regressed"),
+        ("solved", "lost", "regressed"),
+        ("approximate", "solved", "improved"),
+        ("lost", "approximate", "inconclusive"),
+        ("unresolvable", "lost", "inconclusive"),
+        ("infeasible", "unbounded", "inconclusive"),
+    ],
+)
+def test_a_comparison_says_who_is_charged_now(before: str, after: str, verdict: str) -> None:
+    from cpbench.analysis import baseline, ratchet
+    from cpbench.analysis.comparison import Side, compare
+
+    def rows(outcome: str) -> pd.DataFrame:
+        told = {"problem": ["p"], "label": ["s"], "solver": ["s"], "status": [outcome], "claim": ["solved"]}
+        return pd.DataFrame({**told, "error": [1e-3], "tolerance": [TOLERANCE], "solve": [1.0]})
+
+    pair = compare(Side("old", rows(before)), Side("new", rows(after))).pairs.iloc[0]
+    assert (pair["verdict"], pair["gate"]) == (verdict, "status")
+    assert f"{before} → {after}" in pair["why"]
+    change = ratchet.changes(baseline.of(rows(before)), baseline.of(rows(after))).iloc[0]
+    assert change["detail"] == f"{before} -> {after}"
+    expected = {"inconclusive": "changed"}.get(verdict, verdict)
+    assert change["change"] == expected
+
+
+def test_reports_name_the_conversions_that_lost_answers(tmp_path: Path) -> None:
+    way = {"route": "mlcp-lcp-schur", "kind": "equivalent", "claim": "solved", "target_error": 5e-7}
+    rows = pd.DataFrame(
+        [
+            {**row("p-1", "lemke", "lost", 1.0), **way, "error": 1e-3},
+            {**row("p-2", "lemke", "lost", 1.0), **way, "error": 1e-4},
+            {**row("p-1", "pgs@inner8", "approximate", 1.0), "claim": "solved", "error": 0.1, "target_error": 1e-9},
+            {**row("p-2", "pgs@inner8", "solved", 1.0), "claim": "solved"},
+        ]
+    )
+    written = write_report(rows, meta(), tmp_path, "lost").read_text()
+    page = write_html(rows, meta(), tmp_path, "lost").read_text()
+    assert "## Lost on the way back (2)" in written
+    assert re.search(r"\| `mlcp-lcp-schur` *\| +2 \| +(2000|2e\+03) \|", written)
+    assert "## Claimed, is not (0)" in written
+    assert "Every claim of a solver held on the problem it was given." in written
+    assert "Lost on the way back (2)" in page

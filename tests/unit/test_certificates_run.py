@@ -1,0 +1,121 @@
+"""A run keeps the exact proofs of its statuses, and they are checked again when it is judged again."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from edited_results import seal_anew
+
+from cpbench import storage
+from cpbench.bench.results.merge import merge
+from cpbench.bench.results.rejudge import rejudge_file
+from cpbench.bench.results.store import Store
+from cpbench.errors import SealError
+from cpbench.formulations import LCP, QP
+from cpbench.verification import holds, unpacked
+
+PANG = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1], name="pang")
+NEAR = LCP(M=np.array([[1.0, -1.0], [-1.0, 1.0 + 1.9e-12]]), q=[-0.5, -0.5], name="near")
+FALLING = QP.build(np.diag([1.0, 0.0]), [0.0, -1.0], A=np.array([[-1.0, 1.0]]), b=[-1.0], name="falling")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("proofs")
+    for problem in (PANG, NEAR, FALLING):
+        storage.save(problem, folder / f"{problem.name}.h5")
+    chosen = [part for name in ("lemke", "lemke-mlcp", "cottle-dantzig", "qp-interior-point") for part in ("-s", name)]
+    command = [sys.executable, "-m", "cpbench", "run", ".", *chosen, "--no-report", "-q", "-o", "r.sqlite"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder / "r.sqlite"
+
+
+def statuses(path: Path) -> Mapping[tuple[str, str], tuple[str, str, str]]:
+    with Store(path) as store:
+        return {(row["problem"], row["solver"]): (row["status"], row["claim"], row["message"]) for row in store.rows()}
+
+
+def test_statuses_are_those_that_are_proved(results: Path) -> None:
+    found = statuses(results)
+    for solver in ("lemke", "lemke-mlcp", "cottle-dantzig"):  # the second by a conversion, whose data are others
+        status, claim, message = found["pang", solver]
+        assert (status, claim) == ("infeasible", "infeasible") or (solver == "cottle-dantzig" and claim == "failed")
+        assert ("proved" in message) == (status == "infeasible")
+        status, claim, message = found["near", solver]
+        assert (status, claim) == ("failed", "infeasible")
+        assert "no solution with ‖z‖∞ < 5.2e+11" in message
+    assert found["falling", "qp-interior-point"][:2] == ("unbounded", "unbounded")
+    assert found["falling", "lemke-mlcp"][:2] == ("unbounded", "infeasible")  # its conditions of optimality have none
+
+
+def test_proofs_are_kept_and_hold(results: Path) -> None:
+    problems = {problem.name: problem for problem in (PANG, NEAR, FALLING)}
+    with Store(results) as store:
+        rows = {row["key"]: row for row in store.rows()}
+        kept = list(store.certificates())
+    assert {rows[key]["status"] for key, _, _ in kept} == {"infeasible", "unbounded"}
+    assert len(kept) == sum(row["status"] in ("infeasible", "unbounded") for row in rows.values())
+    for key, kind, data in kept:
+        assert kind == rows[key]["status"]
+        assert holds(problems[rows[key]["problem"]], unpacked(kind, data))
+
+
+def test_merged_files_keep_the_proofs(results: Path, tmp_path: Path) -> None:
+    merge([results], tmp_path / "m.sqlite")
+    with Store(results) as before, Store(tmp_path / "m.sqlite") as after:
+        assert list(before.certificates()) == list(after.certificates())
+
+
+def _judged_again(path: Path) -> list[str]:
+    """The lines of judging all rows again, and what it ends with: '' or the message of its SealError."""
+    lines: list[str] = []
+    try:
+        lines.extend(rejudge_file(path, None, None))
+    except SealError as end:
+        return [*lines, str(end)]
+    return [*lines, ""]
+
+
+def test_judging_again_checks_the_proofs(results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(results.parent)
+    assert list(rejudge_file(results, None, None))[-1].endswith("no change")
+    for change, ends in (
+        ("UPDATE certificates SET proof = x'00'", "failed"),
+        ("UPDATE certificates SET kind = 'unbounded' WHERE kind = 'infeasible'", "failed"),
+        ("DELETE FROM certificates", ""),  # as in older files: the proof is found again
+    ):
+        copy = tmp_path / "copy.sqlite"
+        copy.unlink(missing_ok=True)
+        with closing(sqlite3.connect(results)) as source, closing(sqlite3.connect(copy)) as target:
+            source.backup(target)
+            with target:
+                target.execute(change)
+        with Store(results) as store:
+            touched = sum(kind == "infeasible" or "WHERE" not in change for _, kind, _ in store.certificates())
+        *_, end = _judged_again(copy)
+        assert f"{touched} rows are not as a run wrote them" in end
+        seal_anew(copy)  # by whoever has the key: the proofs themselves are checked
+        *told, summary, end = _judged_again(copy)
+        assert all(
+            line.endswith(("infeasible -> failed, error inf", "unbounded -> failed, error inf")) for line in told
+        )
+        assert len(told) == (touched if ends else 0)
+        assert ("-> failed" in summary) == bool(ends)
+        assert f"{touched} statuses change by the row's own measure" in end if ends else not end
+
+
+def test_a_row_that_is_run_again_loses_its_proof(results: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.sqlite"
+    with closing(sqlite3.connect(results)) as source, closing(sqlite3.connect(copy)) as target:
+        source.backup(target)
+    with Store(copy, create=True) as store:
+        store.reset()
+        assert list(store.certificates()) == []

@@ -1,0 +1,149 @@
+"""The judge against code that is not its own: the solvers' projections, 80 digits, and problems in other units."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench.formulations import LCP, QP, FCPoint, FrictionContact, LCPPoint, QPPoint
+from cpbench.product_cones import Cone, ProductCone
+from cpbench.testing import planted
+from cpbench.testing.cases import cases
+from cpbench.verification import judge, sets
+from cpbench.verification.backward_error import backward_error
+from cpbench.verification.equilibration import equilibrate
+from cpbench.verification.measures import SYSTEMS, measure
+from cpbench.verification.parallel_rows import relief_of
+
+FACTORS = [
+    (Cone.SECOND_ORDER, 3, 0.7, 0.0),
+    (Cone.SECOND_ORDER, 2, 0.3, 0.0),
+    (Cone.SECOND_ORDER, 3, 0.0, 0.0),
+    (Cone.SECOND_ORDER, 3, np.inf, 0.0),
+    (Cone.SECOND_ORDER, 4, 1e-8, 0.0),
+    (Cone.ROLLING, 5, 0.4, 0.2),
+    (Cone.ROLLING, 3, 0.4, 0.0),
+    (Cone.ROLLING_DUAL, 5, 0.4, 0.2),
+    (Cone.CYLINDER, 3, 0.8, 0.0),
+    (Cone.BALL, 3, 1.3, 0.0),
+]
+
+
+@pytest.mark.parametrize(("kind", "size", "mu", "mu_r"), FACTORS)
+def test_projections_are_those_of_the_solvers(
+    rng: np.random.Generator, kind: Cone, size: int, mu: float, mu_r: float
+) -> None:
+    y = rng.standard_normal((400, size)) * 10.0 ** rng.integers(-6, 7, (400, 1))
+    ours = sets.project(kind, y, np.full(400, mu), np.full(400, mu_r))
+    theirs = ProductCone.of((kind, 400, size, mu, mu_r)).project(y.ravel()).reshape(y.shape)
+    assert np.abs(ours - theirs).max(axis=1) == pytest.approx(np.zeros(400), abs=1e-14 * np.abs(y).max())
+    largest = np.abs(y).max(axis=1)
+    assert (np.abs(ours - theirs).max(axis=1) <= 1e-12 * largest).all()
+
+
+@pytest.mark.parametrize("mu", [0.0, 1e-8, 0.5, 3.0, 1e8])
+def test_projections_on_the_friction_cone_hold_in_80_digits(rng: np.random.Generator, mu: float) -> None:
+    """x = P_K(y) exactly when x ∈ K, y − x ∈ −K* and x is orthogonal to y − x."""
+    with mpmath.workdps(80):
+        for _ in range(60):
+            y = rng.standard_normal(3) * 10.0 ** float(rng.integers(-12, 13))
+            x = sets.project(Cone.SECOND_ORDER, y[None], np.array([mu]), np.zeros(1))[0]
+            X, Y = [[mpmath.mpf(float(v)) for v in part] for part in (x, y)]
+            gap = [a - b for a, b in zip(X, Y, strict=True)]
+            size = mpmath.sqrt(sum(v**2 for v in Y))
+            beyond = mpmath.sqrt(X[1] ** 2 + X[2] ** 2) - mu * X[0]
+            polar = mu * mpmath.sqrt(gap[1] ** 2 + gap[2] ** 2) - gap[0]
+            assert beyond <= 1e-14 * size * max(1.0, mu)
+            assert polar <= 1e-14 * size * max(1.0, mu)
+            assert abs(sum(a * b for a, b in zip(X, gap, strict=True))) <= 1e-14 * size**2
+
+
+def test_the_error_of_an_lcp_holds_in_80_digits(rng: np.random.Generator) -> None:
+    """The formula of `backward_error`, written again: every row has a constant, so that all are definite."""
+    for seed in range(20):
+        M, z = rng.standard_normal((5, 5)), rng.standard_normal(5) * 10.0 ** rng.integers(-8, 9, 5)
+        q = rng.standard_normal(5) * 10.0 ** rng.integers(-8, 9, 5)
+        with mpmath.workdps(80):
+            A = [[mpmath.mpf(float(v)) for v in row] for row in M]
+            x, c = [mpmath.mpf(float(v)) for v in z], [mpmath.mpf(float(v)) for v in q]
+            near = [max(v, 0) for v in x]
+            s = [sum(abs(A[i][j]) * max(abs(x[j]), near[j]) for j in range(5)) + abs(c[i]) for i in range(5)]
+            w = [sum(A[i][j] * x[j] for j in range(5)) + c[i] for i in range(5)]
+            E = [max(abs(A[i][j]) / s[i] for i in range(5)) for j in range(5)]
+            expected = max(abs(min(E[i] * x[i], w[i] / s[i])) for i in range(5))
+        problem = LCP(M=M, q=q)
+        error = backward_error(SYSTEMS["lcp"](problem, LCPPoint(z=z))).error
+        assert error == pytest.approx(float(expected), rel=1e-9, abs=1e-14), seed
+
+
+def test_equilibration_follows_units(rng: np.random.Generator) -> None:
+    A = sp.random_array((30, 30), density=0.2, rng=rng).toarray() + np.diag(rng.uniform(0.5, 2.0, 30))
+    K = np.abs(A) + np.abs(A).T
+    u = 2.0 ** rng.integers(-60, 61, 30)
+    one, other = equilibrate(sp.csr_array(K)), equilibrate(sp.csr_array(u[:, None] * K * u))
+    assert np.abs(np.log2(one / (other * u))).max() < 0.3
+
+
+def test_a_program_in_other_units_has_the_same_error(rng: np.random.Generator) -> None:
+    for _ in range(10):
+        problem, point = planted.qp(rng, 8, 5, 2)
+        D, E, F = (2.0 ** rng.integers(-30, 31, n) for n in (8, 5, 2))
+        other = QP.build(
+            D[:, None] * problem.Q * D, D * problem.p, E[:, None] * problem.A * D, E * problem.b,
+            F[:, None] * problem.C * D, F * problem.d, problem.lb / D, problem.ub / D,
+        )  # fmt: skip
+        wrong = QPPoint(z=point.z * 1.001, lam=point.lam, mu=point.mu, nu=point.nu)
+        there = QPPoint(z=wrong.z / D, lam=wrong.lam / E, mu=wrong.mu / F, nu=wrong.nu * D)
+        assert measure(other, there).error == pytest.approx(measure(problem, wrong).error, rel=0.5)
+
+
+@pytest.mark.parametrize("size", [1e3, 1e12])
+def test_multipliers_of_parallel_rows_count_as_their_sum(size: float) -> None:
+    """Rows a, −2a and b with multipliers s, (s − 1)/2 and 3: a pushes with 1 in all, b with 3."""
+    rows = sp.csr_array(np.array([[1.0, 4.0, 0.0], [-2.0, -8.0, 0.0], [0.0, 1.0, 5.0]]))
+    multipliers = np.array([size, (size - 1.0) / 2.0, 3.0])
+    gross = np.abs(rows.toarray()).T @ np.abs(multipliers)
+    net = gross - relief_of(rows, multipliers, np.ones(3))
+    assert net == pytest.approx([1.0, 4.0 + 3.0, 15.0], abs=1e-3 * size * 1e-9)
+    nearly = sp.csr_array(np.array([[1.0, 4.0, 0.0], [-2.0, -8.0 * (1 + 1e-6), 0.0], [0.0, 1.0, 5.0]]))
+    assert relief_of(nearly, multipliers, np.ones(3)) == pytest.approx(np.zeros(3))
+
+
+def test_what_rounding_decides_is_unresolvable() -> None:
+    stick = FrictionContact(W=np.diag([1.0, 1, 1]) + 0.1, q=[-1.0, 0.3, 0.1], mu=[1e15], dimension=3)
+    r = np.linalg.solve(stick.W, -stick.q)
+    r[1] = np.nextafter(r[1], 0.0)  # as near as numbers come: the sliding of 1e-17 is 1e-2 once multiplied by mu
+    assert "unresolvable" in judge(stick, FCPoint(r=r), 1e-6).flags
+    easy = FrictionContact(W=stick.W, q=stick.q, mu=[0.5], dimension=3)
+    assert judge(easy, FCPoint(r=r), 1e-6).solved
+
+
+@pytest.mark.parametrize("node", sorted(SYSTEMS))
+def test_planted_solutions_are_resolved(node: str) -> None:
+    for case in cases(node):
+        verdict = judge(case.problem, case.point, 1e-6)
+        assert verdict.solved, (case.name, verdict.error)
+        assert "unresolvable" not in verdict.flags, case.name
+
+
+def test_a_contact_that_misses_its_law_beside_a_large_self_stress_is_flagged() -> None:
+    """A body held by two walls, that presses as hard as one likes, and on the floor: r = 5 in place of 1 there."""
+    H = np.zeros((2, 9))  # velocities (sideways, up); contacts: left wall, right wall, floor
+    H[0, 0], H[0, 3], H[1, 6] = 1.0, -1.0, 1.0
+    W = H.T @ (np.eye(2) + 0.1) @ H
+    right = np.array([0.0, 0, 0, 0, 0, 0, 1, 0, 0])
+    q = -W @ right
+    problem = FrictionContact(W=W, q=q, mu=np.full(3, 0.5), dimension=3)
+    stress = np.array([1e9, 0, 0, 1e9, 0, 0, 0, 0, 0])
+    assert judge(problem, FCPoint(r=right + stress), 1e-6).solved
+    verdict = judge(problem, FCPoint(r=5.0 * right + stress), 1e-6)
+    assert not verdict.solved or "contact" in verdict.flags
+
+
+def test_a_problem_without_constants_is_measured_absolutely() -> None:
+    problem = LCP(M=np.eye(2), q=np.zeros(2))
+    verdict = judge(problem, LCPPoint(z=[1e-9, 0.0]), 1e-6)
+    assert verdict.solved
+    assert verdict.flags == ("absolute",)
