@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -61,7 +62,7 @@ def command(
     """
     if kind == CI:
         folder, texts = output or Path(), new_ci.texts(host, name, build)
-        steps = new_ci.next_steps(host, folder)
+        steps = new_ci.next_steps(host, folder, name, build)
     else:
         if name is None:
             raise click.UsageError(f"say a name: cpbench new {kind} NAME")
@@ -121,9 +122,9 @@ def _write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
 def _next(lang: str, folder: Path, texts: Mapping[str, str]) -> list[str]:
     """Command lines to go on with."""
     plugin = next(file for file in sorted(texts) if file.endswith(".py" if lang == "python" else ".toml"))
-    check = f"cpbench check {folder / plugin}"
+    check = shlex.join(["cpbench", "check", str(folder / plugin)])
     if lang == "cpp":
-        return [f"make -C {folder}", check]
+        return [shlex.join(["make", "-C", str(folder)]), check]
     if lang == "julia":
         return [f"install Julia and the packages, as the first line of {folder / plugin} says", check]
     return [check]

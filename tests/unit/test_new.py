@@ -442,7 +442,9 @@ solver(Modest, "modest")
         ("nowhere.toml", None, "nowhere.toml"),
     ],
 )
-def test_a_plugin_that_does_not_load_says_so_in_one_line(tmp_path: Path, file: str, text: str, word: str) -> None:
+def test_a_plugin_that_does_not_load_says_so_in_one_line(
+    tmp_path: Path, file: str, text: str | None, word: str
+) -> None:
     if text is not None:
         (tmp_path / file).write_text(text)
     with pytest.raises(CpbenchError) as refusal:
