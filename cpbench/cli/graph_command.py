@@ -7,6 +7,7 @@ from functools import partial
 
 import click
 
+from cpbench.cli import terminal
 from cpbench.cli.options import number
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
@@ -27,7 +28,7 @@ from cpbench.report.graph_drawing import FORMATS, draw
 )
 @partial(kinds_option, default="all")
 def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]) -> None:
-    """Draw the formulations, the conversions between them and the solvers on each.
+    """Show the formulations, the conversions between them and the solvers on each, as text or for a drawing program.
 
     With --check, print the matrix of residuals: for every ordered pair of formulations that equivalent conversions
     join, planted problems are converted, written to a file, solved, and lifted through the file; a cell is the worst
@@ -36,7 +37,9 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     for node in nodes:
         formulations.get(node)
     if not check:
-        click.echo(draw(form, kinds))
+        for line in draw(form, kinds).splitlines():
+            for part in terminal.folded(line) if form == "text" else [line]:
+                click.echo(part)
         return
     from cpbench.testing.residual_matrix import measure, table
 
