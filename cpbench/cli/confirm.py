@@ -13,7 +13,7 @@ from cpbench.bench import rerun
 from cpbench.bench.results.store import Store
 from cpbench.cli.progress import Display
 from cpbench.cli.sides import side
-from cpbench.report.text import counted
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison, Side

@@ -17,6 +17,7 @@ from cpbench.bench.results.store import Store
 from cpbench.cli.candidates import solver_of
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 SHIPPED = "recommendation_table.json"
 """In `cpbench.analysis`: what the built-in problems came to where this version was made."""
@@ -36,7 +37,7 @@ def gather(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experien
         cold, source, remarks = gather(results, False, inexact)
         return cold, source, ["no warm start was measured: ranked by cold ones, of solvers that take a start", *remarks]
     if known.unfinished:
-        remarks.append(f"{known.unfinished} problems are left out: some of their pairs were not run")
+        remarks.append(f"left out, for some of their pairs were not run: {counted(known.unfinished, 'problem')}")
     if not known.cases:
         lost = f"nobody solved any of its {known.unsolved} problems" if known.unsolved else "it has no finished problem"
         raise CpbenchError(f"{source}: nothing to learn from: {lost}; leave --results out for the shipped table")
@@ -64,7 +65,7 @@ def read(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience
     if rows:
         read = experience(rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact)
         known = replace(read, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
-    return known, [f"{lost} problems are not where they were: only their sizes are known"] if lost else []
+    return known, [f"only the sizes are known of {counted(lost, 'problem')} not where they were"] if lost else []
 
 
 def restricted(labels: Sequence[str], results: Sequence[Path]) -> set[str]:

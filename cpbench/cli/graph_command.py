@@ -11,6 +11,7 @@ from cpbench.cli import terminal
 from cpbench.cli.options import number
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
+from cpbench.plurals import counted
 from cpbench.report.graph_drawing import FORMATS, draw
 
 
@@ -68,6 +69,6 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     taken = sum(cell.error is not None for cell in found)
     within = taken - len(above) - len(rounded)
     more = f", {len(rounded)} more within rounding" if rounded else ""
-    click.echo(f"{within} of {taken} pairs within {number(tolerance)}{more}")
+    click.echo(f"{within} of {counted(taken, 'pair')} within {number(tolerance)}{more}")
     if above:
         sys.exit(1)

@@ -8,6 +8,7 @@ import click
 
 from cpbench.bench.results.merge import PREFER, merge
 from cpbench.bench.results.store import Store
+from cpbench.plurals import counted
 
 
 @click.command()
@@ -34,5 +35,5 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     for line in notes:
         click.echo(f"{line}; they are sealed anew as they are", err=True)
     summary = ", ".join(f"{counts[status]} {status}" for status in sorted(counts, key=lambda s: -counts[s]))
-    click.echo(f"{sum(counts.values())} pairs of {len(results)} files: {summary}")
+    click.echo(f"{counted(sum(counts.values()), 'pair')} of {counted(len(results), 'file')}: {summary}")
     click.echo(f"results: {output}")

@@ -17,6 +17,7 @@ import click
 from cpbench.cli import next_command
 from cpbench.cli.options import Address, force_option, format_option
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     from cpbench.analysis.experience import Experience
@@ -123,7 +124,7 @@ def _recommend(
             break
     if not taken:
         raise CpbenchError(
-            f"{source}: none of {len(passed)} solvers takes this problem here; the first, "
+            f"{source}: none of {counted(len(passed), 'solver')} takes this problem here; the first, "
             f"{passed[0].advice.label}: {passed[0].obstacle}"
         )
     apart = len(set(known.origins)) > 1

@@ -15,6 +15,7 @@ from cpbench.cli import next_command
 from cpbench.cli.options import Duration, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,8 +112,8 @@ def _require_room(found: Measured, room: float, budget: float, safety: float) ->
     if room < least:
         need = math.ceil(safety * found.expected(least))
         raise CpbenchError(
-            f"--budget {duration(budget)}: starting {found.solvers} solvers and the cheapest problem take {need} s "
-            f"with --safety {safety:g}: use --budget {need}s or more, or results of fewer solvers"
+            f"--budget {duration(budget)}: starting {counted(found.solvers, 'solver')} and the cheapest problem take "
+            f"{need} s with --safety {safety:g}: use --budget {need}s or more, or results of fewer solvers"
         )
 
 

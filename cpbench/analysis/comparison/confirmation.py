@@ -12,6 +12,7 @@ import pandas as pd
 
 from cpbench.analysis.comparison.gates import Verdict
 from cpbench.analysis.comparison.verdicts import NOT_AGAIN, Comparison, worst
+from cpbench.plurals import counted
 
 PAIR = ["fingerprint", "label_new", "request", "tolerance", "measure", "start", "threads", "step", "problem"]
 """What a pair of the second comparison is found by."""
@@ -75,5 +76,5 @@ def _alarmed(found: Comparison, statuses: Collection[str]) -> pd.Series[bool]:
 def _counted(what: str, alarmed: int, again: int, calm: int) -> str:
     """How many alarmed, did so again, did not, and could not be run."""
     rest = alarmed - again - calm
-    parts = [f"{again} of {alarmed} {what}{'s' * (alarmed != 1)} alarmed twice", f"{calm} did not"]
+    parts = [f"{again} of {counted(alarmed, what)} alarmed twice", f"{calm} did not"]
     return ", ".join([*parts, *([f"{rest} could not be run again"] if rest else [])])
