@@ -55,7 +55,8 @@ def judge_by_all(
     if residuals is None:
         return verdict, []
     known = {**residuals.parts, **residuals.measured}
-    return verdict, all_measures(problem, point, verdict.judged["backward"], residuals.measured, known)
+    backward = {**verdict.judged, **verdict.parts}["backward"]
+    return verdict, all_measures(problem, point, backward, residuals.measured, known)
 
 
 def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None) -> tuple[Verdict, Residuals | None]:
@@ -71,6 +72,7 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
         if measure not in named(parts) and measure != "backward":
             parts |= {row.name: row.value for row in published(problem, point, parts)}
         error = measured(parts, measure, found.error)
+        parts["backward"] = found.error
     else:
         error = found.error
         if found.absolute:
@@ -82,12 +84,12 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
         flags.append("direction")
     if solved and measures.misses_the_law(problem, system, tolerance):
         flags.append("contact")
-    return Verdict(tolerance, solved, error, {"backward": found.error}, parts, tuple(flags)), residuals
+    return Verdict(tolerance, solved, error, {measure or "backward": error}, parts, tuple(flags)), residuals
 
 
-def measured(published: Mapping[str, float], name: str, backward: float) -> float:
+def measured(parts: Mapping[str, float], name: str, backward: float) -> float:
     """One named number of an answer; raises UnknownName."""
-    both = named(published) | {"backward": backward}
+    both = named(parts) | {"backward": backward}
     if name not in both:
         raise UnknownName("measure", name, both)
     return both[name]
