@@ -6,15 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
-from cpbench import matrices, storage
+from cpbench import storage
+from cpbench.cli import pack_parts
 from cpbench.cli.options import force_option
+from cpbench.cli.pack_parts import Part
 from cpbench.cli.routes import sizes_line
-from cpbench.errors import ProblemError
-from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
+from cpbench.storage.base import require_new
 
 _FILE = click.Path(path_type=Path)
+_PARTS = {"lcp": "Mq", "mlcp": "ABCDab", "qp": "Qp", "fc": ("W", "q", "mu"), "gfc": ("M", "H", "f", "w", "mu")}
+"""What the files after an option are, in their order."""
+_MORE = {"inequality": "Ab", "equality": "Cd", "bounds": ("lb", "ub")}
+"""The same of the options that go with --qp."""
 
 
 @click.command()
@@ -37,68 +41,25 @@ _FILE = click.Path(path_type=Path)
 @force_option
 def command(output: Path, name: str, force: bool, axes: str | None, **given: Any) -> None:
     """Make a problem file from matrices and vectors in .npy, .npz, .mtx or .csv files."""
-    kinds = [k for k in ("lcp", "mlcp", "qp", "fc", "gfc") if given[k]]
+    kinds = [kind for kind in _PARTS if given[kind]]
     if len(kinds) != 1:
         raise click.UsageError("give exactly one of --lcp, --mlcp, --qp, --fc, --gfc")
-    problem = _BUILD[kinds[0]](given, axes, name or output.stem)
+    node = kinds[0]
+    for option in (name for name in _MORE if given[name] and node != "qp"):
+        raise click.UsageError(f"--{option} goes with --qp, not with --{node}")
+    if axes is not None and node not in ("fc", "gfc"):
+        raise click.UsageError(f"--axes goes with --fc and --gfc, not with --{node}")
+    require_new(output, force)
+    files = dict(zip(_PARTS[node], given[node], strict=True))
+    for option, parts in _MORE.items():
+        files |= dict(zip(parts, given[option] or (), strict=False))
+    problem = pack_parts.build(
+        node, {part: _read(node, part, file) for part, file in files.items()}, axes, name or output.stem
+    )
     storage.save(problem, output, force=force)
     click.echo(f"{output} ({problem.node}: {sizes_line(problem)})")
 
 
-def _lcp(given: dict[str, Any], axes: str | None, name: str) -> Problem:
-    M, q = given["lcp"]
-    return LCP(M=storage.read_matrix(M), q=storage.read_vector(q), name=name)
-
-
-def _mlcp(given: dict[str, Any], axes: str | None, name: str) -> Problem:
-    *blocks, a, b = given["mlcp"]
-    A, B, C, D = (storage.read_matrix(path) for path in blocks)
-    return MLCP(A=A, B=B, C=C, D=D, a=storage.read_vector(a), b=storage.read_vector(b), name=name)
-
-
-def _qp(given: dict[str, Any], axes: str | None, name: str) -> Problem:
-    Q, p = given["qp"]
-    parts: dict[str, Any] = {}
-    for option, matrix, vector in (("inequality", "A", "b"), ("equality", "C", "d")):
-        if given[option]:
-            parts[matrix] = storage.read_matrix(given[option][0])
-            parts[vector] = storage.read_vector(given[option][1])
-    if given["bounds"]:
-        parts["lb"], parts["ub"] = (storage.read_vector(path) for path in given["bounds"])
-    return QP.build(storage.read_matrix(Q), storage.read_vector(p), name=name, **parts)
-
-
-def _fc(given: dict[str, Any], axes: str | None, name: str) -> Problem:
-    W, q, mu = (read(path) for read, path in zip(_MATRIX_VECTOR_VECTOR, given["fc"], strict=True))
-    d = _dimension("fc", q.size, mu.size)
-    order = _order(axes, d, mu.size)
-    return FrictionContact(W=W[order][:, order], q=q[order], mu=mu, dimension=d, name=name)
-
-
-def _gfc(given: dict[str, Any], axes: str | None, name: str) -> Problem:
-    M, H, f, w, mu = given["gfc"]
-    w, mu = storage.read_vector(w), storage.read_vector(mu)
-    d = _dimension("gfc", w.size, mu.size)
-    order = _order(axes, d, mu.size)
-    H = storage.read_matrix(H)
-    H = matrices.sparse(H)[:, order] if matrices.is_sparse(H) else H[:, order]
-    f = storage.read_vector(f)
-    return GlobalFrictionContact(M=storage.read_matrix(M), H=H, f=f, w=w[order], mu=mu, dimension=d, name=name)
-
-
-_MATRIX_VECTOR_VECTOR = (storage.read_matrix, storage.read_vector, storage.read_vector)
-_BUILD = {"lcp": _lcp, "mlcp": _mlcp, "qp": _qp, "fc": _fc, "gfc": _gfc}
-
-
-def _dimension(node: str, rows: int, nc: int) -> int:
-    if nc == 0 or rows % nc or rows // nc not in (2, 3):
-        raise ProblemError(f"{node}.mu", f"has {nc} contacts for {rows} rows; there must be 2 or 3 rows a contact")
-    return rows // nc
-
-
-def _order(axes: str | None, d: int, nc: int) -> np.ndarray[Any, np.dtype[np.intp]]:
-    """Row numbers that put the normal first."""
-    if axes is not None and len(axes) != d:
-        raise ProblemError("axes", f"'{axes}' names {len(axes)} rows a contact, the data have {d}")
-    within = np.roll(np.arange(d), 1) if axes and axes.endswith("N") else np.arange(d)
-    return (np.arange(nc)[:, None] * d + within).ravel()
+def _read(node: str, part: str, file: Path) -> Part:
+    read = storage.read_matrix if pack_parts.is_matrix(node, part) else storage.read_vector
+    return Part(file, read(file))
