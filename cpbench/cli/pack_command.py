@@ -9,7 +9,7 @@ import click
 
 from cpbench import storage
 from cpbench.cli import pack_parts
-from cpbench.cli.options import force_option
+from cpbench.cli.options import Command, force_option
 from cpbench.cli.pack_parts import Part
 from cpbench.cli.routes import sizes_line
 from cpbench.storage.base import require_new
@@ -21,7 +21,7 @@ _MORE = {"inequality": "Ab", "equality": "Cd", "bounds": ("lb", "ub")}
 """The same of the options that go with --qp."""
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("output", type=_FILE)
 @click.option("--lcp", nargs=2, type=_FILE, metavar="M q", help="0 <= z _|_ Mz + q >= 0")
 @click.option("--mlcp", nargs=6, type=_FILE, metavar="A B C D a b", help="Au + Cv + a = 0, 0 <= v _|_ Du + Bv + b >= 0")
