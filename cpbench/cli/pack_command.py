@@ -8,11 +8,13 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.cli import pack_parts
+from cpbench.cli import pack_parts, pack_steps
 from cpbench.cli.options import Command, force_option
 from cpbench.cli.pack_parts import Part
 from cpbench.cli.routes import sizes_line
+from cpbench.errors import FormatError
 from cpbench.storage.base import require_new
+from cpbench.storage.hdf5_files import SUFFIXES
 
 _FILE = click.Path(path_type=Path)
 _PARTS = {"lcp": "Mq", "mlcp": "ABCDab", "qp": "Qp", "fc": ("W", "q", "mu"), "gfc": ("M", "H", "f", "w", "mu")}
@@ -37,10 +39,30 @@ _MORE = {"inequality": "Ab", "equality": "Cd", "bounds": ("lb", "ub")}
     default=None,
     help="Order of the rows of a contact (default: normal first).",
 )
-@click.option("--name", default="", help="Name of the problem (default: name of the file).")
+@click.option("--name", default="", help="Name of the problem, or of the sequence (default: name of the file).")
+@click.option("--sequence", is_flag=True, help="One problem a step, so that cpbench run --start previous follows them.")
+@click.option("--problems", type=_FILE, metavar="PATH", help="with --sequence: steps that are problem files or a pack")
+@click.option("--dt", type=click.FloatRange(min=0, min_open=True), help="with --sequence: size of a step [s]")
+@click.option("--ids", type=_FILE, metavar="PATH", help="with --sequence: the number by which each contact is known")
+@click.option("--positions", type=_FILE, metavar="PATH", help="with --sequence: where contacts are, nc x 3 [m]")
 @force_option
-def command(output: Path, name: str, force: bool, axes: str | None, **given: Any) -> None:
-    """Make a problem file from matrices and vectors in .npy, .npz, .mtx or .csv files."""
+def command(output: Path, name: str, force: bool, axes: str | None, sequence: bool, **given: Any) -> None:
+    """Make a problem file from matrices and vectors in .npy, .npz, .mtx or .csv files.
+
+    With --sequence every PATH is a folder or a glob with one file a step (in the order of the numbers in their names),
+    or an array with the steps as first dimension; what has no steps is the same in all:
+
+    \b
+      cpbench pack scene.h5 --sequence --dt 1e-3 --fc 'W*.npz' 'q*.npy' mu.npy --ids 'ids*.npy'
+      cpbench pack scene.h5 --sequence --dt 1e-3 --problems steps/ --ids ids.npy
+      cpbench run scene.h5 --start previous,cold
+    """
+    if sequence:
+        _pack_steps(output, name, force, axes, given)
+        return
+    for option in ("problems", "dt", "ids", "positions"):
+        if given[option] is not None:
+            raise click.UsageError(f"--{option} goes with --sequence")
     kinds = [kind for kind in _PARTS if given[kind]]
     if len(kinds) != 1:
         raise click.UsageError("give exactly one of --lcp, --mlcp, --qp, --fc, --gfc")
@@ -58,6 +80,37 @@ def command(output: Path, name: str, force: bool, axes: str | None, **given: Any
     )
     storage.save(problem, output, force=force)
     click.echo(f"{output} ({problem.node}: {sizes_line(problem)})")
+
+
+def _pack_steps(output: Path, name: str, force: bool, axes: str | None, given: dict[str, Any]) -> None:
+    kinds = [kind for kind in ("fc", "gfc", "problems") if given[kind]]
+    others = [kind for kind in ("lcp", "mlcp", "qp", *_MORE) if given[kind]]
+    if len(kinds) != 1 or others:
+        raise click.UsageError("--sequence takes one of --fc, --gfc, --problems: a sequence has contact problems")
+    if given["dt"] is None:
+        raise click.UsageError("--sequence needs the size of a step: --dt SECONDS")
+    if given["problems"] and axes is not None:
+        raise click.UsageError("--axes goes with --fc and --gfc, not with --problems")
+    if output.suffix.lower() not in SUFFIXES:
+        raise FormatError(output, "", f"a sequence is HDF5: expected a name that ends in {' or '.join(SUFFIXES)}")
+    require_new(output, force)
+    recorder = storage.Recorder(name or output.stem, given["dt"])
+    known = {option: given[option] for option in ("ids", "positions") if given[option] is not None}
+    if kinds == ["problems"]:
+        pack_steps.record_problems(recorder, given["problems"], known)
+    else:
+        files = dict(zip(_PARTS[kinds[0]], given[kinds[0]], strict=True))
+        pack_steps.record(recorder, kinds[0], files, known, axes)
+    recorder.save(output, force=force)
+    counts = [step.nc for step in recorder.steps]
+    click.echo(f"{output} ({recorder.steps[0].node}: {len(counts)} steps, {min(counts)} to {max(counts)} contacts)")
+    if any(step.contacts is None or not step.contacts.count for step in recorder.steps if step.nc):
+        cold = ", and are cold where their number changes" if min(counts) < max(counts) else ""
+        click.echo(
+            f"no ids and no positions of contacts (--ids, --positions): starts from the step before match contacts by "
+            f"their order{cold}",
+            err=True,
+        )
 
 
 def _read(node: str, part: str, file: Path) -> Part:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from cpbench.analysis.remarks import remarks
 from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import dry_run, plan_file, run_plan
@@ -282,13 +283,16 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     if counts.get(Status.UNAVAILABLE):
         _tell_absent(store)
     click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
+    table = store.table()
+    for remark in remarks(table):
+        click.echo(remark)
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
         from cpbench.cli.portraits import Portraits
         from cpbench.report.folder import write_folder
 
         title = "The built-in suite" if asked.builtin else asked.results.stem
-        iterates, table = history.table(store.histories()), store.table()
+        iterates = history.table(store.histories())
         portraits = Portraits(store, table)
         for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, portraits=portraits):
             click.echo(f"report: {path}")
