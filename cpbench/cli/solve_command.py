@@ -30,6 +30,7 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
+from cpbench.storage.base import require_new
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
 
@@ -50,7 +51,6 @@ from cpbench.verification import MET_TOLERANCE, PROVEN
 @limit_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the answer (.h5, .npy, .csv).")
 @click.option("--json", "as_json", is_flag=True, help="Print the row as JSON.")
-@click.option("--strict", is_flag=True, help="Exit with 1 unless the answer is verified, or the lack of one proved.")
 @format_option
 @force_option
 def command(
@@ -66,11 +66,16 @@ def command(
     threads: int,
     output: Path | None,
     as_json: bool,
-    strict: bool,
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Solve one problem by one solver, in a process of its own, and say what the answer is worth."""
+    """Solve one problem by one solver, in a process of its own, and say what the answer is worth.
+
+    Ends with 1 unless the answer is verified, or the lack of one proved, so that `solve ... && lift ...` carries no
+    wrong answer on. The answer is written all the same.
+    """
+    if output is not None:
+        require_new(output, force)
     entry = plan.parse_entry(solver)
     policy = starts.parse_start(start)
     if policy.kind is starts.StartKind.PREVIOUS:
@@ -111,7 +116,7 @@ def command(
     elif output is not None:
         click.echo("no answer to write", err=True)
         sys.exit(1)
-    if strict and row["status"] not in (*MET_TOLERANCE, *PROVEN):
+    if row["status"] not in (*MET_TOLERANCE, *PROVEN):
         sys.exit(1)
 
 

@@ -17,7 +17,6 @@ from cpbench.errors import FormatError
 @click.option("--answer", type=click.Path(path_type=Path), help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("--rejudge", type=click.Path(path_type=Path), help="Judge every kept answer of a results file again.")
 @click.option("--measure", metavar="NAME", help="Let this one measure decide (natural, fclib2018, siconos_mlcp, ...).")
-@click.option("--strict", is_flag=True, help="Exit with 1 when the answer does not pass.")
 @tolerance_option
 @format_option
 def command(
@@ -25,14 +24,14 @@ def command(
     answer: Path | None,
     rejudge: Path | None,
     measure: str | None,
-    strict: bool,
     tolerance: float,
     file_format: str | None,
 ) -> None:
     """Measure an answer on a problem; without --answer, the candidate in the file's own /solution.
 
     With --rejudge, measure the kept answers of a results file again, without solving, and print what changes.
-    Ends with 1 when a row is not as a run wrote it, or when a status changes by the row's own measure and tolerance.
+    Ends with 1 when the answer does not pass; with --rejudge when a row is not as a run wrote it, or when a status
+    changes by the row's own measure and tolerance.
     """
     if rejudge is not None:
         from cpbench.bench.results.rejudge import rejudge_file
@@ -61,5 +60,5 @@ def command(
         click.echo(f"          {name:<28} {number(value)}")
     if verdict.flags:
         click.echo(f"  flags   {', '.join(verdict.flags)}")
-    if strict and not verdict.solved:
+    if not verdict.solved:
         sys.exit(1)
