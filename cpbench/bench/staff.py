@@ -136,12 +136,8 @@ class Workers:
         timeout : of a solve, after which the limits of the start and the warm-up go. compiling : called when the worker
         has to compile before it is ready, which takes seconds and happens once a machine.
         """
-        if name in self.unavailable:
-            return None
-        child = self._children.get(name)
-        if child is not None and (self._memory[name] != memory or not child.alive):
+        if not self.settled(name, memory):
             self.drop(name)
-        if name not in self._children:
             reply = self._hired(name, memory, timeout, compiling)
             for _ in range(AGAIN):
                 if reply["event"] == "died":
@@ -151,7 +147,12 @@ class Workers:
                 return None
             self.versions[name] = str(reply.get("version", ""))
             self._single[name] = bool(reply.get("single"))
-        return self._children[name]
+        return self._children.get(name)
+
+    def settled(self, name: str, memory: int) -> bool:
+        """Whether `get` needs no new process: a worker with this limit is there, or there is none to be had."""
+        child = self._children.get(name)
+        return name in self.unavailable or (child is not None and self._memory[name] == memory and child.alive)
 
     def loaded(self, name: str, path: str) -> None:
         """A worker has told that it holds this problem; a fresh process takes it along when it ends."""
