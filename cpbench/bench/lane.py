@@ -58,7 +58,7 @@ class Lane:
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
         self._scratch = Scratch()
-        means = context(setting.threads, kernels=not setting.single)
+        means = context(setting.threads, few=setting.single)
         self.referee = Referee(means, setting, self._scratch.folder)
         self.workers = Workers(means, setting, self._scratch.folder)
 

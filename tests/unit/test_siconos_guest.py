@@ -13,7 +13,7 @@ import numpy as np
 import psutil
 import pytest
 
-from cpbench import matrices, storage
+from cpbench import matrices
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.errors import Ended
@@ -24,6 +24,7 @@ from cpbench.solvers.adapters.siconos import Row, SiconosSolver
 from cpbench.solvers.adapters.siconos_fc3d import SiconosFC3D
 from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
 from cpbench.solvers.base import Budget, Claim
+from cpbench.storage import save
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -89,7 +90,7 @@ def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> Non
     paths = [str(tmp_path / f"{k}.h5") for k in range(5)]
     for k, path in enumerate(paths):
         problem, _ = planted.fc(np.random.default_rng(k), 20, 3, "positive definite")
-        storage.save(problem, path)
+        save(problem, path)
     workers, guests, rows = set[int](), set[int](), list[Mapping[str, Any]]()
     with Lane() as lane:
         surveys = [lane.survey(path, [plan.exact()]) for path in paths]
