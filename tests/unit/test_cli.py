@@ -398,7 +398,7 @@ def test_an_interrupted_run_goes_on(lcp) -> None:
         while not under_way.search((folder / "log").read_text()) and running.poll() is None:
             time.sleep(0.02)
         running.send_signal(signal.SIGINT)
-        running.wait(timeout=60)
+        running.wait(timeout=600)
     said = (folder / "stderr").read_text()
     assert running.returncode == 130, said
     assert "the same command goes on" in said
