@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from cpbench.cli import new_ci, new_templates
+from cpbench.cli.options import Command
 from cpbench.errors import DuplicateName, FormatError
 
 LANGUAGES = ("python", "cpp", "julia", "command")
@@ -18,7 +19,7 @@ KINDS = ("solver", "conversion", "problem")
 CI = "ci"
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("kind", type=click.Choice([*KINDS, CI]))
 @click.argument("name", required=False)
 @click.option(
