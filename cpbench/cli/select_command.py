@@ -111,8 +111,11 @@ def _require_room(found: Measured, room: float, budget: float, safety: float) ->
     least = found.cost.min()
     if room < least:
         need = math.ceil(safety * found.expected(least))
+        cheapest = str(found.cost.idxmin())
+        whole = cheapest.startswith("sequence ")  # as `costs` names it
+        what = f"the {cheapest}, whose steps cannot be taken apart," if whole else "the cheapest problem"
         raise CpbenchError(
-            f"--budget {duration(budget)}: starting {counted(found.solvers, 'solver')} and the cheapest problem take "
+            f"--budget {duration(budget)}: starting {counted(found.solvers, 'solver')} and {what} take "
             f"{need} s with --safety {safety:g}: use --budget {need}s or more, or results of fewer solvers"
         )
 
