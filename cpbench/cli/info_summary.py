@@ -26,14 +26,14 @@ def lines(addresses: Sequence[str], file_format: str | None) -> tuple[list[str],
         except CpbenchError as cause:
             refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
         else:
-            rows.append((address, problem.node, sizes_line(problem)))
+            rows.append((problem.node, sizes_line(problem), address))
     return list(_told(rows)), refused
 
 
 def _told(rows: Sequence[tuple[str, str, str]]) -> Iterator[str]:
-    nodes = Counter(node for _, node, _ in rows)
+    nodes = Counter(node for node, _, _ in rows)
     kinds = ", ".join(f"{count} {node}" for node, count in nodes.most_common())
     yield f"{counted(len(rows), 'problem')}: {kinds or 'none could be read'}"
     if rows:
         yield from terminal.table(rows)
-        yield f"all that is known of one: cpbench info {shlex.quote(rows[0][0])}; of all, for programs: --json"
+        yield f"all that is known of one: cpbench info {shlex.quote(rows[0][2])}; of all, for programs: --json"

@@ -37,8 +37,9 @@ def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     from rich.text import Text
 
     grid = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
-    for place, _ in enumerate(rows[0]):
-        grid.add_column(overflow="fold", no_wrap=place == 0)  # names are to be copied
+    longest = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    for place, long in enumerate(longest):
+        grid.add_column(overflow="fold", no_wrap=place == 0 and long <= room // 2)  # names are to be copied
     for row in rows:
         grid.add_row(*map(Text, row))
     console = Console(file=io.StringIO(), width=room, color_system=None, highlight=False)
