@@ -49,7 +49,7 @@ def backward_error(system: System) -> BackwardError:
     frame = system.frame
     if not frame.k:
         return BackwardError(0.0, False, 0.0)
-    near, sizes, fixed = system.extents()
+    sizes, fixed = system.sizes(), system.fixed()
     scale = frame.terms.sums(sizes) + frame.constants
     scale = np.maximum(scale - system.relief, frame.constants)
     if not np.isfinite(scale).all():  # squares of such unknowns are no numbers any more
@@ -58,7 +58,7 @@ def backward_error(system: System) -> BackwardError:
     homogeneous = (definite == 0) & (scale > 0)
     if frame.multiplier is not None and homogeneous.any():  # multipliers alone: 0 certifies as well
         homogeneous &= frame.terms.sums(np.where(frame.multiplier, 0.0, sizes)) > 0
-    outside = frame.norms(system.x - near) > 0
+    outside = frame.norms(system.x - system.nearest()) > 0
     error = _measure(system, sizes, scale, definite, outside)
     if homogeneous.any():
         sure = np.where(homogeneous, np.inf, definite)

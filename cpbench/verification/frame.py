@@ -138,17 +138,26 @@ class System:
     relief: Vector | float = 0.0
     also: tuple[Vector, Any] | None = None
 
-    def extents(self) -> tuple[Vector, Vector, Flags]:
-        """The nearest point of the sets, sizes of the unknowns that reach it, and which are at a bound that is not 0."""
-        frame, near = self.frame, self.x
-        for part in frame.sets:
+    def nearest(self) -> Vector:
+        """The nearest point of the sets."""
+        near = self.x
+        for part in self.frame.sets:
             near = part.nearest(near)
-        sizes = frame.norms(self.x)
-        if near is not self.x:
-            sizes = np.maximum(sizes, frame.norms(near))
+        return near
+
+    def sizes(self) -> Vector:
+        """Sizes of the unknowns that reach the nearest point of the sets."""
+        sizes = self.frame.norms(self.x)
+        if all(part.has_0 for part in self.frame.sets):  # the nearest point is no larger
+            return sizes
+        return np.maximum(sizes, self.frame.norms(self.nearest()))
+
+    def fixed(self) -> Flags:
+        """Whether an unknown is at a bound that is not 0."""
+        frame = self.frame
         if not any(part.moored for part in frame.sets):
-            return near, sizes, np.zeros(frame.k, dtype=bool)
-        return near, sizes, frame.any(joined(frame.sets, frame.count, lambda part: part.anchored(self.x), bool))
+            return np.zeros(frame.k, dtype=bool)
+        return frame.any(joined(frame.sets, frame.count, lambda part: part.anchored(self.x), bool))
 
     def defect(self, x_unit: Vector, f_unit: Vector) -> Vector:
         """x̂ − P(x̂ − f̂) in units of the blocks."""

@@ -81,7 +81,7 @@ def part_error(system: System, parts: Parts) -> BackwardError:
         norms = frame.norms(system.defect(units.x, units.f))
         error, wrong = float(norms.max()), norms != 0
         if parts.measure is Measure.ENERGY:
-            error = float(parts.size(norms, slice(None)).max())
+            error = float(parts.every.size(norms).max())
     error = largest(error, squared(_beyond(system, noise, units.data)))
     if system.also is not None:
         value, rows = system.also
@@ -119,13 +119,13 @@ def _units(system: System, parts: Parts) -> _Units:
     """The sizes of the parts, as units of their blocks."""
     frame, z, multipliers = system.frame, parts.z, parts.multipliers
     constants, gap = frame.constants, parts.measure is Measure.GAP
-    _, sizes, fixed = system.extents()
+    sizes, fixed = system.sizes(), system.fixed()
     quiet = frame.any(joined(frame.sets, frame.count, lambda part: part.idle(system.x, system.f), bool))
     sums = frame.terms.sums(sizes)
     if not np.isscalar(system.relief):
         sums = np.maximum(sums - system.relief, 0.0)
     held = fixed if frame.multiplier is None else fixed & ~frame.multiplier
-    some_held = parts.any(held)
+    some_held = parts.every.any(held)
 
     # every z is as large as its part; without a side that is what the prices ask of a curved objective, else nothing
     prices, sides, curved = parts.prices, parts.sides, parts.curved
@@ -133,47 +133,52 @@ def _units(system: System, parts: Parts) -> _Units:
     unsized = ~sided & ~((prices > 0) & curved)
     reach = prices
     if gap or frame.multiplier is not None:
-        reach = parts.size(sizes[z] * parts.per_unknown[z], z)
+        reach = z.size((sizes * parts.per_unknown)[z.at])
         reach = np.where(sided, reach, np.maximum(reach, prices))
         # where z = 0 balances all, idle sides are all that has a size
         if (sided & ~some_held).any():
-            balanced = sided & ~some_held & ~parts.any(~quiet & (constants > 0))
+            balanced = sided & ~some_held & ~parts.every.any(~quiet & (constants > 0))
             reach = np.where(balanced, np.maximum(reach, sides), reach)
     felt = np.where(unsized, 0.0, reach)
+    data_unit = parts.data_unit
     if some_held.any():
-        sides = np.maximum(sides, parts.size(np.where(held, sizes, 0.0)[z] * parts.per_unknown[z], z))
+        own = np.maximum(sides, z.size((np.where(held, sizes, 0.0) * parts.per_unknown)[z.at]))
+        data_unit = data_unit.copy()
+        data_unit[multipliers.at] = parts.per_row[multipliers.at] * multipliers.spread(inverse(own))
 
-    f_unit, weight, data_unit = np.ones(frame.k), np.zeros(frame.k), np.zeros(frame.k)
-    per_size = []
-    for rows, least, own, plain in (
-        (z, np.where(curved & gap, felt, 0.0), prices, unsized & (prices == 0)),
-        (multipliers, felt, sides, unsized),
+    weight, x_unit = np.zeros(frame.k), np.zeros(frame.k)
+    empty = False
+    for group, least, plain, (scaled, bare) in (
+        (z, np.where(curved & gap, felt, 0.0), unsized & (prices == 0), parts.effects[0]),
+        (multipliers, felt, unsized, parts.effects[1]),
     ):
+        rows = group.at
         D, constant, feeds = parts.per_row[rows], constants[rows], sums[rows]
+        if not D.size:
+            continue
         counted = np.maximum(feeds, constant)
-        heard = parts.any((constant > 0) & (~quiet[rows] | (feeds > 0.1 * constant)), rows)
+        heard = group.any((constant > 0) & (~quiet[rows] | (feeds > 0.1 * constant)))
         if heard.any():
-            counted = np.where(quiet[rows] & parts.spread(heard, rows), feeds, counted)
+            counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
         # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row
-        size = np.maximum(parts.size(counted * D, rows), least)
-        per_size.append(inverse(size))
-        weight[rows] = D * parts.spread(per_size[-1], rows)
+        size = np.maximum(group.size(counted * D), least)
+        per_size = inverse(size)
+        weight[rows] = D * group.spread(per_size)
+        effect = scaled * parts.every.spread(per_size)
         if plain.any():
-            weight[rows] = np.where(parts.spread(plain, rows), 1.0, weight[rows])
-        f_unit[rows] = np.where(weight[rows] > 0, weight[rows], 1.0)
-        data_unit[rows] = D * parts.spread(inverse(own), rows)
-
-    if unsized.any():
-        x_unit = frame.terms.effects(weight, np.ones(frame.k, dtype=bool))
-    else:
-        x_unit = parts.effects[0] * parts.spread(per_size[0])
-        if frame.multiplier is not None:
-            x_unit = np.maximum(x_unit, parts.effects[1] * parts.spread(per_size[1]))
+            weight[rows] = np.where(group.spread(plain), 1.0, weight[rows])
+            effect = np.where(parts.every.spread(plain), bare, effect)
+        empty = empty or not size.all()
+        x_unit = np.maximum(x_unit, effect)
+    f_unit = np.where(weight > 0, weight, 1.0) if empty else weight
     # a set of finite size is data: an unknown beyond it is wrong even where no row feels that
-    own = np.maximum(x_unit[z], frame.own_unit[z])
-    x_unit[z] = np.where((own == 0) | parts.spread(unsized, z), 1.0, own)
+    own = np.maximum(x_unit[z.at], frame.own_unit[z.at])
+    if unsized.any():
+        own = np.where(z.spread(unsized), 1.0, own)
+    x_unit[z.at] = own if own.all() else np.where(own == 0, 1.0, own)
     moot = (prices == 0) & ~curved
     if frame.multiplier is not None and moot.any():
-        f_unit[z] = np.where(parts.spread(moot, z), 0.0, f_unit[z])
-        x_unit[multipliers] = np.where(parts.spread(moot, multipliers), 0.0, x_unit[multipliers])
-    return _Units(x_unit, f_unit, data_unit, sums + constants, quiet, bool((parts.spread(unsized) & (sizes > 0))[z].any()))
+        f_unit[z.at] = np.where(z.spread(moot), 0.0, f_unit[z.at])
+        x_unit[multipliers.at] = np.where(multipliers.spread(moot), 0.0, x_unit[multipliers.at])
+    absolute = unsized.any() and bool((z.spread(unsized) & (sizes[z.at] > 0)).any())
+    return _Units(x_unit, f_unit, data_unit, sums + constants, quiet, absolute)

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cpbench.matrices import Vector, norm
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
-from cpbench.verification.frame import Frame
+from cpbench.verification.frame import Frame, inverse
 from cpbench.verification.sets import Flags, slice_of
 
 
@@ -25,8 +25,55 @@ class Measure(Enum):
 
 
 @dataclass(frozen=True, eq=False)
+class Group:
+    """Some blocks of a problem. Sizes of parts have the shape (count,).
+
+    Attributes
+    ----------
+    at : where they are. part : the part of each, None where there is only one. count : how many parts there are.
+    energy : whether the size of a part is the root of a sum of squares; else it is the largest of its blocks.
+    """
+
+    at: Any
+    part: Any
+    count: int
+    energy: bool
+
+    @cached_property
+    def _runs(self) -> tuple[Any, Any, Any]:
+        """The order in which blocks of a part stand together, where each part begins, and which parts there are."""
+        order = np.argsort(self.part, kind="stable")
+        found, starts = np.unique(self.part[order], return_index=True)
+        return order, starts, found
+
+    def size(self, values: Vector) -> Vector:
+        """Size of the values in every part; 0 where there is none."""
+        if self.part is None:
+            return np.array([norm(values) if self.energy else values.max(initial=0.0)])
+        if self.energy:
+            return np.sqrt(np.bincount(self.part, values * values, self.count))
+        result = np.zeros(self.count)
+        if values.size:
+            order, starts, found = self._runs
+            result[found] = np.maximum.reduceat(values[order], starts)
+        return result
+
+    def any(self, flags: Flags) -> Flags:
+        """Whether a block of a part is flagged."""
+        if self.part is None:
+            return np.array([flags.any()])
+        result = np.zeros(self.count, dtype=bool)
+        result[self.part[flags]] = True
+        return result
+
+    def spread(self, values: Any) -> Any:
+        """The values of parts, for every block."""
+        return values[0] if self.part is None else values[self.part]
+
+
+@dataclass(frozen=True, eq=False)
 class Parts:
-    """The connected parts of a problem. Sizes of parts have the shape (count,).
+    """The connected parts of a problem.
 
     Attributes
     ----------
@@ -59,65 +106,61 @@ class Parts:
         return cls(frame, measure, rows, 1.0 / unknowns, part, int(count), inner)
 
     @cached_property
-    def z(self) -> Any:
-        """The blocks of z, beside those of the multipliers."""
-        multiplier = self.frame.multiplier
-        return slice(None) if multiplier is None else slice_of(np.flatnonzero(~multiplier))
+    def every(self) -> Group:
+        """All blocks."""
+        return self._group(slice(None))
 
     @cached_property
-    def multipliers(self) -> Any:
+    def z(self) -> Group:
+        """The blocks of z, beside those of the multipliers."""
+        multiplier = self.frame.multiplier
+        return self.every if multiplier is None else self._group(slice_of(np.flatnonzero(~multiplier)))
+
+    @cached_property
+    def multipliers(self) -> Group:
         """The blocks of the multipliers."""
         multiplier = self.frame.multiplier
-        return slice(0, 0) if multiplier is None else slice_of(np.flatnonzero(multiplier))
+        return self._group(slice(0, 0) if multiplier is None else slice_of(np.flatnonzero(multiplier)))
+
+    def _group(self, at: Any) -> Group:
+        return Group(at, None if self.count == 1 else self.part[at], self.count, self.measure is Measure.ENERGY)
 
     @cached_property
     def curved(self) -> Flags:
         """Whether some z is in a row beside z."""
-        return self.any(self.inner)
+        return self.every.any(self.inner)
 
     @cached_property
     def prices(self) -> Vector:
         """Size of the constants of the rows beside z."""
-        return self.size((self.frame.constants * self.per_row)[self.z], self.z)
+        return self.z.size((self.frame.constants * self.per_row)[self.z.at])
 
     @cached_property
     def sides(self) -> Vector:
         """Size of the constants of the rows beside multipliers."""
-        return self.size((self.frame.constants * self.per_row)[self.multipliers], self.multipliers)
+        return self.multipliers.size((self.frame.constants * self.per_row)[self.multipliers.at])
 
     @cached_property
-    def effects(self) -> tuple[Vector, Vector]:
-        """The largest terms of every unknown in a row beside z, and in one beside a multiplier, per unit."""
-        entries, found = self.frame.terms.rows, []
-        scaled = entries.data * np.repeat(self.per_row, np.diff(entries.indptr))
-        beside = np.ones(self.frame.k, dtype=bool) if self.frame.multiplier is None else ~self.frame.multiplier
-        for rows in (beside, ~beside):
-            largest = np.zeros(self.frame.k)
-            if rows.all():
-                np.maximum.at(largest, entries.indices, scaled)
-            elif rows.any():
-                some = np.repeat(rows, np.diff(entries.indptr))
-                np.maximum.at(largest, entries.indices[some], scaled[some])
-            found.append(largest)
-        return found[0], found[1]
-
-    def size(self, values: Vector, some: Any) -> Vector:
-        """Size of the values of `some` blocks in every part; 0 where there is none."""
-        energy = self.measure is Measure.ENERGY
-        if self.count == 1:
-            return np.array([norm(values) if energy else values.max(initial=0.0)])
-        if energy:
-            return np.sqrt(np.bincount(self.part[some], values * values, self.count))
-        result = np.zeros(self.count)
-        np.maximum.at(result, self.part[some], values)
+    def data_unit(self) -> Vector:
+        """1/size of every row by the constants of its part."""
+        result = np.zeros(self.frame.k)
+        for group, size in ((self.z, self.prices), (self.multipliers, self.sides)):
+            result[group.at] = self.per_row[group.at] * group.spread(inverse(size))
         return result
 
-    def any(self, flags: Flags, some: Any = slice(None)) -> Flags:
-        """Whether any of `some` blocks of a part is flagged."""
-        if self.count == 1:
-            return np.array([flags.any()])
-        return np.bincount(self.part[some], flags, self.count) > 0
+    @cached_property
+    def effects(self) -> tuple[tuple[Vector, Vector], ...]:
+        """The largest term of every unknown in rows beside z and in those beside multipliers, equilibrated and not."""
+        entries, k = self.frame.terms.rows, self.frame.k
+        row = np.repeat(np.arange(k), np.diff(entries.indptr))
+        scaled = entries.data * self.per_row[row]
+        multiplier = self.frame.multiplier
+        some = [slice(None), slice(0, 0)] if multiplier is None else [~multiplier[row], multiplier[row]]
+        return tuple((_largest(entries.indices[at], scaled[at], k), _largest(entries.indices[at], entries.data[at], k)) for at in some)
 
-    def spread(self, values: Any, some: Any = slice(None)) -> Any:
-        """The values of parts, for `some` blocks."""
-        return values[0] if self.count == 1 else values[self.part[some]]
+
+def _largest(at: Any, values: Vector, k: int) -> Vector:
+    """The largest of the nonnegative values in each place."""
+    result = np.zeros(k)
+    np.maximum.at(result, at, values)
+    return result

@@ -35,6 +35,11 @@ class Set(Protocol):
         """Whether a part of the boundary is not 0."""
         ...
 
+    @property
+    def has_0(self) -> bool:
+        """Whether 0 is in the set, so that the nearest point of it is never larger."""
+        ...
+
     def nearest(self, x: Vector) -> Vector:
         """P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
         ...
@@ -112,6 +117,10 @@ class Box:
     @cached_property
     def moored(self) -> bool:
         return any(((bound != 0) & some).any() for bound, some in zip((self.lb, self.ub), self.bounded, strict=True))
+
+    @cached_property
+    def has_0(self) -> bool:
+        return bool((self.lb <= 0).all() and (self.ub >= 0).all())
 
     def nearest(self, x: Vector) -> Vector:
         own = x[self.place]
@@ -215,6 +224,10 @@ class Factors:
     def moored(self) -> bool:
         return self.kind in (Cone.CYLINDER, Cone.BALL) and not self.rows
 
+    @property
+    def has_0(self) -> bool:
+        return True
+
     def nearest(self, x: Vector) -> Vector:
         if self.rows:
             return x
@@ -240,11 +253,11 @@ class Factors:
         held = np.einsum("ij,ij->i", own, other) > 0
         empty = (own == 0).all(axis=1) & (other != 0).any(axis=1)
         if empty.any():
+            some, mu, mu_r = other[empty], self.mu[empty], self.mu_r[empty]
             if self.rows:
-                inside = (other == project(self.kind, other, self.mu, self.mu_r)).all(axis=1)
+                held[empty] = (some == project(self.kind, some, mu, mu_r)).all(axis=1)
             else:  # Moreau: −f has no part in K where f is in the dual cone
-                inside = (project(self.kind, -other, self.mu, self.mu_r) == 0).all(axis=1)
-            held |= empty & inside
+                held[empty] = (project(self.kind, -some, mu, mu_r) == 0).all(axis=1)
         return np.broadcast_to(held[:, None], self.at.shape)
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
