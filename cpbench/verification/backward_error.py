@@ -127,5 +127,3 @@ def _definite(frame: Frame, sizes: Vector, scale: Vector, fixed: Flags) -> Vecto
             return definite
         definite = risen
     return np.where(definite > 0, np.inf, definite)
-
-

@@ -1,8 +1,8 @@
 """Scaling of a problem's matrix that is the same in all units.
 
-D and C are the least-squares solution of log A_ij + log D_i + log C_j = 0 over the entries (Curtis and Reid 1972). Other
-than scalings by the largest entry of each row, it follows a change of units: in units u_i of row i, D_i becomes D_i/u_i.
-Entries that stay far below 1 once scaled, rounding mostly, lose their weight.
+D and C are the least-squares solution of log A_ij + log D_i + log C_j = 0 over the entries (Curtis and Reid 1972).
+Other than scalings by the largest entry of each row, it follows a change of units: in units u_i of row i, D_i becomes
+D_i/u_i. Entries that stay far below 1 once scaled, rounding mostly, lose their weight.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from cpbench.matrices import Vector
 
 ROUNDS = 4
 STEPS = 200
-BITS = 0.05
-"""Conjugate gradients end where rows are off by less, root mean square: sizes are compared in these units, no digits."""
+BITS = 0.01
+"""Conjugate gradients end where rows are off by less in the root mean square: sizes are compared, no digits."""
 
 
 def equilibrate(K: Any) -> Vector:
@@ -32,7 +32,7 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
     rows = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
     logs = np.log2(A.data)
     W = sp.csr_array((np.ones(logs.size), A.indices, A.indptr), shape=A.shape)
-    d = np.zeros(A.shape[0])
+    d, e = np.zeros(A.shape[0]), np.zeros(A.shape[1])
     for _ in range(ROUNDS):
         d, e, steps = _least_squares(W, sp.csr_array((W.data * logs, A.indices, A.indptr), shape=A.shape), d)
         if not steps:

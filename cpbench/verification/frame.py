@@ -1,6 +1,7 @@
 """Answers as lists of unknowns and rows: what the judge measures, whatever the formulation.
 
-A `Frame` is what all answers to a problem have in common, made once where the problem is linear; a `System` is one answer.
+A `Frame` is what all answers to a problem have in common, made once where the problem is linear; a `System` is one
+answer.
 """
 
 from __future__ import annotations

@@ -21,7 +21,6 @@ The sum of products is the duality gap: a pair of which both are √ε is optima
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -30,6 +29,7 @@ import scipy.sparse as sp
 from cpbench.formulations.base import squared
 from cpbench.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError
+from cpbench.verification.coupling import felt_parts
 from cpbench.verification.frame import Frame, System, inverse, largest
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags, joined
@@ -56,12 +56,11 @@ def parts_between(frame: Frame, other: Frame, measure: Measure) -> Parts:
 
 @dataclass(frozen=True, eq=False)
 class _Units:
-    """1/size of every block, of its unknowns and of its rows; 1/size of rows by constants alone; sizes by all terms."""
+    """1/size of every block, of its unknowns and of its rows; 1/size of rows by constants alone."""
 
     x: Vector
     f: Vector
     data: Vector
-    gross: Vector
     quiet: Flags
     absolute: bool
 
@@ -71,10 +70,18 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     frame = system.frame
     if not frame.k:
         return BackwardError(0.0, False, 0.0)
-    units = _units(system, parts)
-    noise = (ROUNDINGS * EPS) * units.gross
-    if not np.isfinite(noise).all():  # squares of such unknowns are no numbers any more
-        return BackwardError(np.inf, units.absolute, 0.0)
+    sizes = system.sizes()
+    sums = frame.terms.sums(sizes)
+    if not np.isscalar(system.relief):
+        sums = np.maximum(sums - system.relief, 0.0)
+    gross = sums + frame.constants
+    if not np.isfinite(gross).all():  # squares of such unknowns are no numbers any more
+        return BackwardError(np.inf, False, 0.0)
+    fixed = system.fixed()
+    held = fixed if frame.multiplier is None else fixed & ~frame.multiplier
+    parts = felt_parts(parts, sizes, gross, held)
+    units = _units(system, parts, sizes, sums, held)
+    noise = (ROUNDINGS * EPS) * gross
     if parts.measure is Measure.GAP:
         error, wrong = _gap(system, parts, units), ~units.quiet
     else:
@@ -115,16 +122,11 @@ def _beyond(system: System, noise: Vector, data_unit: Vector) -> float:
     return largest(*(part.excess(f, unit) for part in frame.sets))
 
 
-def _units(system: System, parts: Parts) -> _Units:
+def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flags) -> _Units:
     """The sizes of the parts, as units of their blocks."""
     frame, z, multipliers = system.frame, parts.z, parts.multipliers
     constants, gap = frame.constants, parts.measure is Measure.GAP
-    sizes, fixed = system.sizes(), system.fixed()
     quiet = frame.any(joined(frame.sets, frame.count, lambda part: part.idle(system.x, system.f), bool))
-    sums = frame.terms.sums(sizes)
-    if not np.isscalar(system.relief):
-        sums = np.maximum(sums - system.relief, 0.0)
-    held = fixed if frame.multiplier is None else fixed & ~frame.multiplier
     some_held = parts.every.any(held)
 
     # every z is as large as its part; without a side that is what the prices ask of a curved objective, else nothing
@@ -148,9 +150,8 @@ def _units(system: System, parts: Parts) -> _Units:
 
     weight, x_unit = np.zeros(frame.k), np.zeros(frame.k)
     empty = False
-    for group, least, plain, (scaled, bare) in (
-        (z, np.where(curved & gap, felt, 0.0), unsized & (prices == 0), parts.effects[0]),
-        (multipliers, felt, unsized, parts.effects[1]),
+    for i, (group, least, plain) in enumerate(
+        ((z, np.where(curved & gap, felt, 0.0), unsized & (prices == 0)), (multipliers, felt, unsized))
     ):
         rows = group.at
         D, constant, feeds = parts.per_row[rows], constants[rows], sums[rows]
@@ -162,14 +163,18 @@ def _units(system: System, parts: Parts) -> _Units:
             counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
         # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row
         size = np.maximum(group.size(counted * D), least)
-        per_size = inverse(size)
-        weight[rows] = D * group.spread(per_size)
-        effect = scaled * parts.every.spread(per_size)
+        empty = empty or not size.all()
+        weight[rows] = D * group.spread(inverse(size))
         if plain.any():
             weight[rows] = np.where(group.spread(plain), 1.0, weight[rows])
-            effect = np.where(parts.every.spread(plain), bare, effect)
-        empty = empty or not size.all()
-        x_unit = np.maximum(x_unit, effect)
+        if not parts.split:
+            scaled, bare = parts.effects[i]
+            effect = scaled * parts.every.spread(inverse(size))
+            if plain.any():
+                effect = np.where(parts.every.spread(plain), bare, effect)
+            x_unit = np.maximum(x_unit, effect)
+    if parts.split:  # an unknown has effects on rows of other parts, too
+        x_unit = frame.terms.effects(weight, np.ones(frame.k, dtype=bool))
     f_unit = np.where(weight > 0, weight, 1.0) if empty else weight
     # a set of finite size is data: an unknown beyond it is wrong even where no row feels that
     own = np.maximum(x_unit[z.at], frame.own_unit[z.at])
@@ -180,5 +185,5 @@ def _units(system: System, parts: Parts) -> _Units:
     if frame.multiplier is not None and moot.any():
         f_unit[z.at] = np.where(z.spread(moot), 0.0, f_unit[z.at])
         x_unit[multipliers.at] = np.where(multipliers.spread(moot), 0.0, x_unit[multipliers.at])
-    absolute = unsized.any() and bool((z.spread(unsized) & (sizes[z.at] > 0)).any())
-    return _Units(x_unit, f_unit, data_unit, sums + constants, quiet, absolute)
+    absolute = bool(unsized.any()) and bool((z.spread(unsized) & (sizes[z.at] > 0)).any())
+    return _Units(x_unit, f_unit, data_unit, quiet, absolute)

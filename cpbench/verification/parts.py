@@ -48,10 +48,16 @@ class Group:
 
     def size(self, values: Vector) -> Vector:
         """Size of the values in every part; 0 where there is none."""
+        if not self.energy:
+            return self.largest(values)
         if self.part is None:
-            return np.array([norm(values) if self.energy else values.max(initial=0.0)])
-        if self.energy:
-            return np.sqrt(np.bincount(self.part, values * values, self.count))
+            return np.array([norm(values)])
+        return np.sqrt(np.bincount(self.part, values * values, self.count))
+
+    def largest(self, values: Vector) -> Vector:
+        """The largest of the values in every part; 0 where there is none."""
+        if self.part is None:
+            return np.array([values.max(initial=0.0)])
         result = np.zeros(self.count)
         if values.size:
             order, starts, found = self._runs
@@ -80,7 +86,7 @@ class Parts:
     frame : the problem. measure : what is summed over a part.
     per_row, per_unknown : (k,) equilibration: rows and unknowns of a part are compared times these.
     part : (k,) number of the part of each block. count : how many there are.
-    inner : (k,) whether a row beside z has a term in some z.
+    inner : (k,) whether a row beside z has a term in some z. split : whether terms couple parts that are apart.
     """
 
     frame: Frame
@@ -90,6 +96,7 @@ class Parts:
     part: Any
     count: int
     inner: Flags
+    split: bool = False
 
     @classmethod
     def of(cls, frame: Frame, sizes: Any, measure: Measure) -> Parts:
@@ -156,10 +163,13 @@ class Parts:
         scaled = entries.data * self.per_row[row]
         multiplier = self.frame.multiplier
         some = [slice(None), slice(0, 0)] if multiplier is None else [~multiplier[row], multiplier[row]]
-        return tuple((_largest(entries.indices[at], scaled[at], k), _largest(entries.indices[at], entries.data[at], k)) for at in some)
+        return tuple(
+            (largest_of(entries.indices[at], scaled[at], k), largest_of(entries.indices[at], entries.data[at], k))
+            for at in some
+        )
 
 
-def _largest(at: Any, values: Vector, k: int) -> Vector:
+def largest_of(at: Any, values: Vector, k: int) -> Vector:
     """The largest of the nonnegative values in each place."""
     result = np.zeros(k)
     np.maximum.at(result, at, values)

@@ -5,10 +5,11 @@ Nothing here is shared with what solves: a wrong projection there must not hide 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,52 +23,63 @@ INFINITE = 1e19
 """Bounds and sides from here on stand for none, as in most file formats."""
 
 
-class Set(Protocol):
+class Set(ABC):
     """What some of the unknowns are in, blocks of them by themselves; answers are values in their places."""
 
-    @property
+    @cached_property
+    @abstractmethod
     def place(self) -> Any:
         """Where the unknowns are: a slice or their numbers."""
         ...
 
-    @property
+    @cached_property
+    @abstractmethod
     def moored(self) -> bool:
         """Whether a part of the boundary is not 0."""
         ...
 
-    @property
+    @cached_property
+    @abstractmethod
     def has_0(self) -> bool:
         """Whether 0 is in the set, so that the nearest point of it is never larger."""
         ...
 
+    @abstractmethod
     def nearest(self, x: Vector) -> Vector:
         """P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
         ...
 
+    @abstractmethod
     def anchored(self, x: Vector) -> Flags:
         """Whether a component is at, or beyond, a part of the boundary that is not 0."""
         ...
 
+    @abstractmethod
     def own_unit(self) -> Vector:
         """1 over the size of the set where that is finite, 0 elsewhere."""
         ...
 
+    @abstractmethod
     def idle(self, x: Vector, f: Vector) -> Flags:
         """Whether f holds a component on the boundary that it is at: only its sign matters."""
         ...
 
+    @abstractmethod
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
         """Largest of the distances of x̂ from the set and of f̂ from the dual set; and the products of both."""
         ...
 
+    @abstractmethod
     def excess(self, f: Vector, f_unit: Vector) -> float:
         """The largest part of f̂ that no unknown may have beside it."""
         ...
 
+    @abstractmethod
     def amplification(self) -> Vector:
         """By how much a rounding error of a row is larger in f; 1 or less but for a law with a large coefficient."""
         ...
 
+    @abstractmethod
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         """x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
         ...
@@ -84,7 +96,7 @@ def joined(parts: Sequence[Set], count: int, values: Callable[[Any], Any], dtype
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class Box(Set):
     """lb ≤ x ≤ ub of the components `at`, each a block of its own."""
 
     at: Components
@@ -148,6 +160,8 @@ class Box:
                 return np.zeros(w.size, dtype=bool)
             case "orthant":
                 return w > 0
+            case _:
+                pass
         own, (lower, upper) = x[self.place], self.bounded
         below, above = np.abs(own - self.lb), np.abs(own - self.ub)
         return (lower & (below <= above) & (w > 0)) | (upper & (above <= below) & (w < 0))
@@ -178,6 +192,8 @@ class Box:
                 return float(np.max(np.abs(w), initial=0.0))
             case "orthant":
                 return float(np.max(-w, initial=0.0))
+            case _:
+                pass
         lower, upper = self.bounded
         return float(np.max(np.where(lower, 0.0, w), initial=np.max(np.where(upper, 0.0, -w), initial=0.0)))
 
@@ -202,7 +218,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class Factors:
+class Factors(Set):
     """Factors of one kind and size, each a block; `rows` says that their rows f are in them, and −x in the normal cone.
 
     Attributes
@@ -224,7 +240,7 @@ class Factors:
     def moored(self) -> bool:
         return self.kind in (Cone.CYLINDER, Cone.BALL) and not self.rows
 
-    @property
+    @cached_property
     def has_0(self) -> bool:
         return True
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -17,9 +17,10 @@ from cpbench.verification.frame import Frame, System, Terms
 from cpbench.verification.parallel_rows import ParallelRows
 
 _FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
+AnyFrame = TypeVar("AnyFrame", bound=Frame)
 
 
-def kept(problem: Problem, make: Callable[[], Frame]) -> Frame:
+def kept(problem: Problem, make: Callable[[], AnyFrame]) -> AnyFrame:
     """The frame of a problem, made once: many answers to it are judged."""
     if problem not in _FRAMES:
         _FRAMES[problem] = make()
@@ -33,7 +34,7 @@ class RowsFrame(Frame):
     parallel: ParallelRows = field(kw_only=True)
 
 
-def stack(blocks: list[list[Matrix | None]]) -> Any:
+def stack(blocks: list[list[Any]]) -> Any:
     """|K| of a matrix of blocks, None being zero."""
     return abs(sp.csr_array(sp.block_array([[None if B is None else sp.csr_array(B) for B in row] for row in blocks])))
 
@@ -97,7 +98,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
     def frame() -> RowsFrame:
         A, C = sp.csr_array(P.A), sp.csr_array(P.C)
         sizes = stack([[M, A.T, C.T], [A, sp.csr_array((m, m)), sp.csr_array((m, k))], [C, None, sp.csr_array((k, k))]])
-        own = [
+        own: list[sets.Set] = [
             sets.Box.of(np.arange(n), P.lb, P.ub),
             sets.Box.of(np.arange(n, n + m), 0.0, np.inf),
             sets.Box.of(np.arange(n + m, n + m + k), -np.inf, np.inf),
@@ -105,7 +106,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
         return RowsFrame(
             terms=Terms.of(sizes),
             constants=np.abs(np.concatenate([q, b, P.d])),
-            sets=[box for box in own if box.at.size],
+            sets=[box for box, size in zip(own, (n, m, k), strict=True) if size],
             multiplier=np.arange(n + m + k) >= n,
             parallel=ParallelRows(sp.csr_array(sp.vstack([A, C]))),
         )
