@@ -134,11 +134,12 @@ def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
 
 
 def statuses(path: Path) -> dict[str, str]:
-    """Status of every row of a results file by key; of none where there is no such file."""
+    """Status of every row of a results file by key, and of the pairs that were left out; of none where there is no such
+    file."""
     if not path.exists():
         return {}
     with Store(path) as store:
-        return {str(row["key"]): str(row["status"]) for row in store.rows()}
+        return {**left_out.statuses(store), **{str(row["key"]): str(row["status"]) for row in store.rows()}}
 
 
 def gaps(store: Store, assembly: Assembly) -> list[str]:

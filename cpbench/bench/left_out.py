@@ -31,6 +31,16 @@ def planned(store: Store, pairs: Sequence[Pair], rerun: str) -> list[Pair]:
     return [pair for pair in pairs if pair.named or pair.key not in out]
 
 
+def statuses(store: Store) -> dict[str, str]:
+    """What became of the pairs that were left out, by key, in the words of rows."""
+    absent = str(Status.UNAVAILABLE)
+    return {
+        key: absent if entry["status"] in _LACK else entry["status"]
+        for entry in _entries(store)
+        for key in entry["keys"]
+    }
+
+
 def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> None:
     """Take the rows of `pairs` that could not be run, of solvers that nobody named, out of the results, and note why.
 

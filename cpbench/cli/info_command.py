@@ -30,9 +30,10 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
     file: which solver to use, as the run that wrote it ended.
     """
     if any(map(is_results, files)):
-        if as_json or file_format or len(files) > 1:
+        first, *others = files
+        if as_json or file_format or others:
             raise click.UsageError("a results file stands alone, without options; its rows as JSON: cpbench export")
-        print_results(files[0])
+        print_results(first)
         return
     records: list[dict[str, Any]] = []
     for address in storage.problem_files(files) or list(files):

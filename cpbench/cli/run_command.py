@@ -14,7 +14,7 @@ from click.core import ParameterSource
 
 from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane
-from cpbench.bench.planning import dry_run, plan_file, run_plan, suites
+from cpbench.bench.planning import dry_run, plan_file, quantities, run_plan, suites
 from cpbench.bench.planning.assembly import Assembly, assemble
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
@@ -40,6 +40,8 @@ SECTIONS = {
     "Results": ["output", "no_resume", "rerun", "retry", "keep", "report", "no_report", "fail_on"],
     "What is shown": ["dry_run", "quiet", "verbose", "log", "help"],
 }
+MANY = 100
+"""Pairs from which on it is said how long they may take."""
 ABSENT = 4
 """The most solvers of which the end of a run tells why they could not run."""
 EXAMPLES = (
@@ -185,6 +187,8 @@ def command(
             lanes = [stack.enter_context(Lane(s)) for s in settings(common, own, pin=asked.affinity)]
             assembly = assemble(asked, lanes[0], _builtin_folder, display.reading)
             _tell(assembly)
+            if not quiet:
+                _tell_estimate(asked, assembly)
             if dry_run:
                 _print_plan(asked, assembly)
                 return
@@ -254,6 +258,16 @@ def _tell(assembly: Assembly) -> None:
         click.echo(f"same problem, run once: {address} is {twin}", err=True)
     if assembly.pairs and assembly.idle:
         click.echo(f"no route leads to {', '.join(assembly.idle)}: no row", err=True)
+
+
+def _tell_estimate(asked: RunPlan, assembly: Assembly) -> None:
+    """How long it will take, where that is not over before it is read."""
+    todo = dry_run.to_run(assembly.pairs, campaign.statuses(asked.results), asked.rerun)
+    if len(todo) >= MANY:
+        from cpbench.cli.estimate import estimate
+
+        longest = quantities.duration(dry_run.longest(todo, asked))
+        click.echo(f"{estimate(todo, asked)}; at most {longest}", err=True)
 
 
 def _tell_removed(store: Store) -> None:
