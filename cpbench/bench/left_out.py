@@ -88,7 +88,8 @@ def lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
         solvers = {name: 0 for entry in reasons for name in entry["solvers"]}
         count = sum(len(entry["keys"]) for entry in reasons)
         most = max(reasons, key=lambda entry: len(entry["keys"]))
-        told.append(f"no route from {node} to {_some(solvers, FEW)}, {count} pairs: {most['reason']}")
+        pairs = "1 pair" if count == 1 else f"{count} pairs"
+        told.append(f"no route from {node} to {_some(solvers, FEW)}, {pairs}: {most['reason']}")
     return told
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,5 @@ def _console() -> Any:
     """Plain text where nobody looks at a terminal, as wide as the terminal elsewhere."""
     from rich.console import Console
 
-    stream = click.get_text_stream("stdout")
     width = shutil.get_terminal_size((PLAIN_WIDTH, 24)).columns
-    return Console(file=stream, width=width, highlight=False, markup=False, emoji=False)
+    return Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)
