@@ -156,7 +156,8 @@ def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[s
     if not asked.fail_on:
         return Counter()
     keys = {pair.key for pair in planned}
-    return Counter(row["status"] for row in store.rows() if row["key"] in keys and row["status"] in asked.fail_on)
+    ended = [*((row["key"], row["status"]) for row in store.rows()), *left_out.statuses(store).items()]
+    return Counter(status for key, status in ended if key in keys and status in asked.fail_on)
 
 
 def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[str, str]:

@@ -127,7 +127,8 @@ def _missing(entry: Entry) -> str:
 
 def _requests(part: ProblemSet) -> list[Request]:
     if part.via:
-        return [plan.pinned(part.via, {"facets": part.facets[0]})]
+        found = (plan.pinned(part.via, {"facets": facets}) for facets in part.facets)
+        return list({request.name: request for request in found}.values())
     return plan.requests(part.allowed_routes, part.facets)
 
 
@@ -142,6 +143,7 @@ def _pairs(
     return [
         pair
         for tolerance in part.tolerance
+        for start in part.start
         for pair in plan.pairs(
             chosen,
             entries,
@@ -150,7 +152,7 @@ def _pairs(
             part.limits(threads),
             relaxations=part.allowed_routes == "all",
             detours=part.chosen or bool(part.via),
-            start=part.start,
+            start=start,
             set=part.name,
             measure=part.measure,
             named=named,

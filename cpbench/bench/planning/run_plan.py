@@ -32,7 +32,8 @@ class ProblemSet:
     where all problems are built in.
     facets, via : facet counts, pinned conversions. tolerance : one pair each.
     timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides, None: all.
-    start : start policy. format : of the files. family, where, keyword, split, max_problems, seed : the selection.
+    start : start policies, one pair each. format : of the files. family, where, keyword, split, max_problems, seed :
+    the selection.
     suite : the suite that its problems, and the other values that nobody said, are of; empty where problems were named.
     chosen : whether somebody named the solvers, which a suite does not.
     """
@@ -49,7 +50,7 @@ class ProblemSet:
     repeats: int = Limits.repeats
     history: bool = Limits.history
     measure: str | None = None
-    start: str = "cold"
+    start: tuple[str, ...] = ("cold",)
     format: str | None = None
     family: tuple[str, ...] = ()
     where: str = ""
