@@ -13,6 +13,7 @@ from cpbench import facts, matrices, storage
 from cpbench.cli.options import Address, Command, format_option, number
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
+from cpbench.plain_text import printable
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 
@@ -42,7 +43,7 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
 def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
     click.echo(f"{address}: {problem.title} {problem.equation}")
     click.echo(f"  node         {problem.node}")
-    click.echo(f"  name         {problem.name}")
+    click.echo(f"  name         {printable(problem.name)}")
     click.echo(f"  fingerprint  {problem.fingerprint}")
     for symbol, size in problem.sizes().items():
         click.echo(f"  {symbol:<12} {size}")
@@ -55,9 +56,9 @@ def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
     for label in LABELS:
         text = getattr(problem.info, label)
         if text:
-            click.echo(f"  {label:<12} {text}")
+            click.echo(f"  {label:<12} {printable(text)}")
     for key, value in problem.info.properties.items():
-        click.echo(f"  property     {key} = {value}")
+        click.echo(printable(f"  property     {key} = {value}"))
     for step in problem.provenance:
         parameters = ", ".join(f"{k}={v}" for k, v in step.parameters.items())
         click.echo(

@@ -164,8 +164,7 @@ def _route_options(request: str) -> list[str]:
         for edge in edges:
             assert edge is not None
             knobs = dict(pair.split("=", 1) for pair in (edge[2] or "").split(",") if "=" in pair)
-            facets_only = knobs.keys() == {"facets"}
-            found += ["--via", edge[1] if facets_only else edge[0]]
-            found += ["--facets", knobs["facets"]] if facets_only else []
+            alone = len(edges) == 1 and knobs.keys() == {"facets"}
+            found += ["--via", edge[1], "--facets", knobs["facets"]] if alone else ["--via", edge[0]]
         return found
     return ["--routes", "all"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import stat
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -109,6 +110,9 @@ def stem(path: Path) -> str:
 def read_head(path: Path) -> bytes:
     """The first bytes of a file; raises FormatError when it is missing, a folder, empty or a Git-LFS pointer."""
     try:
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe may never end, a device neither
+            raise FormatError(path, "", "is no regular file (a pipe or a device), expected a file")
         with open(path, "rb", buffering=0) as file:
             head = file.read(_HEAD_BYTES) or b""
     except FileNotFoundError:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -239,6 +240,13 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
     with Store(Path(done.outputs["results"]) / "results.sqlite") as store:
         base = [row for row in store.rows() if row["solver"] != "mine@head"]
     assert {row["status"] for row in base} == {"solved"}  # of its own checkout, whatever head does
+    if change == "wrong":  # the commands of the summary run, when the run is over
+        command = re.search(r"`(cpbench solve [^`]*)`", done.summary)
+        assert command is not None, done.summary
+        again = subprocess.run(
+            shlex.split(command[1]), cwd=toy, env={**os.environ, **ENV}, capture_output=True, text=True, check=False
+        )
+        assert (again.returncode, "by mine@head" in again.stdout, "wrong" in again.stdout) == (1, True, True), again
 
 
 def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
