@@ -145,8 +145,8 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
     if row["start"] != "cold":
         words += ["--start", row["start"]]
-    if told.get("plugin"):
-        words += ["--plugin", one_line(told["plugin"])]
+    for file in dict.fromkeys(filter(None, (told.get("variant_of"), told.get("plugin")))):
+        words += ["--plugin", one_line(file)]
     return shlex.join(words)
 
 

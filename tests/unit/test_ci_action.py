@@ -212,7 +212,13 @@ def test_the_same_build_passes(toy: Path) -> None:
     assert done.outputs["verdict"] in ("same", "inconclusive")
     assert done.used["actions/upload-artifact@v4"]["path"] == done.outputs["results"]
     kept = Path(done.outputs["results"])
-    assert {path.name for path in kept.iterdir()} == {"summary.md", "results.sqlite", "mine.json", "mine.xml"}
+    assert {path.name for path in kept.iterdir()} == {
+        "summary.md",
+        "results.sqlite",
+        "variants.toml",
+        "mine.json",
+        "mine.xml",
+    }
     assert (kept / "summary.md").read_text() == done.summary
     assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
     assert run(toy, "git", "status", "--short").stdout == ""

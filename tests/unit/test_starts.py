@@ -351,13 +351,13 @@ def test_the_start_of_a_model_is_one_of_its_file(tmp_path: Path) -> None:
 
     z = ca.SX.sym("z", 2)
     F = ca.vertcat(ca.exp(z[0]) - 2, z[1] ** 3 - z[0])
-    for start in ([0.5, 2.0], [0.0, 0.0]):
-        address = tmp_path / f"{start[0]}.mof.json"
-        storage.save(dataclasses.replace(NCP.from_casadi(z, F, {}), start=np.array(start)), address)
+    for given in ([0.5, 2.0], [0.0, 0.0]):
+        address = tmp_path / f"{given[0]}.mof.json"
+        storage.save(dataclasses.replace(NCP.from_casadi(z, F, {}), start=np.array(given)), address)
         problem = storage.load(address)
-        if any(start):
+        if any(given):
             got = start_for(parse_start("file"), problem, str(address), tolerance=TOLERANCE)
-            assert got.point.z.tolist() == start
+            assert got.point.z.tolist() == given
         else:
             with pytest.raises(NotApplicable, match="no starting point"):
                 start_for(parse_start("file"), problem, str(address), tolerance=TOLERANCE)
