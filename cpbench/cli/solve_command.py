@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,7 @@ from cpbench.cli.options import (
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.plain_text import printable
+from cpbench.solvers.base import solvers
 from cpbench.storage.base import require_new
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
@@ -87,15 +90,18 @@ def command(
         asked = [plan.pinned(via, {"facets": facets})]
     else:
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
+    asked = [replace(request, nodes=_only(entry, request)) for request in asked]
     limits = plan.Limits(timeout, memory, threads, repeats=1)
     with Lane(Setting(threads, memory, single=True)) as lane:
+        lane.workers.begin(entry.solver, memory)
         survey = lane.survey(problem, asked, file_format, timeout)
         pairs = plan.pairs(
             [survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via, start=str(policy)
         )
         if not pairs:
             raise NoRoute(
-                f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
+                f"no {routes} route from {survey['node']} to {solver}; "
+                f"see: cpbench route {shlex.quote(problem)} --explain"
             )
         pair = pairs[0]
         prepared = lane.prepare(pair)
@@ -119,6 +125,12 @@ def command(
         sys.exit(1)
     if row["status"] not in (*MET_TOLERANCE, *PROVEN):
         sys.exit(1)
+
+
+def _only(entry: plan.Entry, request: plan.Request) -> tuple[str, ...]:
+    """The solver's own node where the request is meant for it: no other one is looked for."""
+    node = solvers.get(entry.solver).spec.node
+    return (node,) if node in request.nodes or not request.nodes else request.nodes
 
 
 def _warming(event: str, solver: str) -> None:
