@@ -166,6 +166,12 @@ def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[
     return kept | {address: name for address, name in read.items() if name is not None}
 
 
+def _plugin_of_variant(name: str) -> str:
+    """The file that makes the solver known of which `name` is a variant: another command needs both."""
+    solver, at, _ = name.partition(declared.AT)
+    return declared.origin(solver)[0] if at and solver in solvers else ""
+
+
 def _sheets(
     before: Mapping[str, Mapping[str, Any]],
     planned: Sequence[Pair],
@@ -188,6 +194,7 @@ def _sheets(
             "summary": spec.summary,
             "citation": spec.citation,
             "plugin": plugin,
+            "variant_of": _plugin_of_variant(spec.name),
             "written": written,
             "tuned": tuned.get(pair.entry.label) or before.get(pair.label, {}).get("tuned"),
         }

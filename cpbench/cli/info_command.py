@@ -14,6 +14,7 @@ from cpbench.cli.answer import is_results, print_results
 from cpbench.cli.options import Address, Command, format_option, number
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
+from cpbench.plain_text import printable
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 
@@ -50,7 +51,7 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
 def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
     click.echo(f"{address}: {problem.title} {problem.equation}")
     click.echo(f"  node         {problem.node}")
-    click.echo(f"  name         {problem.name}")
+    click.echo(f"  name         {printable(problem.name)}")
     click.echo(f"  fingerprint  {problem.fingerprint}")
     for symbol, size in problem.sizes().items():
         click.echo(f"  {symbol:<12} {size}")
@@ -63,9 +64,9 @@ def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
     for label in LABELS:
         text = getattr(problem.info, label)
         if text:
-            click.echo(f"  {label:<12} {text}")
+            click.echo(f"  {label:<12} {printable(text)}")
     for key, value in problem.info.properties.items():
-        click.echo(f"  property     {key} = {value}")
+        click.echo(printable(f"  property     {key} = {value}"))
     for step in problem.provenance:
         parameters = ", ".join(f"{k}={v}" for k, v in step.parameters.items())
         click.echo(
