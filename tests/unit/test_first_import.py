@@ -65,6 +65,6 @@ def test_nothing_is_imported_while_a_solver_is_timed(names: list[str]) -> None:
     assert len(names) > 30
     names = [name for name in names if {*solvers.get(name).spec.requires} <= CORE]
     command = [sys.executable, "-c", WATCHED, *names]
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=900)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout == ""
