@@ -71,7 +71,7 @@ class Lanes:
         if len(self._lanes) > 1:
             ended = _side_by_side(self._lanes, todo, notice)
         else:
-            ended = (done for block in todo for done in blocks.run(self._lanes[0], block, notice))
+            ended = _one_by_one(self._lanes[0], todo, notice)
         with closing(ended):
             for pair, outcome in ended:
                 yield pair, outcome, self._host
@@ -103,6 +103,19 @@ def execute(
             notice("done", pair, outcome.row)
             if reference and (done % REFERENCE_EVERY == 0 or done == pairs):
                 store.add_reference(done, *reference.measure())
+
+
+def _one_by_one(lane: Lane, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
+    """Block after block; what has to be compiled is put off, and waited for when nothing else is left."""
+    waiting = list(todo)
+    while waiting:
+        now, waiting, idle = waiting, list[Block](), True
+        for block in now:
+            for ended in blocks.run(lane, block, notice, waiting):
+                idle = False
+                yield ended
+        if idle:
+            lane.compiler.give_back()
 
 
 def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
