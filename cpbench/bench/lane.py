@@ -123,7 +123,7 @@ class Lane:
                 waiting.add(name)
                 continue
             wait = patient or not self.compiler.takes(name)
-            if not self.workers.settled(name, limits.memory):
+            if not self.workers.ready(name, limits.memory):
                 progress("start", name)
             told = lambda name=name: progress("compiling", name)  # noqa: E731
             worker = self.workers.get(name, limits.memory, limits.seconds, told, patient=wait)

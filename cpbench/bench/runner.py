@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import platform
 import queue
 import threading
@@ -107,6 +108,9 @@ def execute(
 
 def _one_by_one(lane: Lane, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
     """Block after block; what has to be compiled is put off, and waited for when nothing else is left."""
+    first = todo[0].pairs[0]
+    lane.workers.begin(first.entry.solver, first.limits.memory)
+    importlib.import_module("pandas")  # what is said at the end needs it, and here it costs nothing: the worker starts
     waiting = list(todo)
     while waiting:
         now, waiting, idle = waiting, list[Block](), True

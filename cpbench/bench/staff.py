@@ -155,7 +155,7 @@ class Workers:
         """
         if not self.settled(name, memory):
             self.drop(name)
-        if name in self._begun or not self.settled(name, memory):
+        if not self.ready(name, memory):
             reply = self._hired(name, memory, timeout, compiling, patient)
             for _ in range(AGAIN):
                 if reply["event"] == "died":
@@ -173,6 +173,10 @@ class Workers:
         """Whether `get` needs no new process: a worker with this limit is there, or there is none to be had."""
         child = self._children.get(name)
         return name in self.unavailable or (child is not None and self._memory[name] == memory and child.alive)
+
+    def ready(self, name: str, memory: int) -> bool:
+        """Whether `get` need not wait either."""
+        return self.settled(name, memory) and name not in self._begun
 
     def loaded(self, name: str, path: str) -> None:
         """A worker has told that it holds this problem; a fresh process takes it along when it ends."""

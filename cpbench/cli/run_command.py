@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from cpbench.analysis.remarks import remarks
 from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import dry_run, plan_file, run_plan
@@ -287,6 +286,8 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         _tell_absent(store)
     click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
     table = store.table()
+    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
+
     for remark in remarks(table):
         click.echo(remark)
     click.echo(f"results: {asked.results}")
