@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -98,7 +99,8 @@ def command(
         )
         if not pairs:
             raise NoRoute(
-                f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
+                f"no {routes} route from {survey['node']} to {solver}; "
+                f"see: cpbench route {shlex.quote(problem)} --explain"
             )
         pair = pairs[0]
         prepared = lane.prepare(pair)
