@@ -19,7 +19,7 @@ from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
 from cpbench.errors import CpbenchError
-from cpbench.solvers.base import solvers
+from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
 
 
@@ -188,6 +188,8 @@ def _sheets(
         sheets[pair.label] = {
             "name": spec.name,
             "node": spec.node,
+            "method": spec.method,
+            "launches": Trait.LAUNCHES in spec.traits,
             "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
             "licence": spec.licence,
             "publishing": spec.publishing,

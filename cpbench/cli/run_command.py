@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from cpbench.analysis.remarks import remarks
 from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import dry_run, plan_file, quantities, run_plan, suites
@@ -317,6 +316,8 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     print_answer(store)
     click.echo(f"\n{counted(sum(counts.values()), 'pair')}: {_summary(counts) or _nothing(asked)}")
     table = store.table()
+    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
+
     for remark in remarks(table):
         click.echo(printable(remark))
     click.echo(f"results: {asked.results}")
