@@ -16,7 +16,7 @@ from typing import Any
 import cpbench.bench.worker as worker_process
 from cpbench.bench.desk import Case
 from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, remembered, repeat_times
-from cpbench.bench.planning.plan import Limits, Pair, Request
+from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
@@ -58,7 +58,7 @@ class Lane:
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
         self._scratch = Scratch()
-        means = context(setting.threads, kernels=not setting.single)
+        means = context(setting.threads, few=setting.single)
         self.referee = Referee(means, setting, self._scratch.folder)
         self.workers = Workers(means, setting, self._scratch.folder)
 
@@ -106,11 +106,12 @@ class Lane:
     ) -> None:
         """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
 
-        limits : of the solves to come. progress : called with `start` and a name, and with `compiling` where kernels
-        are not in the cache yet.
+        limits : of the solves to come. progress : called with `start` and a name where a process begins, and with
+        `compiling` where kernels are not in the cache yet.
         """
         for name in names:
-            progress("start", name)
+            if not self.workers.settled(name, limits.memory):
+                progress("start", name)
             self.workers.get(name, limits.memory, limits.seconds, lambda name=name: progress("compiling", name))
 
     def prepare(self, pair: Pair) -> dict[str, Any]:
@@ -211,7 +212,9 @@ class Lane:
         spec = solvers.get(pair.entry.solver).spec
         if Trait.WARM_START not in spec.traits:
             raise NoStart(f"{spec.name} takes no starting point, and a cold start is not what was asked for")
-        if pair.start == "previous" and (before is None or before.answer is None):
+        if pair.start == PREVIOUS and pair.scene is None:
+            raise NoStart("start previous: the problem is no step of a sequence (cpbench pack --sequence makes one)")
+        if pair.start == PREVIOUS and (before is None or before.answer is None):
             return None, "cold: first step" if before is None else f"{FELL_BACK} {before.status}"
         earlier = None
         if before is not None:

@@ -82,6 +82,7 @@ def _headline(run: Run) -> str:
     )
     if run.stationary:
         first += f"\\\n{run.stationary.capitalize()}."
+    first += "".join(f"\\\n{plain(remark)}." for remark in run.remarks)
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:
         first = f"**Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet.**\\\n{first}"

@@ -163,8 +163,11 @@ def test_convert_solve_lift_verify_in_four_processes(contact) -> None:
     assert "solved" in run("solve", "lcp.h5", "-s", "lemke", "-o", "z.h5")
     run("lift", "z.h5", "-o", "r.h5")  # the answer file holds the converted problem and its way back
     run("lift", "z.h5", "--problem", "lcp.h5", "-o", "r.npy")
-    assert run("verify", "contact.hdf5", "--answer", "r.h5") == run("verify", "contact.hdf5", "--answer", "r.npy")
-    told = run("verify", "contact.hdf5", "--answer", "r.npy", "-t", "0.1", "--strict")
+    loose = ("-t", "0.1")
+    assert run("verify", "contact.hdf5", "--answer", "r.h5", *loose) == run(
+        "verify", "contact.hdf5", "--answer", "r.npy", *loose
+    )
+    told = run("verify", "contact.hdf5", "--answer", "r.npy", "-t", "0.1")
     assert "passes" in told
     r = np.load(folder / "r.npy")
     np.testing.assert_allclose(r[3:], 0, atol=1e-12)
@@ -176,19 +179,28 @@ def test_verify_takes_plain_vectors(monkeypatch, capsys, lcp, tmp_path) -> None:
     np.save(tmp_path / "z.npy", answer)
     np.savetxt(tmp_path / "z.csv", answer, fmt="%.17g")
     for name in ("z.npy", "z.csv"):
-        assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / name, "--strict", "-t", "1e-12") == 0
+        assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / name, "-t", "1e-12") == 0
     np.save(tmp_path / "bad.npy", -answer)
-    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "bad.npy", "--strict") == 1
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "bad.npy") == 1
     np.save(tmp_path / "long.npy", np.ones(3))
     capsys.readouterr()
     assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "long.npy") == 2
     assert "3 numbers, expected 2" in capsys.readouterr().err
 
 
-def test_strict_solve_ends_with_what_was_measured(monkeypatch, lcp) -> None:
-    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke", "--strict") == 0
-    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]", "--strict") == 1
-    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]") == 0
+def test_solve_and_verify_end_with_what_was_measured(monkeypatch, capsys, lcp, tmp_path) -> None:
+    """1 unless the answer is verified; the answer is written all the same, and never over another."""
+    out = tmp_path / "z.npy"
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]", "-o", out) == 1
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", out) == 1
+    before = out.read_bytes()
+    capsys.readouterr()
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke", "-o", out) == 2
+    told = capsys.readouterr()
+    assert (told.out, out.read_bytes()) == ("", before), "it is refused before anything is solved"
+    assert "exists already" in told.err
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke", "-o", out, "--force") == 0
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", out) == 0
 
 
 def test_existing_output_needs_force(monkeypatch, capsys, lcp, tmp_path) -> None:
@@ -421,4 +433,76 @@ def test_what_is_built_in_goes_for_a_file_everywhere(
         out = ["out.h5"] if name == "convert" else []
         assert cpbench(monkeypatch, name, address, *out, *options) == 0
     np.save("z.npy", np.eye(10)[0])
-    assert cpbench(monkeypatch, "verify", address, "--answer", "z.npy", "--strict") == 0
+    assert cpbench(monkeypatch, "verify", address, "--answer", "z.npy") == 0
+
+
+def test_every_public_name_is_there() -> None:
+    """`help(cpbench)`, `from cpbench import *` and each name of `__all__`, in a fresh interpreter."""
+    code = "import cpbench\nfrom cpbench import *\nimport pydoc\npydoc.render_doc(cpbench)\n"
+    code += "print([name for name in cpbench.__all__ if name not in globals()], read_results, Recorder.__name__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("[] <function read_results"), done.stderr
+
+
+def test_answers_from_two_starts_are_exported(monkeypatch, tmp_path) -> None:
+    """Each under a name of its own, as it was found; the plain name is that of the cold start."""
+    monkeypatch.chdir(tmp_path)
+    problem = LCP(M=np.array([[2.0, 1], [1, 2]]), q=[-5.0, -6.0], name="deudeu")
+    points = [problem.point_from_vector(x) for x in ([4 / 3, 7 / 3], [1.0, 1.0])]
+    storage.save_answer(tmp_path / "p.h5", problem, points[0], {}, with_problem=True, guesses=points)
+    run = ["run", "p.h5", "-s", "psor", "--repeats", 1, "-q", "--no-report", "-o", "r.sqlite"]
+    assert cpbench(monkeypatch, *run, "--start", "cold,file,file:2") == 0
+    assert cpbench(monkeypatch, "export", "r.sqlite", "--answers", "a.h5") == 0
+    with h5py.File(tmp_path / "a.h5") as file:
+        (group,) = file.values()
+        assert set(group) == {f"psor tol=1e-06{more}" for more in ("", " start=file", " start=file:2")}
+        for answer in group.values():
+            np.testing.assert_allclose(answer[:], [4 / 3, 7 / 3], rtol=1e-5)
+
+
+def test_outputs_are_asked_for_before_the_work(monkeypatch, capsys, lcp, tmp_path) -> None:
+    """What is there, a folder that is not there, and one that cannot be made: one line, exit code 2, nothing done."""
+    monkeypatch.chdir(tmp_path)
+    there = tmp_path / "there.h5"
+    there.write_bytes(b"mine")
+    nowhere = tmp_path / "none" / "x.h5"
+    for path in (there, nowhere):
+        for words in (
+            ["solve", "missing.h5", "-s", "lemke", "-o", path],
+            ["convert", "missing.h5", path, "--to", "qp"],
+            ["lift", "missing.h5", "-o", path],
+            ["pack", path, "--lcp", "missing.npy", "missing.npy"],
+            ["export", "missing.sqlite", "--answers", path],
+        ):
+            assert cpbench(monkeypatch, *words) == 2
+            err = capsys.readouterr().err
+            assert str(path) in err, (words, err)
+            assert err.count("\n") == 1
+    assert there.read_bytes() == b"mine"
+    run = ["run", lcp, "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]
+    assert cpbench(monkeypatch, *run, "--report", "/proc/nowhere") == 2
+    assert not (tmp_path / "r.sqlite").exists()
+    assert cpbench(monkeypatch, *run, "--no-report") == 0
+    capsys.readouterr()
+    assert cpbench(monkeypatch, "report", "r.sqlite", "-o", "/proc/nowhere") == 2
+    assert "/proc/nowhere: cannot be made a folder" in capsys.readouterr().err
+    for again in (False, True):
+        assert cpbench(monkeypatch, "report", "r.sqlite", "-o", "r") == 0
+        assert cpbench(monkeypatch, "plot", "ncp-functions", "-o", "n.svg") == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert len(lines) > 2
+        assert all(line.endswith("(replaced)") == again for line in lines), lines
+
+
+def test_a_file_that_changed_between_two_runs_is_said(monkeypatch, capsys, tmp_path) -> None:
+    """Rows of the former content stay, and the terminal and the report say that they are there."""
+    monkeypatch.chdir(tmp_path)
+    run = ["run", "p.h5", "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite", "--report", "r"]
+    for q in ([-5.0, -6.0], [-5.0, -7.0]):
+        storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=q), tmp_path / "p.h5", force=True)
+        capsys.readouterr()
+        assert cpbench(monkeypatch, *run) == 0
+    said = "p.h5: its 2 rows are of 2 problems: the file changed"
+    assert said in capsys.readouterr().out
+    assert said in "".join((tmp_path / "r" / "report.md").read_text().splitlines()[:8])
+    assert said in (tmp_path / "r" / "report.html").read_text()

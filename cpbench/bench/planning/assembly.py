@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -70,7 +71,8 @@ class Assembly:
         if first is None:
             raise CpbenchError(f"none of {len(self.surveys)} problems is what the plan selects")
         raise NoRoute(
-            f"no route leads from {first} to any of the solvers asked for; see: cpbench route {first} --explain"
+            f"no route leads from {first} to any of the solvers asked for; "
+            f"see: cpbench route {shlex.quote(first)} --explain"
         )
 
 
@@ -115,7 +117,8 @@ def _entries(part: ProblemSet) -> list[Entry]:
 
 def _requests(part: ProblemSet) -> list[Request]:
     if part.via:
-        return [plan.pinned(part.via, {"facets": part.facets[0]})]
+        found = (plan.pinned(part.via, {"facets": facets}) for facets in part.facets)
+        return list({request.name: request for request in found}.values())
     return plan.requests(part.allowed_routes, part.facets)
 
 
@@ -129,6 +132,7 @@ def _pairs(
     return [
         pair
         for tolerance in part.tolerance
+        for start in part.start
         for pair in plan.pairs(
             chosen,
             entries,
@@ -137,7 +141,7 @@ def _pairs(
             part.limits(threads),
             relaxations=part.allowed_routes == "all",
             detours=bool(part.solvers or part.via),
-            start=part.start,
+            start=start,
             set=part.name,
             measure=part.measure,
         )

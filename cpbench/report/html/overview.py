@@ -34,6 +34,8 @@ def overview(run: Run) -> Iterator[Markup]:
     if waiting:
         told = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
         yield element("p", told, class_="note warning")
+    for remark in run.remarks:
+        yield element("p", f"{remark}.", class_="note warning")
     facts = {
         "pairs solved": f"{int(rows_of.solved(rows).sum())} of {len(rows)}",
         **({"stationary": run.stationary} if run.stationary else {}),
