@@ -19,6 +19,7 @@ from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
 
@@ -145,7 +146,7 @@ def statuses(path: Path) -> dict[str, str]:
 def gaps(store: Store, assembly: Assembly) -> list[str]:
     """What the plan asked for and the results lack: nothing after a run that was carried out to its end."""
     waiting = store.pending() & {pair.key for pair in assembly.pairs}
-    rows = [f"{len(waiting)} of {len(assembly.pairs)} pairs were not run"] if waiting else []
+    rows = [f"{len(waiting)} of {counted(len(assembly.pairs), 'pair')} not run"] if waiting else []
     files = [f"nobody could say what {address} holds" for address in assembly.unread[:1]]
     more = [f"nor what {len(assembly.unread) - 1} more files hold"] if len(assembly.unread) > 1 else []
     return [*rows, *files, *more]

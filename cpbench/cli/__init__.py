@@ -27,7 +27,7 @@ COMMANDS = {
     "info": "Show what is in a problem file, and facts measured of its matrices.",
     "show": "Show a problem in numbers or as block structure, with its law; also as LaTeX.",
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
-    "graph": "Draw the conversions between formulations, or check them all.",
+    "graph": "Show the conversions between formulations, as text or to be drawn, or check them all.",
     "route": "Show how a problem reaches a formulation, and why not.",
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",

@@ -8,6 +8,8 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from cpbench.plurals import counted as counted  # part of the words of a report
+
 _SPECIAL = re.compile(r"([\\`*\[\]#~$!|])|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _FACETS = re.compile(r"(inner|outer)(\d+)(?:-(\w+))?")
 _EDGE = re.compile(r"([^\[\]+]+)(?:\[([^\]]*)\])?")
@@ -90,15 +92,6 @@ def seconds(value: float) -> str:
         if value >= size:
             return f"{value / size:.3g} {unit}"
     return f"{value / 1e-6:.3g} µs"
-
-
-def counted(value: int, noun: str, nouns: str = "") -> str:
-    """A number and its noun.
-
-    >>> counted(1, "problem"), counted(2, "problem"), counted(2, "family", "families")
-    ('1 problem', '2 problems', '2 families')
-    """
-    return f"{value} {noun}" if value == 1 else f"{value} {nouns or noun + 's'}"
 
 
 def listed(labels: Sequence[str], most: int = 6) -> str:
