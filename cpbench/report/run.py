@@ -17,7 +17,10 @@ from cpbench.analysis.attendance import attended, restricted, without
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
+from cpbench.analysis.looks import looks
+from cpbench.analysis.ranking import Ranking, rankings
 from cpbench.analysis.table import Group
+from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status
 
@@ -31,6 +34,7 @@ class Run:
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
     that are left out, what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made, and
     whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
+    `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
     """
 
     rows: pd.DataFrame
@@ -41,6 +45,7 @@ class Run:
     portraits: Callable[[], Mapping[str, Portrait]] = dict
     has_csv: bool = True
     count_stationary: bool = False
+    looks: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def stationary(self) -> str:
@@ -54,6 +59,11 @@ class Run:
     def all_rows(self) -> str:
         """Where a reader finds every row."""
         return "`results.csv`" if self.has_csv else "the results file"
+
+    @cached_property
+    def rankings(self) -> list[Ranking]:
+        """The answer of every group in which a solver was started."""
+        return rankings(self.rows, self.meta.get("solvers") or {})
 
     # what several sections ask for is found once: in a million rows each takes seconds
 
@@ -102,7 +112,8 @@ def assembled(
     count_stationary: bool = False,
 ) -> Run:
     """The run that a report is about; the parameters are those of `folder.write_folder`."""
-    run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits, has_csv=has_csv)
+    rows = _without_folders(rows_of.normalised(table))
+    run = Run(rows, meta, folder, portraits=portraits, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
     if histories is not None:
         run = replace(run, histories=histories)
     if with_imported:

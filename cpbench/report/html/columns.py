@@ -205,6 +205,7 @@ def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, li
     origin = (rows["origin"] != "").groupby(rows["label"]).any()
     return {
         "name": [one_line(label) for label in labels],
+        "look": [run.looks[label] for label in labels],
         "tuned": [int(label in tuned) for label in labels],
         "elsewhere": [int(bool(origin[label])) for label in labels],
         "ranked": [int(bool(elsewhere[label])) for label in labels],

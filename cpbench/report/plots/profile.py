@@ -34,7 +34,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     cost = run_canvas.word(found.metric)
     least = "the fastest" if found.metric.unit == "s" else "who needed least"
     across = f"τ: {cost} over that of {least}; failures are at ∞"
-    places = figures.profile_axes(axes, beside, profile, chosen.kinds, across, run_canvas.LINES)
+    places = figures.profile_axes(axes, beside, profile, chosen.kinds, chosen.looks, across, run_canvas.LINES)
     banded = ""
     if bands and places:
         families = bootstrap.families_of(chosen.rows)
@@ -44,7 +44,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
         for label, place in list(places.items())[:BANDS]:
             tau = [*made.low.index, upto]
             low, high = ([*end[label], end[label].iloc[-1]] for end in (made.low, made.high))
-            axes.fill_between(tau, low, high, step="post", color=legend.PALETTE[place], alpha=0.16, linewidth=0)
+            axes.fill_between(tau, low, high, step="post", color=legend.colour(place), alpha=0.16, linewidth=0)
         few = "; with so few a rough guess" if made.few else ""
         banded = (
             f" Bands: 95 % at each τ by itself, {counted(made.families, 'family', 'families')} drawn again "

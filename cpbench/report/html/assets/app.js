@@ -48,7 +48,7 @@ const App = (() => {
     const byHeight = [...curves].sort(
       (a, b) => b.solved - a.solved || areas.get(b.label) - areas.get(a.label) || a.label - b.label,
     );
-    slots = keepSlots(table, new Set(chosen), Engine.leading(curves));
+    slots = slotsOf(table, Engine.leading(curves));
     const places = new Map();
     for (const [code, slot] of slots) places.set(table.labels.indexOf(code), slot);
     const names = facts.labels.name,
@@ -108,17 +108,10 @@ const App = (() => {
     return status.names[Engine.outcome(columns, row, state.tolerance, status)];
   }
 
-  /* A solver keeps its colour while it is shown; free colours go to those that lead. */
-  function keepSlots(table, shown, leaders) {
-    const kept = new Map(),
-      codes = new Set([...shown].map((place) => table.labels[place]));
-    for (const [code, slot] of slots) if (codes.has(code)) kept.set(code, slot);
-    const free = Array.from({ length: Charts.SLOTS }, (_, k) => k).filter((k) => ![...kept.values()].includes(k));
-    for (const place of leaders) {
-      if (!free.length) break;
-      if (!kept.has(table.labels[place])) kept.set(table.labels[place], free.shift());
-    }
-    return kept;
+  /* Those that lead are in colour, each in the one that it has in every figure of these results. */
+  function slotsOf(table, leaders) {
+    const codes = leaders.slice(0, Charts.SLOTS).map((place) => table.labels[place]);
+    return new Map(codes.map((code) => [code, data.facts.labels.look[code] % Charts.COLOURS.length]));
   }
 
   let waiting = false;
