@@ -20,9 +20,9 @@ def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None
     Labels whose answers were made elsewhere (`table.ranked`) are not ranked: fastest is 0, slowdown and mean are NaN.
 
     Columns: kind (weakest route), ranked, planned, ran (the solver was started), solved, stationary (not among the
-    solved), false (claimed and is not, on the solver's own problem), fastest (problems where it shares the lead), median [s] and slowdown (median
-    ratio to the virtual best) over what it solved, mean [s] (shifted geometric over all problems of the group, failures
-    and problems that were not planned charged `penalty`).
+    solved), false (claimed and is not, on the solver's own problem), fastest (problems where it shares the lead),
+    median [s] and slowdown (median ratio to the virtual best) over what it solved, mean [s] (shifted geometric over all
+    problems of the group, failures and problems that were not planned charged `penalty`).
     """
     every = rows_of.times(group)
     among = rows_of.ranked(group)

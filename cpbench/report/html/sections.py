@@ -12,8 +12,6 @@ from cpbench.report.methods import METHODS
 from cpbench.report.run import Run
 
 INTRODUCTIONS = {
-    "profile": "How far each solver is from the best of those shown. Choose problems, solvers, cost and tolerance in "
-    "the column of filters: ratios are computed again for what is left.",
     "budget": "What a solver solves within a given budget, whoever else there is.",
     "pairs": "Two solvers at a time: their order does not depend on a third.",
     "matrix": "What came of every pair that was planned.",
@@ -23,7 +21,6 @@ INTRODUCTIONS = {
     "deadlines": "How often an answer would have come too late.",
 }
 FIGURES = {
-    "profile": (("profile", "Performance profile"),),
     "budget": (("budget", "Data profile"),),
     "pairs": (("pairwise", "Who is ahead of whom"), ("scatter", "Two solvers, problem by problem")),
     "matrix": (("matrix", "Problems by solvers"),),
@@ -33,8 +30,7 @@ FIGURES = {
     "deadlines": (("deadlines", "Deadlines"),),
 }
 TITLES = {
-    "overview": "Overview",
-    "profile": "Performance profile",
+    "overview": "Answer",
     "budget": "Within a budget",
     "pairs": "Two by two",
     "matrix": "Problems by solvers",
@@ -42,15 +38,15 @@ TITLES = {
     "size": "Cost against size",
     "sequences": "Sequences",
     "deadlines": "Deadlines",
-    "claims": "Claimed, is not",
+    "claims": "False claims",
     "failures": "Failures by reason",
     "solvers": "Solvers",
     "machine": "Machine and versions",
     "methods": "Methods",
 }
 LINKS = {
-    "overview": "Overview", "profile": "Profile", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
-    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "claims": "Claims",
+    "overview": "Answer", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
+    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "claims": "False claims",
     "failures": "Failures", "solvers": "Solvers", "machine": "Machine", "methods": "Methods",
 }  # fmt: skip
 

@@ -51,6 +51,7 @@ const Pair = (() => {
     dialog.scrollTop = 0;
   }
 
+
   function numbers(title, text) {
     const entries = Object.entries(text ? JSON.parse(text) : {});
     return entries.length
@@ -156,6 +157,7 @@ const Pair = (() => {
         ]
       : [];
     const command = text("command");
+    App.opened(row);
     const copy = h(
       "button",
       {
@@ -173,7 +175,7 @@ const Pair = (() => {
       h("h3", {}, "The problem"),
       ...Portrait.draw(facts.problems.portrait[problem]),
       ...times,
-      ...(text("message") ? [h("h3", {}, "What it said"), h("pre", { tabindex: "0" }, text("message"))] : []),
+      ...(text("message") ? [h("h3", {}, "Its log: what it said"), h("pre", { tabindex: "0" }, text("message"))] : []),
       ...numbers("Residuals", text("parts")),
       ...numbers("Counters", text("counters")),
       ...(command
