@@ -34,8 +34,7 @@ def false_claims(run: Run) -> Iterator[Markup]:
 
 
 def reasons(run: Run) -> Iterator[Markup]:
-    """Failed here and solved there, outcomes and messages that are alike in one line, what conversions lost, and who was
-    absent."""
+    """Failed here and solved there; outcomes and messages that are alike in one line; lost answers; who was absent."""
     if run.failures:
         yield element("h3", "Failed here, solved there: ", element("span", data_group_name=""))
         yield element("div", data_figure="failed")

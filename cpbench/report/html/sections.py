@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from cpbench.report.html.failing import false_claims, reasons
 from cpbench.report.html.markup import Markup, element, prose
 from cpbench.report.html.overview import overview
-from cpbench.report.html.sheets import machine, solvers
+from cpbench.report.html.sheets import machine, problems, solvers
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run
 
@@ -41,13 +41,15 @@ TITLES = {
     "claims": "False claims",
     "failures": "Failures by reason",
     "solvers": "Solvers",
+    "problems": "Problems, their source and licence",
     "machine": "Machine and versions",
     "methods": "Methods",
 }
 LINKS = {
     "overview": "Answer", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
     "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "claims": "False claims",
-    "failures": "Failures", "solvers": "Solvers", "machine": "Machine", "methods": "Methods",
+    "failures": "Failures", "solvers": "Solvers", "problems": "Problems",
+    "machine": "Machine", "methods": "Methods",
 }  # fmt: skip
 
 
@@ -74,6 +76,7 @@ def _present(run: Run) -> Iterator[tuple[str, list[Markup]]]:
         "claims": false_claims,
         "failures": reasons,
         "solvers": solvers,
+        "problems": problems,
         "machine": machine,
     }
     for name, part in parts.items():

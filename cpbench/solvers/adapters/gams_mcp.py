@@ -88,7 +88,7 @@ class GamsMCP(Solver):
         with explained(self.spec.name):
             gams = workspace()
             gams.load(prepared)
-            gams.solve(self.guest, self.settings(prepared.tolerance(budget), budget), budget)
+            gams.solve(self.guest, self.settings(prepared.tolerance(budget), budget), budget, prepared.start(start))
             model, x = gams.model, gams.x.toDense()
             ended, found = model.solve_status.name, model.status.name
             if "LicenseError" in (ended, found):
@@ -116,8 +116,18 @@ class GamsMCP(Solver):
         return package_version("gamspy_base")
 
 
-def gams_spec(name: str, node: str, *, summary: str, method: str, citation: str, install: str, **more: Any) -> Any:
-    """What the specs of all of them share."""
+def gams_spec(
+    name: str,
+    node: str,
+    *,
+    summary: str,
+    method: str,
+    citation: str,
+    install: str,
+    starts: bool = False,
+    **more: Any,
+) -> Any:
+    """What the specs of all of them share; `starts`: it begins at the levels that its variables have."""
     return SolverSpec(
         name=name,
         node=node,
@@ -128,7 +138,7 @@ def gams_spec(name: str, node: str, *, summary: str, method: str, citation: str,
         install=install,
         licence="proprietary",
         publishing=gams_licence.PUBLISHING,
-        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC} | ({Trait.WARM_START} if starts else set())),
         **more,
     )
 

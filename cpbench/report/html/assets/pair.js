@@ -75,7 +75,8 @@ const Pair = (() => {
     const at = columns.detail[row] - 1;
     const text = (name) => (at < 0 ? "" : facts.texts[name][columns[`detail.${name}`][at]]);
     const value = (name) => (at < 0 ? NaN : (columns[`detail.${name}`]?.[at] ?? NaN));
-    const kind = text("kind"),
+    const about = facts.problems.portrait[problem] ?? {},
+      kind = text("kind"),
       flags = text("flags").split(",").filter(Boolean);
     const facts1 = list([
       [
@@ -130,6 +131,8 @@ const Pair = (() => {
       ["made elsewhere", text("origin") ? `${text("origin")}: its times are of another machine` : ""],
       ["side by side", value("jobs") > 1 ? `with up to ${value("jobs") - 1} other solves` : ""],
       ["problem", h("span", {}, h("code", {}, facts.problems.address[problem]), sizes(facts.problems.sizes[problem]))],
+      ["its source", [about.source, about.citation].filter(Boolean).join("; ")],
+      ["its licence", about.licence ?? ""],
     ]);
     const parts = ["convert", "setup", "solve", "lift"]
       .map((name) => [name === "lift" ? "carry back" : name, value(name)])
