@@ -16,7 +16,7 @@ from typing import Any
 import cpbench.bench.worker as worker_process
 from cpbench.bench.desk import Case
 from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, remembered, repeat_times
-from cpbench.bench.planning.plan import Limits, Pair, Request
+from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
@@ -211,7 +211,9 @@ class Lane:
         spec = solvers.get(pair.entry.solver).spec
         if Trait.WARM_START not in spec.traits:
             raise NoStart(f"{spec.name} takes no starting point, and a cold start is not what was asked for")
-        if pair.start == "previous" and (before is None or before.answer is None):
+        if pair.start == PREVIOUS and pair.scene is None:
+            raise NoStart("start previous: the problem is no step of a sequence (cpbench pack --sequence makes one)")
+        if pair.start == PREVIOUS and (before is None or before.answer is None):
             return None, "cold: first step" if before is None else f"{FELL_BACK} {before.status}"
         earlier = None
         if before is not None:

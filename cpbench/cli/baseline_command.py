@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.cli.options import Names, Sections, force_option
+from cpbench.cli.options import ListOption, Sections, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, StoreError, UnknownName
 
@@ -37,14 +37,23 @@ EXAMPLES = (
 @force_option
 @click.option("--check", type=click.Path(path_type=Path, dir_okay=False), help="Tell what differs from this baseline.")
 @click.option("--update", is_flag=True, help="Take over into -o what is better, other or new; list what is worse.")
-@click.option("--accept", multiple=True, metavar="PATTERN", help="Take over what is worse too: PROBLEM:LABEL, a glob.")
+@click.option(
+    "--accept",
+    cls=ListOption,
+    metavar="PATTERN",
+    help="Take over what is worse too: PROBLEM:LABEL, a glob.",
+)
 @click.option("--reason", default="", metavar="TEXT", help="Why it is accepted; kept in the last column.")
 @click.option("--prune", is_flag=True, help="Remove pairs that the results do not have.")
 @click.option(
     "--slack", type=click.FloatRange(min=0), default=0.1, show_default=True, help="Part a counter may differ."
 )
 @click.option(
-    "--fail-on", type=Names(), default=(), metavar="CHANGES", help=f"End with 1 on any of {','.join(FAIL_ON)}."
+    "--fail-on",
+    cls=ListOption,
+    default=(),
+    metavar="CHANGES",
+    help=f"End with 1 on any of {','.join(FAIL_ON)}.",
 )
 def command(
     results: Path,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.cli.options import Names
+from cpbench.cli.options import Command, ListOption
 from cpbench.cli.sides import base as base_side
 from cpbench.cli.sides import side
 from cpbench.errors import UnknownName
@@ -28,7 +28,7 @@ FAILURES = (
 SUFFIXES = (".md", ".json", ".xml")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("base", type=click.Path(path_type=Path))
 @click.argument("new", required=False, type=click.Path(path_type=Path))
 @click.option("--a", "first", metavar="LABEL", help="With one file: the solver or label that is the base.")
@@ -42,7 +42,10 @@ SUFFIXES = (".md", ".json", ".xml")
     help="Write .md (summary of a CI job), .xml (JUnit) or .json. Repeatable.",
 )
 @click.option(
-    "--fail-on", type=Names(), metavar="WHAT", help="End with 1 on regression, inconclusive, or new wrong,..."
+    "--fail-on",
+    cls=ListOption,
+    metavar="WHAT",
+    help="End with 1 on regression, inconclusive, or new wrong,...",
 )
 @click.option(
     "--margin", type=click.FloatRange(min=0), default=0.05, show_default=True, help="Change of times to find."
@@ -69,7 +72,7 @@ def command(
     first: str | None,
     second: str | None,
     outputs: tuple[Path, ...],
-    fail_on: tuple[str, ...] | None,
+    fail_on: tuple[str, ...],
     margin: float,
     counter_margin: float,
     alpha: float,
@@ -104,7 +107,7 @@ def command(
     for path in outputs:
         write(found, path)
         click.echo(f"written: {path}", err=True)
-    failed = _failed(found, fail_on or ())
+    failed = _failed(found, fail_on)
     if failed:
         click.echo(f"cpbench: {', '.join(f'{count} {what}' for what, count in failed.items())} (--fail-on)", err=True)
         sys.exit(1)
@@ -116,7 +119,7 @@ def _checked(
     first: str | None,
     second: str | None,
     outputs: tuple[Path, ...],
-    fail_on: tuple[str, ...] | None,
+    fail_on: tuple[str, ...],
 ) -> None:
     """Raises UsageError, CpbenchError on options that do not go together, before any file is read."""
     if new is None and (first is None or second is None):
@@ -129,7 +132,7 @@ def _checked(
             raise click.UsageError(f"-o {path}: unknown suffix '{path.suffix}'; use {', '.join(SUFFIXES)}")
         if not path.parent.is_dir():
             raise click.UsageError(f"-o {path}: there is no folder {path.parent}; make it first")
-    for what in fail_on or ():
+    for what in fail_on:
         if what not in FAILURES:
             raise UnknownName("outcome for --fail-on", what, FAILURES)
 

@@ -8,12 +8,12 @@ from typing import BinaryIO
 import click
 
 from cpbench.bench.results.store import Store
-from cpbench.cli.options import force_option
+from cpbench.cli.options import Command, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import FormatError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("results", type=click.Path(path_type=Path))
 @click.option(
     "--rows", type=click.Path(path_type=Path), help="Write the rows: .csv, .json or .parquet ([arrow] extra)."

@@ -7,16 +7,16 @@ from functools import partial
 
 import click
 
-from cpbench.cli.options import number
+from cpbench.cli.options import Command, ListOption, number
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
 from cpbench.report.graph_drawing import FORMATS, draw
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True)
 @click.option("--check", is_flag=True, help="Send planted problems along every pair's equivalent routes and back.")
-@click.option("--node", "nodes", multiple=True, metavar="NODE", help="With --check: only pairs of these.")
+@click.option("--node", "nodes", cls=ListOption, metavar="NODE", help="With --check: only pairs of these.")
 @click.option(
     "--tolerance",
     "-t",

@@ -11,14 +11,14 @@ import click
 from cpbench.bench.planning.selection import addresses
 from cpbench.bench.results.imported import ELSEWHERE, Imported, Origin, import_answers
 from cpbench.bench.results.store import Store
-from cpbench.cli.options import force_option, format_option, tolerance_option
+from cpbench.cli.options import Command, force_option, format_option, tolerance_option
 from cpbench.errors import CpbenchError
 
 _SHOWN = 10
 """Lines of a kind that are printed; the rest is counted."""
 
 
-@click.command("import")
+@click.command("import", cls=Command)
 @click.argument("source", metavar="ANSWERS", type=click.Path(path_type=Path))
 @click.option("-s", "--solver", required=True, metavar="NAME", help="Who made the answers; need not be known here.")
 @click.option(

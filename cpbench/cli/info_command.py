@@ -10,14 +10,14 @@ import click
 import numpy as np
 
 from cpbench import facts, matrices, storage
-from cpbench.cli.options import Address, format_option, number
+from cpbench.cli.options import Address, Command, format_option, number
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("files", nargs=-1, required=True, type=Address())
 @click.option("--json", "as_json", is_flag=True, help="Everything, machine readable: a list with one object a problem.")
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")

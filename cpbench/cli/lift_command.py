@@ -8,11 +8,11 @@ import click
 
 from cpbench import graph, storage
 from cpbench.cli.answers import write_plain
-from cpbench.cli.options import force_option
+from cpbench.cli.options import Command, force_option
 from cpbench.errors import CpbenchError, FormatError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("solution", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Answer file: .h5, .npy or .csv.")
 @click.option("--problem", metavar="FILE", help="The converted problem, when SOLUTION is a bare vector or answer.")

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import click
 
+from cpbench.cli.options import Command
 
-@click.command()
+
+@click.command(cls=Command)
 @click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems", "readme"]))
 @click.argument("names", nargs=-1, metavar="[NAME|GLOB]...")
 @click.option("--all", "every", is_flag=True, help="Solvers: those too that run only when they are named.")

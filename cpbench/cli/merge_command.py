@@ -8,9 +8,10 @@ import click
 
 from cpbench.bench.results.merge import PREFER, merge
 from cpbench.bench.results.store import Store
+from cpbench.cli.options import Command
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Results file to be made."

@@ -13,6 +13,7 @@ from pathlib import Path
 import click
 
 from cpbench.cli import new_ci
+from cpbench.cli.options import Command
 from cpbench.errors import CpbenchError, DuplicateName, FormatError
 
 LANGUAGES = ("python", "cpp", "julia", "command")
@@ -20,7 +21,7 @@ KINDS = ("solver", "conversion", "problem")
 CI = "ci"
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("kind", type=click.Choice([*KINDS, CI]))
 @click.argument("name", required=False)
 @click.option(

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from cpbench.bench import history
-from cpbench.cli.options import Duration
+from cpbench.cli.options import Command, Duration, ListOption
 from cpbench.cli.sealed import sealed
 from cpbench.report import canvas, run_canvas
 from cpbench.report.chosen import Choice
@@ -20,10 +20,8 @@ from cpbench.report.run import assembled
 
 CHOICE: tuple[click.Option, ...] = (
     click.Option(["--node"], default="", metavar="NAME", help="Formulation, where the results have several."),
-    click.Option(
-        ["--solver", "-s", "solvers"], multiple=True, metavar="GLOB", help="Only these solvers or labels. Repeatable."
-    ),
-    click.Option(["--family", "families"], multiple=True, metavar="GLOB", help="Only these families. Repeatable."),
+    ListOption(["--solver", "-s", "solvers"], metavar="GLOB", help="Only these solvers or labels. Repeatable."),
+    ListOption(["--family", "families"], metavar="GLOB", help="Only these families. Repeatable."),
     click.Option(
         ["--tolerance", "-t"],
         type=click.FloatRange(min=0, min_open=True),
@@ -62,7 +60,7 @@ def command_of(kind: FigureKind) -> click.Command:
         click.echo(f"{kind.name}: {output}")
 
     told = inspect.cleandoc(sys.modules[kind.draw.__module__].__doc__ or "")
-    return click.Command(kind.name, params=parameters, callback=draw, help=told)
+    return Command(kind.name, params=parameters, callback=draw, help=told)
 
 
 def _option(name: str, default: Any, told: str) -> click.Option:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cpbench.cli.options import Address, force_option, format_option
+from cpbench.cli.options import Address, Command, force_option, format_option
 from cpbench.errors import CpbenchError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ SHOWN, LONGEST = 4, 160
 """Labels that were passed over, named with the reason; characters of a reason."""
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("problem", type=Address(), required=False)
 @click.option(
     "--results",

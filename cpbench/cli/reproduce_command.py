@@ -11,6 +11,7 @@ import click
 from cpbench.bench.bundle.agreement import Agreement, ordered
 from cpbench.bench.bundle.reproduction import Bundle, adopt, compare, load_plugins, open_bundle, plan, run
 from cpbench.bench.results.store import Store
+from cpbench.cli.options import Command
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError
 
@@ -18,7 +19,7 @@ LISTED = 20
 """Differences that are shown; the two results files have all."""
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("bundle", type=click.Path(path_type=Path, dir_okay=False))
 @click.option("-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="Folder (default: its name).")
 @click.option("--yes-run-plugins", "--yes", "agreed", is_flag=True, help="Run the plugins in it without being asked.")

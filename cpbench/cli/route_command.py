@@ -7,16 +7,16 @@ from collections.abc import Iterable
 import click
 
 from cpbench import graph, storage
-from cpbench.cli.options import Address, format_option
+from cpbench.cli.options import Address, Command, ListOption, format_option
 from cpbench.cli.routes import kinds_option, size_after, sizes_line
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.report.graph_drawing import solvers_of
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("problem", type=Address())
-@click.option("--to", "nodes", multiple=True, metavar="NODE", help="Only to this formulation (default: all).")
+@click.option("--to", "nodes", cls=ListOption, metavar="NODE", help="Only to this formulation (default: all).")
 @click.option("--all", "every", is_flag=True, help="Every route, not only the cheapest, with the size it leads to.")
 @click.option("--explain", is_flag=True, help="Show the dead ends, each with its obstacle.")
 @kinds_option

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from cpbench.analysis.remarks import remarks
 from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import dry_run, plan_file, run_plan
@@ -20,7 +21,7 @@ from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
 from cpbench.bench.runner import settings
 from cpbench.bench.staff import Setting
-from cpbench.cli.options import Counts, Names, Numbers, Sections, format_option, limit_options
+from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError
 from cpbench.verification import Status
@@ -53,11 +54,17 @@ EXAMPLES = (
 @click.option(
     "--plan", "plan_path", metavar="FILE", help="Plan file (TOML); default cpbench.toml here, if any. none: no file."
 )
-@click.option("--set", "only_sets", multiple=True, metavar="NAME", help="Only this [[set]] of the plan. Repeatable.")
+@click.option(
+    "--set",
+    "only_sets",
+    cls=ListOption,
+    metavar="NAME",
+    help="Only this [[set]] of the plan. Repeatable.",
+)
 @click.option(
     "-k", "--keyword", metavar="WORDS", help="Problems with these words in path, name, family or node: 'a and not b'."
 )
-@click.option("--family", multiple=True, metavar="NAME", help="Problems of this family (a glob). Repeatable.")
+@click.option("--family", cls=ListOption, metavar="NAME", help="Problems of this family (a glob).")
 @click.option(
     "--where",
     metavar="CONDITION",
@@ -75,7 +82,7 @@ EXAMPLES = (
     "-s",
     "--solver",
     "solvers",
-    multiple=True,
+    cls=ListOption,
     metavar="NAME[opt=value]",
     help="Only these solvers: names, globs, all, and grids as nsgs[omega=0.8:1.4:0.2,shuffle=true|false]. Repeatable.",
 )
@@ -85,26 +92,35 @@ EXAMPLES = (
     help="Which conversions may be used; facets adds inner facets, all adds outer ones, relaxations and "
     "merely necessary conversions. Default: exact; for the built-in suite: facets.",
 )
-@click.option("--facets", type=Counts(), default="8,16", show_default=True, help="Facets of approximate routes.")
+@click.option(
+    "--facets",
+    cls=ListOption,
+    type=Counts(),
+    default=("8,16",),
+    show_default="8,16",
+    help="Facets of approximate routes.",
+)
 @click.option(
     "--via",
-    multiple=True,
+    cls=ListOption,
     metavar="CONVERSION",
     help="Only routes through this conversion; NAME[knob=value] sets its knobs. Repeatable.",
 )
 @click.option(
     "--start",
-    default="cold",
-    show_default=True,
+    cls=ListOption,
+    default=("cold",),
+    show_default="cold",
     metavar="POLICY",
-    help="Where solvers start: cold, file, previous (the step before of a sequence) or perturbed:σ.",
+    help="Starts of solvers: cold, file, file:K, previous (the step before of a sequence) or perturbed:σ; a row each.",
 )
 @click.option(
     "-t",
     "--tolerance",
+    cls=ListOption,
     type=Numbers(),
-    default="1e-6",
-    show_default=True,
+    default=("1e-6",),
+    show_default="1e-6",
     help="An answer solves the problem when its measured error is at most this; a row each for 1e-4,1e-8.",
 )
 @click.option("--measure", metavar="NAME", help="The one number that decides; default: all of them.")
@@ -134,7 +150,7 @@ EXAMPLES = (
 @click.option("--keep", type=click.Choice(KEEP), default="all", show_default=True, help="Answers to keep.")
 @click.option("--report", type=click.Path(file_okay=False), help="Folder of the report.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
-@click.option("--fail-on", type=Names(), metavar="STATUSES", help="End with 1 when a pair is wrong,crash,...")
+@click.option("--fail-on", cls=ListOption, metavar="STATUSES", help="End with 1 when a pair is wrong,crash,...")
 @click.option("--dry-run", is_flag=True, help="Print what would be run, and how long at most. Writes nothing.")
 @click.option("-q", "--quiet", is_flag=True, help="No progress.")
 @click.option("-v", "--verbose", is_flag=True, help="A line an event on stderr.")
@@ -267,13 +283,16 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     if counts.get(Status.UNAVAILABLE):
         _tell_absent(store)
     click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
+    table = store.table()
+    for remark in remarks(table):
+        click.echo(remark)
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
         from cpbench.cli.portraits import Portraits
         from cpbench.report.folder import write_folder
 
         title = "The built-in suite" if asked.builtin else asked.results.stem
-        iterates, table = history.table(store.histories()), store.table()
+        iterates = history.table(store.histories())
         portraits = Portraits(store, table)
         for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, portraits=portraits):
             click.echo(f"report: {path}")

@@ -11,7 +11,7 @@ import click
 
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.quantities import duration
-from cpbench.cli.options import Duration, force_option
+from cpbench.cli.options import Command, Duration, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cpbench.cli.subset_plan import Source
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RESULTS...")
 @click.option("--budget", type=Duration(), default="10m", show_default=True, help="Wall clock of a run of the plan.")
 @click.option(

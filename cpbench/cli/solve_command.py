@@ -17,17 +17,27 @@ from cpbench.bench.planning import plan
 from cpbench.bench.results import answers
 from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
-from cpbench.cli.options import Address, Counts, force_option, format_option, limit_options, number, tolerance_option
+from cpbench.cli.options import (
+    Address,
+    Command,
+    ListOption,
+    facets_option,
+    force_option,
+    format_option,
+    limit_options,
+    number,
+    tolerance_option,
+)
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("problem", type=Address())
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver (cpbench list solvers).")
-@click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion.")
-@click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
+@click.option("--via", cls=ListOption, metavar="CONVERSION", help="Go through this conversion.")
+@facets_option
 @click.option("--routes", type=click.Choice(["exact", "all"]), default="exact", show_default=True)
 @click.option(
     "--start",
@@ -47,7 +57,7 @@ def command(
     problem: str,
     solver: str,
     via: tuple[str, ...],
-    facets: tuple[int, ...],
+    facets: int,
     routes: str,
     start: str,
     tolerance: float,
@@ -68,7 +78,7 @@ def command(
             "--start previous: a problem by itself has no step before it; see cpbench run --start previous"
         )
     if via:
-        asked = [plan.pinned(via, {"facets": facets[0]})]
+        asked = [plan.pinned(via, {"facets": facets})]
     else:
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
     limits = plan.Limits(timeout, memory, threads, repeats=1)

@@ -27,7 +27,7 @@ from cpbench.bench.staff import Setting
 from cpbench.bench.tuning import record
 from cpbench.bench.tuning.search import Search
 from cpbench.bench.tuning.space import space
-from cpbench.cli.options import Duration, Sections, force_option, limit_options, tolerance_option
+from cpbench.cli.options import Duration, ListOption, Sections, force_option, limit_options, tolerance_option
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError
 
@@ -59,7 +59,7 @@ EXAMPLES = (
     help="Half of the problems, by a hash of their mathematics; what is tuned on dev can be compared on test.",
 )
 @click.option("-k", "--keyword", default="", metavar="WORDS", help="Problems with these words, as for cpbench run.")
-@click.option("--family", multiple=True, metavar="NAME", help="Problems of this family (a glob). Repeatable.")
+@click.option("--family", cls=ListOption, metavar="NAME", help="Problems of this family (a glob).")
 @click.option("--where", default="", metavar="CONDITION", help="Problems whose facts fulfil it.")
 @click.option("--max-problems", type=click.IntRange(min=1), metavar="N", help="At most N problems, drawn by --seed.")
 @tolerance_option

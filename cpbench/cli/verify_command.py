@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 
 from cpbench import storage, verification
-from cpbench.cli.options import Address, format_option, number, tolerance_option
+from cpbench.cli.options import Address, Command, format_option, number, tolerance_option
 from cpbench.errors import FormatError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("problem", required=False, type=Address())
 @click.option("--answer", type=click.Path(path_type=Path), help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("--rejudge", type=click.Path(path_type=Path), help="Judge every kept answer of a results file again.")

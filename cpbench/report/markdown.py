@@ -50,7 +50,7 @@ def easel_of(run: Run) -> Easel:
 
 def write_text(run: Run, easel: Easel, title: str, comparison: Comparison | None = None) -> Path:
     """report.md and its details; `easel` is given their figures."""
-    parts = [f"# {plain(title)}", *publishing(run), *answer(run, easel), _headline(run)]
+    parts = [f"# {plain(title)}", *publishing(run), *_remarks(run), *answer(run, easel), _headline(run)]
     if comparison is not None:
         from cpbench.report.comparison.markdown import section as comparison_section
 
@@ -83,6 +83,12 @@ def _headline(run: Run) -> str:
     if run.stationary:
         lines.append(f"{run.stationary.capitalize()}.")
     return "\\\n".join(lines)
+
+
+def _remarks(run: Run) -> Iterator[str]:
+    """What was asked of the run and not done."""
+    if run.remarks:
+        yield "\\\n".join(f"**{plain(remark)}.**" for remark in run.remarks)
 
 
 def _pointers(run: Run) -> Iterator[str]:

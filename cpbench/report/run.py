@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import failures, reliability, summary
+from cpbench.analysis import failures, reliability, remarks, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended, restricted, without
 from cpbench.analysis.codes import by_appearance
@@ -54,6 +54,11 @@ class Run:
             return "stationary answers are counted as solved (--count-stationary)"
         count = int((self.rows["status"] == str(Status.STATIONARY)).sum())
         return f"{count} more stationary, not counted as solved" if count else ""
+
+    @cached_property
+    def remarks(self) -> list[str]:
+        """`remarks.remarks` of all rows: what the first lines say."""
+        return remarks.remarks(self.rows)
 
     @property
     def all_rows(self) -> str:

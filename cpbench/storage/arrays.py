@@ -48,6 +48,11 @@ def read_vector(path: str | Path) -> Vector:
     return value
 
 
+def read_array(path: str | Path) -> Any:
+    """An array of any number of dimensions, or a sparse matrix; raises FormatError."""
+    return _read(Path(path))
+
+
 def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, NDArray[Any]]:
     """The arrays of an .npz by name; raises FormatError on anything that is not plain numbers or text.
 

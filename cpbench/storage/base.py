@@ -144,16 +144,23 @@ def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
         raise FormatError(path, f"{where}/{inside}{field}" if where else field, cause.cause) from None
 
 
+def require_new(path: Path, force: bool) -> None:
+    """Raises FormatError when nothing can be written at `path`: commands ask before they begin to work."""
+    if path.is_dir():
+        raise FormatError(path, "", "is a folder, cannot be written as a file")
+    if not force and path.exists():
+        raise FormatError(path, "", "exists already: --force replaces it")
+    if not path.parent.is_dir():
+        raise FormatError(path, "", f"cannot be written: there is no folder {path.parent}")
+
+
 def write_atomic(path: Path, data: bytes | Callable[[BinaryIO], object], *, force: bool) -> None:
     """Put `data`, or what it writes, at `path` in one step: complete or not at all, even if the process is killed.
 
     The bytes go to a file without a name (Linux) or with a temporary one beside the target, which then gets
     the target's name. Raises FormatError when the target exists (unless `force`) or cannot be written.
     """
-    if path.is_dir():
-        raise FormatError(path, "", "is a folder, cannot be written as a file")
-    if not force and path.exists():
-        raise FormatError(path, "", "exists already: --force replaces it")
+    require_new(path, force)
     put: Callable[[BinaryIO], object] = data if callable(data) else lambda file: file.write(data)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
     try:

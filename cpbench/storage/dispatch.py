@@ -60,8 +60,6 @@ def save(
         raise FormatError(
             file, "", f"the format {chosen.name} writes {able}, not a problem of type {problem.node}{reason}"
         )
-    if not force and file.exists():
-        raise FormatError(file, "", "exists already: --force replaces it")
     write_atomic(file, lambda out: chosen.write(problem, out, compress=compress), force=force)
     if problem.provenance and not chosen.keeps_provenance:
         logger.warning("%s: %s keeps no provenance: answers to it cannot be lifted (.h5 can)", file, chosen.name)

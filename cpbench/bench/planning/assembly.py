@@ -115,7 +115,8 @@ def _entries(part: ProblemSet) -> list[Entry]:
 
 def _requests(part: ProblemSet) -> list[Request]:
     if part.via:
-        return [plan.pinned(part.via, {"facets": part.facets[0]})]
+        found = (plan.pinned(part.via, {"facets": facets}) for facets in part.facets)
+        return list({request.name: request for request in found}.values())
     return plan.requests(part.allowed_routes, part.facets)
 
 
@@ -129,6 +130,7 @@ def _pairs(
     return [
         pair
         for tolerance in part.tolerance
+        for start in part.start
         for pair in plan.pairs(
             chosen,
             entries,
@@ -137,7 +139,7 @@ def _pairs(
             part.limits(threads),
             relaxations=part.allowed_routes == "all",
             detours=bool(part.solvers or part.via),
-            start=part.start,
+            start=start,
             set=part.name,
             measure=part.measure,
         )

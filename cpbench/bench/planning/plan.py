@@ -159,8 +159,8 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     """
     steps: list[tuple[str, Mapping[str, Any]]] = []
     for text in via:
-        name, _, knobs = text.partition("[")
-        names = find_via(name.strip())
+        name, knobs = bracketed("conversion", text)
+        names = find_via(name)
         if len(names) > 1:
             raise CpbenchError(f"'{name}' is the end of several conversions: write {' or '.join(names)}")
         known = make(names[0]).parameters
@@ -170,13 +170,31 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     return Request(name, EXACT_KINDS, tuple(steps))
 
 
-def _knobs(name: str, known: Mapping[str, Any], text: str, whole: str) -> dict[str, Any]:
-    """Knobs of a conversion, `facets=16,angle=0.1]`, with the types of their defaults."""
-    if text and not text.rstrip().endswith("]"):
-        raise CpbenchError(f"'{whole}': the bracket is not closed; write CONVERSION[knob=value,...]")
+def bracketed(kind: str, text: str) -> tuple[str, dict[str, str]]:
+    """The name and what is set of it, `nsgs[omega=1.2,shuffle=true]`; raises CpbenchError on an item that is none, or
+    is there twice.
+
+    >>> bracketed("solver", "nsgs[omega=1.2,shuffle=true]")
+    ('nsgs', {'omega': '1.2', 'shuffle': 'true'})
+    """
+    name, bracket, rest = text.partition("[")
+    if bracket and not rest.rstrip().endswith("]"):
+        raise CpbenchError(f"{kind} '{text}': the bracket is not closed; write NAME[option=value,...]")
+    given: dict[str, str] = {}
+    for item in filter(None, (part.strip() for part in rest.strip().removesuffix("]").split(","))):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals or not value:
+            raise CpbenchError(f"{kind} '{text}': '{item}' is no option; write NAME[option=value,...]")
+        if key in given:
+            raise CpbenchError(f"{kind} '{text}': {key} is given twice, as {given[key]} and {value}")
+        given[key] = value
+    return name.strip(), given
+
+
+def _knobs(name: str, known: Mapping[str, Any], said: Mapping[str, str], whole: str) -> dict[str, Any]:
+    """Knobs of a conversion with the types of their defaults."""
     given: dict[str, Any] = {}
-    for item in filter(None, (part.strip() for part in text.rstrip().removesuffix("]").split(","))):
-        knob, _, value = (part.strip() for part in item.partition("="))
+    for knob, value in said.items():
         if knob not in known:
             raise UnknownName(f"parameter of {name}", knob, known)
         kind = type(known[knob])
@@ -214,12 +232,8 @@ def parse_entry(text: str) -> Entry:
     variant = declare_text(text)
     if variant is not None:
         return Entry(variant)
-    name, _, rest = text.partition("[")
-    spec = solvers.get(name.strip()).spec
-    given: dict[str, str] = {}
-    for item in filter(None, rest.rstrip("]").split(",")):
-        key, _, value = item.partition("=")
-        given[key.strip()] = value.strip()
+    name, given = bracketed("solver", text)
+    spec = solvers.get(name).spec
     typed = parse_options(spec, given)
     return Entry(spec.name, {key: getattr(typed, key) for key in given})
 

@@ -267,8 +267,8 @@ def _via(value: Any) -> tuple[str, ...]:
     return texts
 
 
-def _start(value: Any) -> str:
-    return str(parse_start(_text(value)))
+def _starts(value: Any) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(str(parse_start(text)) for text in _texts(value))) or ("cold",)
 
 
 def _format(value: Any) -> str:
@@ -321,7 +321,7 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "repeats": _whole(1),
     "history": _flag,
     "measure": _text,
-    "start": _start,
+    "start": _starts,
     "format": _format,
     "family": _texts,
     "where": _where,

@@ -31,7 +31,8 @@ class ProblemSet:
     where all problems are built in.
     facets, via : facet counts, pinned conversions. tolerance : one pair each.
     timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides, None: all.
-    start : start policy. format : of the files. family, where, keyword, split, max_problems, seed : the selection.
+    start : start policies, one pair each. format : of the files. family, where, keyword, split, max_problems, seed :
+    the selection.
     """
 
     name: str = ""
@@ -46,7 +47,7 @@ class ProblemSet:
     repeats: int = Limits.repeats
     history: bool = Limits.history
     measure: str | None = None
-    start: str = "cold"
+    start: tuple[str, ...] = ("cold",)
     format: str | None = None
     family: tuple[str, ...] = ()
     where: str = ""

@@ -128,6 +128,7 @@ def _body(
     told = f"{solved} of {pairs} pairs of a problem and a solver were solved; there are {problems} problems."
     if run.stationary:
         told += f" {text(run.stationary.capitalize())}."
+    told += "".join(f" {text(remark)}." for remark in run.remarks)
     yield f"\\section{{Overview}}\n{told}"
     yield from _methods(run, macros)
     for group, own in rows_of.groups(rows):
