@@ -10,6 +10,7 @@ from cpbench.analysis import attendance, failures, reliability
 from cpbench.analysis.failures import Reason
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
+from cpbench.report.multi_start_section import multi_start
 from cpbench.report.run import Run
 from cpbench.report.run_sections import again, false_claims, refused, warm_against_cold
 from cpbench.report.text import code, counted, cut, listed, number, plain, table
@@ -23,6 +24,7 @@ def known_sections(run: Run) -> Iterator[str]:
     """All of them, in order; those that have nothing to say are not there, but for false claims and failures."""
     yield from false_claims(run, LISTED)
     yield from _remarks(run)
+    yield from multi_start(run, 3)
     yield from warm_against_cold(run, LISTED)
     yield from imported(run)
     yield from _failures(run)

@@ -13,6 +13,7 @@ from cpbench.analysis import failures, reliability, starts
 from cpbench.report.attendance_sections import absent, tuned
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
+from cpbench.report.multi_start_section import multi_start
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, cut, listed, number, plain, solve_command, table
 from cpbench.verification import Status
@@ -30,6 +31,7 @@ def run_sections(run: Run) -> Iterator[str]:
         _directions,
         _inexact,
         _losses,
+        multi_start,
         warm_against_cold,
         imported,
         _failures,
@@ -226,7 +228,7 @@ def _solvers(run: Run) -> Iterator[str]:
 
 def warm_against_cold(run: Run, most: int | None = None) -> Iterator[str]:
     """What warm starts gain, a line a formulation, solver and start; at most so many lines."""
-    found = starts.paired(run.rows)
+    found = starts.paired(run.read)
     if not len(found):
         return
     yield "## Warm against cold"

@@ -54,7 +54,7 @@ def page(run: Run, title: str) -> str:
         told["growth"] = rankings.growth(rows, symbols)
     problems = [(rows["fingerprint"].nunique(), int(rows_of.solved(rows).sum())) for _, rows in run.parts]
     facts["first"] = problems.index(max(problems)) if problems else 0
-    facts["warm"] = rankings.warm(run.rows)
+    facts["warm"] = rankings.warm(run.read)
     scripts = [vega.script(), *(_asset(name) for name in SCRIPTS)]
     inside, links = sections(run, title)
     return Template(_asset("page.html")).substitute(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from cpbench.report.html.failing import false_claims, reasons
 from cpbench.report.html.markup import Markup, element, prose
 from cpbench.report.html.overview import overview
+from cpbench.report.html.several_starts import several_starts
 from cpbench.report.html.sheets import machine, problems, solvers
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run
@@ -38,6 +39,7 @@ TITLES = {
     "size": "Cost against size",
     "sequences": "Sequences",
     "deadlines": "Deadlines",
+    "starts": "Several starts",
     "claims": "False claims",
     "failures": "Failures by reason",
     "solvers": "Solvers",
@@ -47,8 +49,8 @@ TITLES = {
 }
 LINKS = {
     "overview": "Answer", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
-    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "claims": "False claims",
-    "failures": "Failures", "solvers": "Solvers", "problems": "Problems",
+    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "starts": "Starts",
+    "claims": "False claims", "failures": "Failures", "solvers": "Solvers", "problems": "Problems",
     "machine": "Machine", "methods": "Methods",
 }  # fmt: skip
 
@@ -73,6 +75,7 @@ def _present(run: Run) -> Iterator[tuple[str, list[Markup]]]:
         if name not in absent:
             yield name, list(_figures(name))
     parts: Mapping[str, Callable[[Run], Iterator[Markup]]] = {
+        "starts": several_starts,
         "claims": false_claims,
         "failures": reasons,
         "solvers": solvers,

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from cpbench.analysis import multi_start
 from cpbench.report.html.markup import Markup, element, table
 from cpbench.report.run import Run, tunings
 from cpbench.report.run_sections import DRIFT
@@ -58,7 +59,7 @@ def problems(run: Run) -> Iterator[Markup]:
     first = run.rows.drop_duplicates("fingerprint")
     found: dict[tuple[str, str, str, str], int] = {}
     for fingerprint, node, family in zip(first["fingerprint"], first["node"], first["family"], strict=True):
-        told = made.get(fingerprint, {})
+        told = made.get(multi_start.original(str(fingerprint)), {})
         source = "; ".join(filter(None, (told.get("source", ""), told.get("citation", ""))))
         key = (str(node), str(family) or "(none)", source, str(told.get("licence", "")))
         found[key] = found.get(key, 0) + 1
