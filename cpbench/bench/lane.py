@@ -58,7 +58,7 @@ class Lane:
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
         self._scratch = Scratch()
-        means = context(setting.threads, kernels=not setting.single)
+        means = context(setting.threads, few=setting.single)
         self.referee = Referee(means, setting, self._scratch.folder)
         self.workers = Workers(means, setting, self._scratch.folder)
 
@@ -114,11 +114,12 @@ class Lane:
     ) -> None:
         """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
 
-        limits : of the solves to come. progress : called with `start` and a name, and with `compiling` where kernels
-        are not in the cache yet.
+        limits : of the solves to come. progress : called with `start` and a name where a process begins, and with
+        `compiling` where kernels are not in the cache yet.
         """
         for name in names:
-            progress("start", name)
+            if not self.workers.settled(name, limits.memory):
+                progress("start", name)
             self.workers.get(name, limits.memory, limits.seconds, lambda name=name: progress("compiling", name))
 
     def prepare(self, pair: Pair) -> dict[str, Any]:

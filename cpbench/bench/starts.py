@@ -229,7 +229,7 @@ def _counted(text: str, number: str) -> int:
     """K of `file:K`."""
     if not (number.isascii() and number.isdigit() and int(number) >= 1):
         raise CpbenchError(
-            f"start '{text}': the guess is '{number}', expected its number from 1 on, as in file:2, or all of them, file:all"
+            f"start '{text}': the guess is '{number}', expected its number from 1 on, as in file:2, or file:all"
         )
     return int(number)
 

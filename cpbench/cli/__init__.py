@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from cpbench import __version__
+from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
 from cpbench.registry import PLUGIN_FILES
 
@@ -89,6 +90,8 @@ class LazyGroup(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        if args and not os.environ.get(PLUGIN_FILES):
+            ahead.begin(args)
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError:

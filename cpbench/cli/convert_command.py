@@ -26,6 +26,7 @@ from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.report.show import slip_angle
+from cpbench.storage.base import require_new
 
 
 @click.command(cls=Command)
@@ -83,6 +84,7 @@ def command(
     """
     if node is not None:
         formulations.get(node)
+    require_new(target_file, force)
     problem = storage.load(source, format=file_format)
     node = node or problem.node
     if settings:

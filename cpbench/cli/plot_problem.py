@@ -11,6 +11,7 @@ import click
 
 from cpbench import storage
 from cpbench.cli.options import Address, Command, Counts, ListOption
+from cpbench.cli.outputs import replaced
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
 from cpbench.report import canvas
@@ -44,12 +45,13 @@ def command_of(kind: FigureKind) -> click.Command:
         **options: Any,
     ) -> None:
         canvas.require_suffix(output)
+        before = [output] if output.exists() else []
         problem = None if source is None else storage.load(source, format=file_format)
         point = None if kind.answer is Need.NONE else _answer(kind, source, problem, answer)
         with canvas.drawing():
             drawn = kind.draw(problem, point, **options)
             canvas.write(drawn, output, bare=bare)
-        click.echo(f"{kind.name}: {output}")
+        click.echo(f"{kind.name}: {replaced(output, before)}")
 
     told = inspect.cleandoc(sys.modules[kind.draw.__module__].__doc__ or "")
     return Command(kind.name, params=parameters, callback=draw, help=told)

@@ -12,6 +12,7 @@ import click
 
 from cpbench.bench import history
 from cpbench.cli.options import Command, Duration, ListOption
+from cpbench.cli.outputs import replaced
 from cpbench.cli.sealed import sealed
 from cpbench.report import canvas, run_canvas
 from cpbench.report.chosen import Choice
@@ -47,6 +48,7 @@ def command_of(kind: FigureKind) -> click.Command:
 
     def draw(results: Path, output: Path, bare: bool, publishable: bool, **given: Any) -> None:
         canvas.require_suffix(output)
+        before = [output] if output.exists() else []
         own = {name: given.pop(name) for name in kind.options}
         tolerance = given.pop("tolerance")
         choice = Choice(**given, tolerance=math.nan if tolerance is None else tolerance)
@@ -57,7 +59,7 @@ def command_of(kind: FigureKind) -> click.Command:
             drawn = kind.draw(run, choice, **own)
         with canvas.drawing():
             canvas.write(drawn, output, bare=bare)
-        click.echo(f"{kind.name}: {output}")
+        click.echo(f"{kind.name}: {replaced(output, before)}")
 
     told = inspect.cleandoc(sys.modules[kind.draw.__module__].__doc__ or "")
     return Command(kind.name, params=parameters, callback=draw, help=told)

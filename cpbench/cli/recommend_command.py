@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cpbench.cli import next_command
 from cpbench.cli.options import Address, Command, force_option, format_option
 from cpbench.errors import CpbenchError
 
@@ -128,7 +129,10 @@ def _recommend(
     apart = len(set(known.origins)) > 1
     rates = validation.rates(known, validation.evaluate(known, asked.node, CHECKED)).to_dict("records") if apart else []
     checked = rates[0] if rates and rates[0]["node"] == asked.node else None
-    runs = [_command(address, asked, one, warm) for one in taken]
+    cold = warm and getattr(asked, "sequence", None) is None and not storage.guesses(address)
+    if cold:
+        remarks.append("the file has no starting point (guesses), so the command starts cold")
+    runs = [_command(address, asked, one, warm and not cold) for one in taken]
     if as_json:
         click.echo(json.dumps(_record(asked, source, remarks, found, taken, passed, runs, checked), indent=1))
         return
@@ -194,10 +198,11 @@ def _command(address: str, asked: Problem, one: Candidate, warm: bool) -> str:
 
     inside = Path(address).is_relative_to(builtin_folder())
     place = f"builtin/{Path(address).relative_to(builtin_folder())}" if inside else address
+    options = shlex.split(one.options)
     if warm and getattr(asked, "sequence", None) is not None:
         scene = place.partition("::")[0] if "::" in place else str(Path(place).parent)
-        return f"cpbench run {shlex.quote(scene)} {one.options} --start previous"
-    return f"cpbench solve {shlex.quote(place)} {one.options}" + (" --start file" if warm else "")
+        return next_command.line("run", scene, *options, "--start", "previous")
+    return next_command.line("solve", place, *options, *(["--start", "file"] if warm else []))
 
 
 def _record(

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from cpbench.cli.options import Command, ListOption
+from cpbench.cli.outputs import replaced, require_folder
 from cpbench.cli.sealed import sealed
 from cpbench.errors import UnknownName
 
@@ -68,7 +69,8 @@ def command(
             raise click.UsageError("--baseline is a section of the Markdown report: leave --format tex out")
         if data:
             raise click.UsageError("--data is of the report as HTML: leave --format tex out")
-        click.echo(f"report: {_tex(results, folder, name, facets, chosen)}")
+        before = _there(folder)
+        click.echo(f"report: {replaced(_tex(results, folder, name, facets, chosen), before)}")
         return
     if facets:
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
@@ -93,6 +95,7 @@ def command(
             table, meta = new.table, new.meta
             comparison = compare(base(baseline, new), new)
         portraits, answers = Portraits(store, table), start_answers(store, table)
+    before = _there(folder)
     forms, told = row_files.chosen(len(table), data or None)
     made = write_folder(
         table,
@@ -107,9 +110,15 @@ def command(
         **chosen,
     )
     for path in made:
-        click.echo(f"report: {path}")
+        click.echo(f"report: {replaced(path, before)}")
     for line in told:
         click.echo(line, err=True)
+
+
+def _there(folder: Path) -> list[Path]:
+    """What the folder of the report has already; makes it. Raises FormatError where it cannot be."""
+    require_folder(folder)
+    return list(folder.iterdir())
 
 
 def _tex(results: Path, folder: Path, title: str, facets: tuple[str, ...], chosen: Mapping[str, bool]) -> Path:

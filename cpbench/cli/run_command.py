@@ -22,6 +22,7 @@ from cpbench.bench.results.store import KEEP, Store
 from cpbench.bench.runner import settings
 from cpbench.bench.staff import Setting
 from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
+from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError
 from cpbench.verification import Status
@@ -198,6 +199,8 @@ def command(
                 return
             assembly.require_pairs()
             campaign.require_answers(asked, assembly.pairs)
+            if asked.report_folder is not None:
+                require_folder(asked.report_folder)  # before hours of work
             crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
             store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep, expel=True))
             _tell_removed(store)

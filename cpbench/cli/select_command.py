@@ -11,6 +11,7 @@ import click
 
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.quantities import duration
+from cpbench.cli import next_command
 from cpbench.cli.options import Command, Duration, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
@@ -79,8 +80,8 @@ def command(files: tuple[Path, ...], budget: float, seed: int, safety: float, ou
     for line in text.splitlines():
         if line.startswith("#"):
             click.echo(line.removeprefix("# "))
+    click.echo(f"plan: {output}; run it with: {next_command.line('run', '--plan', str(output))}")
     _tell(told, folder, room)
-    click.echo(f"plan: {output}; run it with: cpbench run --plan {shlex.quote(str(output))}")
 
 
 def _read(files: tuple[Path, ...]) -> tuple[pd.DataFrame, list[Source]]:
@@ -128,7 +129,9 @@ def _tell(told: Any, folder: Path | None, room: float) -> None:
         click.echo(f"not here: {file}; the plan names it as the results do", err=True)
     names = set(told.measured.rows["solver"]) - set(solvers.names())
     if names:
-        click.echo(f"declared elsewhere: {', '.join(sorted(names))}; the plan needs --plugin FILE for them", err=True)
+        click.echo(
+            f"declared elsewhere: {', '.join(sorted(names))}; the command above needs --plugin FILE for them", err=True
+        )
 
 
 def _builtin() -> Path | None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,8 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
+from cpbench.solvers.base import solvers
+from cpbench.storage.base import require_new
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
 
@@ -50,7 +54,6 @@ from cpbench.verification import MET_TOLERANCE, PROVEN
 @limit_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the answer (.h5, .npy, .csv).")
 @click.option("--json", "as_json", is_flag=True, help="Print the row as JSON.")
-@click.option("--strict", is_flag=True, help="Exit with 1 unless the answer is verified, or the lack of one proved.")
 @format_option
 @force_option
 def command(
@@ -66,11 +69,16 @@ def command(
     threads: int,
     output: Path | None,
     as_json: bool,
-    strict: bool,
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Solve one problem by one solver, in a process of its own, and say what the answer is worth."""
+    """Solve one problem by one solver, in a process of its own, and say what the answer is worth.
+
+    Ends with 1 unless the answer is verified, or the lack of one proved, so that `solve ... && lift ...` carries no
+    wrong answer on. The answer is written all the same.
+    """
+    if output is not None:
+        require_new(output, force)
     entry = plan.parse_entry(solver)
     policy = starts.parse_start(start)
     if policy.kind is starts.StartKind.PREVIOUS:
@@ -83,15 +91,18 @@ def command(
         asked = [plan.pinned(via, {"facets": facets})]
     else:
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
+    asked = [replace(request, nodes=_only(entry, request)) for request in asked]
     limits = plan.Limits(timeout, memory, threads, repeats=1)
     with Lane(Setting(threads, memory, single=True)) as lane:
+        lane.workers.begin(entry.solver, memory)
         survey = lane.survey(problem, asked, file_format, timeout)
         pairs = plan.pairs(
             [survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via, start=str(policy)
         )
         if not pairs:
             raise NoRoute(
-                f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
+                f"no {routes} route from {survey['node']} to {solver}; "
+                f"see: cpbench route {shlex.quote(problem)} --explain"
             )
         pair = pairs[0]
         prepared = lane.prepare(pair)
@@ -113,8 +124,14 @@ def command(
     elif output is not None:
         click.echo("no answer to write", err=True)
         sys.exit(1)
-    if strict and row["status"] not in (*MET_TOLERANCE, *PROVEN):
+    if row["status"] not in (*MET_TOLERANCE, *PROVEN):
         sys.exit(1)
+
+
+def _only(entry: plan.Entry, request: plan.Request) -> tuple[str, ...]:
+    """The solver's own node where the request is meant for it: no other one is looked for."""
+    node = solvers.get(entry.solver).spec.node
+    return (node,) if node in request.nodes or not request.nodes else request.nodes
 
 
 def _warming(event: str, solver: str) -> None:

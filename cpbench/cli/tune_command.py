@@ -27,6 +27,7 @@ from cpbench.bench.staff import Setting
 from cpbench.bench.tuning import record
 from cpbench.bench.tuning.search import Search
 from cpbench.bench.tuning.space import space
+from cpbench.cli import next_command
 from cpbench.cli.options import Duration, ListOption, Sections, force_option, limit_options, tolerance_option
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError
@@ -137,7 +138,7 @@ def command(
     if not found.whole:
         click.echo(f"compared on {found.score.problems} of {len(planned)} problems: the budget was too short for more")
     click.echo(f"{found.configurations} configurations, {found.solves} solves, {found.seconds:.1f} s")
-    click.echo(f"plan: {path}; compare on the other problems with: cpbench run --plan {shlex.quote(str(path))}")
+    click.echo(f"plan: {path}; compare on the other problems with: {next_command.line('run', '--plan', str(path))}")
     if interrupted:
         click.echo("cpbench: interrupted; the plan has the best so far", err=True)
         sys.exit(130)

@@ -193,7 +193,7 @@ def test_imports_stand_beside_our_own_rows(monkeypatch, capsys, tmp_path: Path, 
     ours, theirs = tmp_path / "ours.sqlite", tmp_path / "theirs.sqlite"
     run_it = [sys.executable, "-m", "cpbench", "run", str(asked / "planted.h5"), "-s", "lemke", "--plan", "none"]
     run_it += ["--no-report", "-q", "--repeats", "1", "--timeout", "5s", "-o", str(ours)]
-    assert subprocess.run(run_it, capture_output=True, timeout=120).returncode == 0
+    assert subprocess.run(run_it, capture_output=True, timeout=600).returncode == 0
     solve = ["-s", "lemke", "--problems", asked / "planted.h5"]
     assert run(monkeypatch, made, *solve, "-o", theirs) == 0
     told = merge([ours, theirs], tmp_path / "both.sqlite")
@@ -205,7 +205,7 @@ def test_imports_stand_beside_our_own_rows(monkeypatch, capsys, tmp_path: Path, 
     assert "--force" in capsys.readouterr().err
     assert run(monkeypatch, made, *solve, "-o", ours, "--force") == 0
     assert len(_all(ours)) == 12
-    other = subprocess.run([*run_it, "-s", "pgs", "--timeout", "7s"], capture_output=True, text=True, timeout=120)
+    other = subprocess.run([*run_it, "-s", "pgs", "--timeout", "7s"], capture_output=True, text=True, timeout=600)
     assert other.returncode == 2, "rows without limits hide that ours had others"
     assert "timeout" in other.stderr
 

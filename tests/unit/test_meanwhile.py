@@ -54,7 +54,7 @@ def test_what_fails_here_too_is_raised() -> None:
 def test_an_error_within_ends_the_copy(tmp_path: Path) -> None:
     def task() -> None:
         (tmp_path / "begun").touch()
-        time.sleep(60)
+        time.sleep(3600)
         (tmp_path / "done").touch()
 
     def fail() -> None:
@@ -66,7 +66,7 @@ def test_an_error_within_ends_the_copy(tmp_path: Path) -> None:
     begun = time.monotonic()
     with pytest.raises(KeyError):
         fail()
-    assert time.monotonic() - begun < 50, "it was not waited for"
+    assert time.monotonic() - begun < 600, "it was not waited for"
     assert not (tmp_path / "done").exists()
 
 
@@ -77,7 +77,7 @@ def test_a_copy_that_is_ended_leaves_no_file_behind(tmp_path: Path, monkeypatch:
 
     def put(_: BinaryIO) -> None:
         (tmp_path / "begun").touch()
-        time.sleep(60)
+        time.sleep(3600)
 
     def fail() -> None:
         with meanwhile(lambda: write_atomic(tmp_path / "results.csv", put, force=True), copied=True):
