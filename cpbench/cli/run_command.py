@@ -69,7 +69,7 @@ EXAMPLES = (
 @click.option(
     "--where",
     metavar="CONDITION",
-    help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. A fact that a problem lacks selects nothing.",
+    help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. Problems without that fact are skipped.",
 )
 @click.option(
     "--split",

@@ -111,10 +111,8 @@ def _figures(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, times: pd
     )
     swapped = pairwise.reversals(times, profile.leading(figures.EMPHASISED))
     if swapped:
-        yield (
-            "*Caution.* Other solvers decide the order of these at τ = 2; compared by themselves they change places:"
-        )
-        yield "\n".join(f"- {code(one)} lies above {code(other)} here, below it alone" for one, other in swapped)
+        yield "*Caution.* At τ = 2 these are in this order only because of the other solvers; pairwise, it reverses:"
+        yield "\n".join(f"- {code(one)} is above {code(other)} here, below it pairwise" for one, other in swapped)
     if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
         name = f"profile-{slug}-each"
         easel.draw(name, panels.panels_figure, profile, f"{title}, each solver apart", kinds, run.looks)

@@ -23,6 +23,8 @@ LINES = 32
 """The most curves that are named; the grey ones beyond are counted."""
 LINE = 0.19
 """Height of a line [in]."""
+LEGEND = "legend"
+"""Label of the axes that hold one."""
 DASHES: Any = (0, (4, 2))
 
 
@@ -65,6 +67,7 @@ def beside(
     indent : room for longer numbers, as a share of the width. most : lines that are named.
     """
     axes.set_axis_off()
+    axes.set_label(LEGEND)
     fit = axes.figure.get_figheight() * axes.get_position().height / LINE  # type: ignore[union-attr]
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(fit, 0.0)

@@ -240,7 +240,7 @@ def test_times_of_another_machine_are_not_ranked(both: Path, tmp_path: Path) -> 
     table.loc[ours, "solve"] = 0.5
     report = write_report(table, meta, tmp_path / "a", "t").read_text()
     found = _cells(report, "`quick@imported`")
-    assert (found["solved of 6"], found["stationary"], found["planned"], found["claimed, is not"]) == (
+    assert (found["solved"], found["stationary"], found["ran"], found["false claims"]) == (
         "5",
         "0",
         "6",

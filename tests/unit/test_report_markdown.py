@@ -223,7 +223,7 @@ def test_an_order_that_a_third_solver_decides_is_told(tmp_path: Path) -> None:
         "c": [6.0] * 3 + [2.0] * 4 + [2.5] * 3,
     }
     rows = [row(f"p-{i}", label, "solved", t) for label, times in seconds.items() for i, t in enumerate(times)]
-    assert "\n- `c` lies above `b` here, below it alone\n" in report(table(*rows), tmp_path)
+    assert "\n- `c` is above `b` here, below it pairwise\n" in report(table(*rows), tmp_path)
 
 
 def test_commands_load_the_file_that_a_solver_comes_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

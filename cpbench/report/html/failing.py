@@ -1,4 +1,4 @@
-"""What did not go well: claims that do not hold, failures by reason, solvers that could not run."""
+"""What did not go well: false claims, failures by reason, solvers that could not run."""
 
 from __future__ import annotations
 

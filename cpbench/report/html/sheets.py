@@ -88,7 +88,9 @@ def machine(run: Run) -> Iterator[Markup]:
             f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}."
         )
         if spread > DRIFT:
-            yield element("p", told, " Ratios of times nearer to 1 than that are the machine's.", class_="note warning")
+            yield element(
+                "p", told, f" Time ratios below {spread:.2g} are within this machine's noise.", class_="note warning"
+            )
         else:
             yield element("p", told)
     refused = [(str(address), str(reason)) for address, reason in run.meta.get("refused") or []]
