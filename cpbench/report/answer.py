@@ -8,7 +8,7 @@ from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
 from cpbench.report.easel import Easel
-from cpbench.report.run import Run
+from cpbench.report.run import Run, tunings
 from cpbench.report.text import code, number, plain, seconds, table
 
 SENTENCES = 24
@@ -51,14 +51,14 @@ def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
     """The first of its solvers; the first line names the formulation and links to its details."""
     for k, row in enumerate(ranking.rows[:most]):
         name = f"[{plain(ranking.formulation)}]({file_of(run, ranking.group)})" if k == 0 else ""
-        yield [name, *cells_of(row)]
+        yield [name, *cells_of(row, row.solver in tunings(run))]
 
 
-def cells_of(row: RankedSolver) -> Sequence[str]:
+def cells_of(row: RankedSolver, tuned: bool) -> Sequence[str]:
     """Solver, route, solved, median, factor and remarks as Markdown."""
     route = row.route + (f" and {row.others} more" if row.others else "")
     return (
-        code(row.solver),
+        code(row.solver) + (" (tuned)" if tuned else ""),
         plain(route) or "—",
         f"{row.solved} of {row.started}",
         seconds(row.median),

@@ -8,6 +8,7 @@ import pandas as pd
 
 from cpbench.analysis import attendance, failures, reliability
 from cpbench.analysis.failures import Reason
+from cpbench.report.attendance_sections import tuned
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
 from cpbench.report.multi_start_section import multi_start
@@ -30,6 +31,7 @@ def known_sections(run: Run) -> Iterator[str]:
     yield from _failures(run)
     yield from _never_started(run)
     yield from refused(run, LISTED)
+    yield from tuned(run)
 
 
 def _remarks(run: Run) -> Iterator[str]:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 from synthetic_results import meta, row, suite, table
-from written_reports import write_report
+from written_reports import whole, write_report
 
 from cpbench.report.text import code, fenced, plain, solve_command
 from cpbench.report.text import table as text_table
@@ -25,12 +25,7 @@ HOSTILE = [
 def report(rows: pd.DataFrame, folder: Path, **facts: object) -> str:
     path = write_report(rows, meta(**facts), folder, "A title")
     assert path == folder / "report.md"
-    return path.read_text(encoding="utf-8") + details(folder)
-
-
-def details(folder: Path) -> str:
-    """The texts of the details beside a report, one after the other."""
-    return "".join(f"\n{path.read_text(encoding='utf-8')}" for path in sorted(folder.glob("details*.md")))
+    return whole(path)
 
 
 def check_whole(text: str, folder: Path) -> None:
@@ -302,7 +297,7 @@ def test_stationary_has_a_column_and_is_counted_where_that_is_asked_for(tmp_path
     counted = write_report(rows, meta(), tmp_path, "A title", count_stationary=True).read_text(encoding="utf-8")
     assert "**2 of 2 pairs solved**" in counted
     assert "Stationary answers are counted as solved (--count-stationary)." in counted
-    assert re.search(r"\| `lemke` \| [^|]*\| 2 \| 0 \| 2 \| 0 \|", details(tmp_path))
+    assert re.search(r"\| `lemke` \| [^|]*\| 2 \| 0 \| 2 \| 0 \|", whole(tmp_path / "report.md"))
 
 
 def test_a_report_of_a_large_run_is_short(tmp_path: Path) -> None:

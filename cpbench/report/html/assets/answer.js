@@ -18,7 +18,7 @@ const Answer = (() => {
       const { rows, more } = context.group.answer;
       if (!rows.length) return { empty: "No solver was started." };
       const lines = rows.map(([solver, route, others, solved, started, median, factor, remarks]) => [
-        h("span", {}, Figures.swatch(context.slotOf(solver)), " ", solver),
+        h("span", {}, Figures.swatch(context.slotOf(solver)), " ", solver, ...context.marksOf(solver, "")),
         others ? `${route} and ${others} more` : route || "—",
         `${solved} of ${started}`,
         Dom.seconds(median),

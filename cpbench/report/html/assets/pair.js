@@ -182,7 +182,13 @@ const Pair = (() => {
       ...numbers("Residuals", text("parts")),
       ...numbers("Counters", text("counters")),
       ...(command
-        ? [h("h3", {}, "Again ", copy), h("pre", { tabindex: "0" }, command)]
+        ? [
+            h("h3", {}, "Again ", copy),
+            h("pre", { tabindex: "0" }, command),
+            ...(command.startsWith("cpbench solve ")
+              ? [h("h3", {}, "Its answer, written to a file"), h("pre", { tabindex: "0" }, `${command} -o answer.npy`)]
+              : []),
+          ]
         : [
             h(
               "p",
