@@ -1,8 +1,8 @@
 """What a run says to who asked it which solver to use: of every group a ranking, and one sentence.
 
-The order is by problems solved, then by the geometric mean of the time over that of the fastest, then by name. A
-solver is measured on what it was started on: pairs that no route reaches, that are not installed or were not run
-count against nobody, and neither do problems that were proved to have no solution.
+The order is by problems solved, then by stationary points found, then by the geometric mean of the time over that of
+the fastest, then by name. A solver is measured on what it was started on: pairs that no route reaches, that are not
+installed or were not run count against nobody, and neither do problems that were proved to have no solution.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ class RankedSolver:
 
     Attributes
     ----------
-    route : by which most of its problems reached it, `others` more routes were taken. started, solved : problems.
+    route : by which most of its problems reached it, `others` more routes were taken. started, solved : problems;
+    stationary : those on which it found a point that meets the conditions of a minimum and may be none.
     fastest : problems on which it shares the lead. median : of its times where it solved [s]. factor : geometric mean
     of its time over that of the fastest there (NaN, as median, without a time that may be compared). warnings : what
     a reader must know.
@@ -59,6 +60,7 @@ class RankedSolver:
     others: int
     started: int
     solved: int
+    stationary: int
     fastest: int
     median: float
     factor: float
@@ -136,6 +138,7 @@ def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collecti
     leads, factors = gap["fastest"].to_dict(), gap["mean"].to_dict()
     medians = times.where(np.isfinite(times)).median().to_dict()
     count, solved = _count(rows), _count(rows[rows_of.solved(rows)])
+    stationary = _count(rows[rows["status"] == str(Status.STATIONARY)])
     warnings, routes = _warnings(started, launching), _routes(rows)
     ranked = [
         RankedSolver(
@@ -144,6 +147,7 @@ def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collecti
             others=routes.get(label, ("", 0))[1],
             started=count[label],
             solved=solved.get(label, 0),
+            stationary=stationary.get(label, 0),
             fastest=int(leads.get(label, 0)),
             median=float(medians.get(label, math.nan)),
             factor=float(factors.get(label, math.nan)),
@@ -151,7 +155,7 @@ def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collecti
         )
         for label in sorted(count)
     ]
-    ranked.sort(key=lambda r: (-r.solved, r.factor if r.factor == r.factor else math.inf, r.solver))
+    ranked.sort(key=lambda r: (-r.solved, -r.stationary, r.factor if r.factor == r.factor else math.inf, r.solver))
     sentence = _sentence(name, problems, ranked, times)
     left = int(started.loc[hopeless, "fingerprint"].nunique())
     if left:
@@ -201,11 +205,13 @@ def _sentence(name: str, problems: int, ranked: Sequence[RankedSolver], times: p
     """What to use, and what that rests on."""
     if not problems:
         return f"{name}: no problem that has a solution."
-    if not ranked or not ranked[0].solved:
+    if not ranked or not ranked[0].solved + ranked[0].stationary:
         return f"{name}: nobody solves any of {_counted(problems)}."
     first = ranked[0]
     reach = "" if first.started == problems else f" ({_counted(problems)} in all)"
     told = f"it solves {first.solved} of {_counted(first.started)}{reach}"
+    if first.stationary:
+        told += f" and finds a stationary point of {first.stationary}"
     if len(ranked) == 1:
         return f"{name}: only {first.solver} ran: {told}."
     parts = [f"{name}: use {first.solver}: {told}"]

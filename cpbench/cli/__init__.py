@@ -108,7 +108,7 @@ class LazyGroup(click.Group):
 def cli() -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 
-    `cpbench run` without arguments runs the built-in suite and writes its report to reports/.
+    `cpbench run` without arguments says within a minute how solvers compare on small built-in problems.
     """
 
 

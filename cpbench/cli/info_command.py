@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from cpbench import facts, matrices, storage
+from cpbench.cli.answer import is_results, print_results
 from cpbench.cli.options import Address, Command, format_option, number
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
@@ -25,8 +26,15 @@ LABELS = ("title", "description", "math_info", "family", "source", "licence", "c
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
-    A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.
+    A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided. Of a results
+    file: which solver to use, as the run that wrote it ended.
     """
+    if any(map(is_results, files)):
+        first, *others = files
+        if as_json or file_format or others:
+            raise click.UsageError("a results file stands alone, without options; its rows as JSON: cpbench export")
+        print_results(first)
+        return
     records: list[dict[str, Any]] = []
     for address in storage.problem_files(files) or list(files):
         problem = storage.load(address, format=file_format)

@@ -148,3 +148,17 @@ def test_only_the_first_rows_are_shown() -> None:
 def test_the_order_of_the_rows_makes_no_difference() -> None:
     rows = [row(p, s, "solved", 1.0) for p in "abc" for s in ("t", "s")]
     assert rankings(rows_of.normalised(table(*rows))) == rankings(rows_of.normalised(pd.DataFrame(rows[::-1])))
+
+
+def test_stationary_points_come_before_nothing() -> None:
+    [found] = _ranked(
+        row("a", "convex", "solved", 1.0),
+        row("b", "convex", "unsupported"),
+        row("a", "general", "solved", 2.0),
+        row("b", "general", "stationary", 1.0),
+    )
+    assert [r.solver for r in found.rows] == ["general", "convex"]
+    assert found.sentence == (
+        "lcp: use general: it solves 1 of 2 problems and finds a stationary point of 1, 2 times the fastest; "
+        "convex is 2 times faster on the 1 that both solve."
+    )
