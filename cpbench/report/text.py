@@ -133,13 +133,14 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):
         words += ["--timeout", f"{row['seconds']:g}s"]
-    if row["start"] == "previous":  # one step needs those before it
+    start = row.get("began") or row["start"]
+    if start == "previous":  # one step needs those before it
         file = one_line(row["address"]).partition("::")[0]
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
-    if row["start"] != "cold":
-        words += ["--start", row["start"]]
-    if told.get("plugin"):
-        words += ["--plugin", one_line(told["plugin"])]
+    if start != "cold":
+        words += ["--start", start]
+    for file in dict.fromkeys(filter(None, (told.get("variant_of"), told.get("plugin")))):
+        words += ["--plugin", one_line(file)]
     return shlex.join(words)
 
 
@@ -157,8 +158,7 @@ def _route_options(request: str) -> list[str]:
         for edge in edges:
             assert edge is not None
             knobs = dict(pair.split("=", 1) for pair in (edge[2] or "").split(",") if "=" in pair)
-            facets_only = knobs.keys() == {"facets"}
-            found += ["--via", edge[1] if facets_only else edge[0]]
-            found += ["--facets", knobs["facets"]] if facets_only else []
+            alone = len(edges) == 1 and knobs.keys() == {"facets"}
+            found += ["--via", edge[1], "--facets", knobs["facets"]] if alone else ["--via", edge[0]]
         return found
     return ["--routes", "all"]
