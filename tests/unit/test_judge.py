@@ -11,11 +11,12 @@ from cpbench.formulations import LCP, QP, FCPoint, FrictionContact, LCPPoint, QP
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.testing import planted
 from cpbench.testing.cases import cases
-from cpbench.verification import judge, sets
+from cpbench.verification import judge
 from cpbench.verification.backward_error import backward_error
 from cpbench.verification.equilibration import equilibrate
 from cpbench.verification.measures import SYSTEMS, measure
 from cpbench.verification.parallel_rows import ParallelRows
+from cpbench.verification.projections import project
 
 FACTORS = [
     (Cone.SECOND_ORDER, 3, 0.7, 0.0),
@@ -36,7 +37,7 @@ def test_projections_are_those_of_the_solvers(
     rng: np.random.Generator, kind: Cone, size: int, mu: float, mu_r: float
 ) -> None:
     y = rng.standard_normal((400, size)) * 10.0 ** rng.integers(-6, 7, (400, 1))
-    ours = sets.project(kind, y, np.full(400, mu), np.full(400, mu_r))
+    ours = project(kind, y, np.full(400, mu), np.full(400, mu_r))
     theirs = ProductCone.of((kind, 400, size, mu, mu_r)).project(y.ravel()).reshape(y.shape)
     assert np.abs(ours - theirs).max(axis=1) == pytest.approx(np.zeros(400), abs=1e-14 * np.abs(y).max())
     largest = np.abs(y).max(axis=1)
@@ -49,7 +50,7 @@ def test_projections_on_the_friction_cone_hold_in_80_digits(rng: np.random.Gener
     with mpmath.workdps(80):
         for _ in range(60):
             y = rng.standard_normal(3) * 10.0 ** float(rng.integers(-12, 13))
-            x = sets.project(Cone.SECOND_ORDER, y[None], np.array([mu]), np.zeros(1))[0]
+            x = project(Cone.SECOND_ORDER, y[None], np.array([mu]), np.zeros(1))[0]
             X, Y = [[mpmath.mpf(float(v)) for v in part] for part in (x, y)]
             gap = [a - b for a, b in zip(X, Y, strict=True)]
             size = mpmath.sqrt(sum(v**2 for v in Y))
