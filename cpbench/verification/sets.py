@@ -22,7 +22,7 @@ INFINITE = 1e19
 
 
 class Set(ABC):
-    """What some of the unknowns are in, blocks of them by themselves; answers are values in their places."""
+    """A set that some of the unknowns are in, blocks of them by themselves; answers are values in their places."""
 
     @cached_property
     @abstractmethod
@@ -103,7 +103,7 @@ class Box(Set):
 
     @classmethod
     def of(cls, at: Components, lb: Vector | float, ub: Vector | float) -> Box:
-        """With sides from `INFINITE` on taken for infinite."""
+        """Make one, with sides from `INFINITE` on taken for infinite."""
         lower, upper = (np.broadcast_to(np.asarray(b, dtype=np.float64), at.shape) for b in (lb, ub))
         return cls(at, np.where(lower <= -INFINITE, -np.inf, lower), np.where(upper >= INFINITE, np.inf, upper))
 

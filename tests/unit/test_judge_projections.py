@@ -18,6 +18,8 @@ SIZES = (1e-12, 1e-4, 1.0, 1e4, 1e12)
 COEFFICIENTS = (0.0, 1e-8, 0.3, 1.0, 1e8)
 SHAPES = [
     *((Cone.SECOND_ORDER, 3, mu, 0.0) for mu in (*COEFFICIENTS, np.inf)),
+    (Cone.SECOND_ORDER, 2, 0.3, 0.0),
+    (Cone.SECOND_ORDER, 4, 1e-8, 0.0),
     *((Cone.ROLLING, size, mu, mu_r) for size in (3, 5) for mu, mu_r in ((0.3, 0.1), (0.0, 0.5), (1.0, 1e-8))),
     *((Cone.ROLLING_DUAL, size, 0.3, 0.1) for size in (3, 5)),
     *((Cone.CYLINDER, 3, mu, 0.0) for mu in COEFFICIENTS),
