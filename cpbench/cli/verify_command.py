@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
 
 from cpbench import storage, verification
-from cpbench.cli.options import Address, format_option, number, tolerance_option
+from cpbench.cli.options import Address, Command, format_option, number, tolerance_option
 from cpbench.errors import FormatError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("problem", required=False, type=Address())
 @click.option("--answer", type=click.Path(path_type=Path), help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("--rejudge", type=click.Path(path_type=Path), help="Judge every kept answer of a results file again.")
 @click.option("--measure", metavar="NAME", help="Let this one measure decide (natural, fclib2018, siconos_mlcp, ...).")
-@click.option("--strict", is_flag=True, help="Exit with 1 when the answer does not pass.")
+@click.option("--all-measures", is_flag=True, help="A table: the answer under every measure, and whose it is.")
 @tolerance_option
 @format_option
 def command(
@@ -25,15 +26,21 @@ def command(
     answer: Path | None,
     rejudge: Path | None,
     measure: str | None,
-    strict: bool,
+    all_measures: bool,
     tolerance: float,
     file_format: str | None,
 ) -> None:
     """Measure an answer on a problem; without --answer, the candidate in the file's own /solution.
 
+    With --all-measures, show what Siconos, FCLIB, PATH, OSQP, qpbenchmark and ContactBench measure of it, those of them
+    that know its formulation. With --measure NAME, one of these numbers decides.
+
     With --rejudge, measure the kept answers of a results file again, without solving, and print what changes.
-    Ends with 1 when a row is not as a run wrote it, or when a status changes by the row's own measure and tolerance.
+    Ends with 1 when the answer does not pass; with --rejudge when a row is not as a run wrote it, or when a status
+    changes by the row's own measure and tolerance.
     """
+    if rejudge is not None and all_measures:
+        raise click.UsageError("--all-measures is for one answer to a PROBLEM, and --rejudge reads many")
     if rejudge is not None:
         from cpbench.bench.results.rejudge import rejudge_file
 
@@ -52,14 +59,35 @@ def command(
         if found is None:
             raise FormatError(problem, "solution", "is missing; give an answer with --answer FILE")
         point = found[0]
-    verdict = verification.judge(asked_problem, point, tolerance, measure)
+    if all_measures:
+        verdict, measures = verification.judge_by_all(asked_problem, point, tolerance, measure)
+        lines = _table(measures, tolerance)
+    else:
+        verdict = verification.judge(asked_problem, point, tolerance, measure)
+        lines = _parts(verdict)
     word = "passes" if verdict.solved else "does not pass"
     click.echo(f"{problem}: error {number(verdict.error)}, {word} at {number(tolerance)}")
-    for name, value in verdict.judged.items():
-        click.echo(f"  judged  {name:<28} {number(value)}")
-    for name, value in verdict.parts.items():
-        click.echo(f"          {name:<28} {number(value)}")
+    for line in lines:
+        click.echo(line)
     if verdict.flags:
         click.echo(f"  flags   {', '.join(verdict.flags)}")
-    if strict and not verdict.solved:
+    if not verdict.solved:
         sys.exit(1)
+
+
+def _parts(verdict: verification.Verdict) -> Iterator[str]:
+    for name, value in verdict.judged.items():
+        yield f"  judged  {name:<28} {number(value)}"
+    for name, value in verdict.parts.items():
+        yield f"          {name:<28} {number(value)}"
+
+
+def _table(measures: Sequence[verification.Measured], tolerance: float) -> Iterator[str]:
+    """One line a measure; nothing is said of one that no tolerance is for."""
+    if not measures:
+        return
+    words = {True: "yes", False: "no", None: "-"}
+    within = f"at most {number(tolerance)}"
+    yield f"  {'measure':<36} {'value':<9} {within:<15} whose"
+    for row in measures:
+        yield f"  {row.name:<36} {number(row.value):<9} {words[row.within(tolerance)]:<15} {row.source}"

@@ -83,7 +83,8 @@ def pressing(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
         rows_of_z = ((M, terms), (A, abs(A) @ abs(z) + abs(trace["b"])), (C, abs(C) @ abs(z) + abs(trace["d"])))
         effect = np.max([_largest_in_columns(matrix, sizes) for matrix, sizes in rows_of_z], axis=0)
         distance = np.where(nu > 0.0, z - lb, ub - z)
-        pressed = (abs(nu) >= effect * distance * terms) | (lb == ub)
+        # at the bound itself the effect may be infinite: ∞·0 would be no number
+        pressed = (distance <= 0.0) | (abs(nu) >= effect * distance * terms) | (lb == ub)
     return np.where(pressed, nu, 0.0)
 
 

@@ -45,7 +45,8 @@ unknowns, idle rows and bounds, other problems beside, the order and the number 
 measured by the sum of the sizes of its terms, an unknown by its largest effect on a row, and the error is the largest
 natural map of a pair in these units (Oettli and Prager 1964). Methods hold their conditions in norms: in linear
 problems, programs (QP, cone QP, NLP) and contact problems every connected part, equilibrated, has one size for its
-rows; small rows that no term couples noticeably to large ones are a part of their own. Programs are measured by feasibility, stationarity and the gap (the sum of the products of pairs), contact by the
+rows; small rows that no term couples noticeably to large ones are a part of their own.
+Programs are measured by feasibility, stationarity and the gap (the sum of the products of pairs), contact by the
 natural map of the friction law, the equations of motion and the joints in energy; nonlinear problems row by row.
 No idle side sets a size. What no answer may have (penetration, violated rows) is held against the data alone,
 too, squared. NaN and missing numbers are ∞. A part of a problem without any constant has no size, and is measured
@@ -105,8 +106,8 @@ matters, with 2 and 10 times the limit as penalty (PAR2, PAR10): where ranks mov
 **Interval.** 95 % bootstrap, {REPLICATES} replicates: *families* of problems are drawn with replacement, since the
 problems of one family (the time steps of one scene) resemble each other and would make it too narrow one by one; a
 problem without a family is one by itself. Read at the percentiles widened as Student's t asks with so many families
-(Hesterberg, The American Statistician 69, 2015); with fewer than {FEW} it is a guess. Solvers are compared by the same
-problems, so that intervals that overlap do not say that two are alike.
+(Hesterberg, The American Statistician 69, 2015); with fewer than {FEW} families none is shown. Solvers are compared by
+the same problems, so that intervals that overlap do not say that two are alike.
 
 **Virtual best.** The least time of any solver on each problem. *Gap*: the geometric mean of a solver's ratio to it,
 over the problems that it solved and over those commonly solved; *within {WITHIN:g} times* is a fraction of all N. *Best

@@ -1,6 +1,7 @@
 """From an answer to a verdict and a status; knows no solver."""
 
 from cpbench.verification.certificates import Attempt, Proof, certified_infeasible, holds, packed, prove, unpacked
+from cpbench.verification.published import Measured
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
     FALSE_CLAIMS,
@@ -12,7 +13,7 @@ from cpbench.verification.status import (
     Status,
     status,
 )
-from cpbench.verification.verdict import DIRECTION_DEGREES, Verdict, judge, measured, no_answer
+from cpbench.verification.verdict import DIRECTION_DEGREES, Verdict, judge, judge_by_all, measured, no_answer
 
 __all__ = [
     "CHARGED_TO_ROUTE",
@@ -24,12 +25,14 @@ __all__ = [
     "TARGET_UNRESOLVABLE",
     "VERIFIED",
     "Attempt",
+    "Measured",
     "Proof",
     "Status",
     "Verdict",
     "certified_infeasible",
     "holds",
     "judge",
+    "judge_by_all",
     "measured",
     "no_answer",
     "packed",

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cpbench.errors import UnknownName
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Problem, Residuals
 from cpbench.verification import measures
+from cpbench.verification.published import Measured, all_measures, named, published
 
 DIRECTION_DEGREES = 5.0
 """An accepted contact answer whose slip angle is above this carries the flag `direction`."""
@@ -39,19 +40,39 @@ class Verdict:
 def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = None) -> Verdict:
     """Measure `point` on `problem`; raises PointError when it is not an answer to it.
 
-    The backward error decides (`cpbench.verification.measures`). With `measure`, a published number does instead
-    (`natural`, `siconos_mlcp`, `fclib2018`, ...: the names among the verdict's parts).
+    The backward error decides (`cpbench.verification.measures`). With `measure`, a published number does: one of the
+    verdict's parts (`natural`, `siconos_mlcp`, `fclib2018`, ...), or of `cpbench.verification.published`
+    (`path_fischer`, `osqp_primal`, ...).
     """
+    return _judged(problem, point, tolerance, measure)[0]
+
+
+def judge_by_all(
+    problem: Problem, point: Any, tolerance: float, measure: str | None = None
+) -> tuple[Verdict, list[Measured]]:
+    """The verdict of `judge`, and the answer under every measure of its formulation; with NaN or ∞ under none."""
+    verdict, residuals = _judged(problem, point, tolerance, measure)
+    if residuals is None:
+        return verdict, []
+    known = {**residuals.parts, **residuals.measured}
+    backward = {**verdict.judged, **verdict.parts}["backward"]
+    return verdict, all_measures(problem, point, backward, residuals.measured, known)
+
+
+def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None) -> tuple[Verdict, Residuals | None]:
     problem.check_point(point)
     if not point.finite:
-        return Verdict(tolerance, False, math.inf, flags=("not finite",))
+        return Verdict(tolerance, False, math.inf, flags=("not finite",)), None
     residuals = problem.residuals(point, tolerance)
-    published = {**residuals.parts, **residuals.measured}
+    parts = {**residuals.parts, **residuals.measured}
     flags = [flag for flag in residuals.flags if flag != "absolute"]
     system = measures.system_of(problem, point)
     found = measures.measure(problem, point, system)
     if measure is not None:
-        error = measured(published, measure, found.error)
+        if measure not in named(parts) and measure != "backward":
+            parts |= {row.name: row.value for row in published(problem, point, parts)}
+        error = measured(parts, measure, found.error)
+        parts["backward"] = found.error
     else:
         error = found.error
         if found.absolute:
@@ -59,16 +80,16 @@ def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = 
         if max(error, tolerance) <= found.floor:
             flags.append("unresolvable")
     solved = error <= tolerance and "unresolvable" not in flags
-    if solved and any(published.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
+    if solved and any(parts.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
         flags.append("direction")
     if solved and measures.misses_the_law(problem, system, tolerance):
         flags.append("contact")
-    return Verdict(tolerance, solved, error, {"backward": found.error}, published, tuple(flags))
+    return Verdict(tolerance, solved, error, {measure or "backward": error}, parts, tuple(flags)), residuals
 
 
-def measured(published: Mapping[str, float], name: str, backward: float) -> float:
+def measured(parts: Mapping[str, float], name: str, backward: float) -> float:
     """One named number of an answer; raises UnknownName."""
-    both = {k.split(" [")[0]: v for k, v in published.items()} | {"backward": backward}
+    both = named(parts) | {"backward": backward}
     if name not in both:
         raise UnknownName("measure", name, both)
     return both[name]

@@ -48,7 +48,9 @@ def test_a_worker_writes_below_its_scratch_only(tmp_path: Path, monkeypatch: pyt
     seal_key.find_or_make()
     scratch, results = tmp_path / "scratch", tmp_path / "r.sqlite"
     scratch.mkdir()
-    (tmp_path / "cache").mkdir()
+    kernels = tmp_path / "package" / "solvers" / "kernels"  # as just installed: nothing was compiled yet
+    kernels.mkdir(parents=True)
+    monkeypatch.setattr(confinement, "_PACKAGE", tmp_path / "package")
     results.write_text("results")
     (tmp_path / "way-round").symlink_to(seal_key.folder())
     beside = [sys.executable, "-c", f"open({str(results)!r}, 'a')"]
@@ -58,6 +60,7 @@ def test_a_worker_writes_below_its_scratch_only(tmp_path: Path, monkeypatch: pyt
             [sys.executable, "-c", "import tempfile; tempfile.TemporaryFile()"], check=True
         ),
         "the cache": lambda: (tmp_path / "cache" / "kernel").write_text("x"),
+        "compiled kernels": lambda: (kernels / "__pycache__" / "kernel").write_text("x"),
         "null": lambda: Path("/dev/null").write_text("x"),
         "shared memory": lambda: tempfile.TemporaryDirectory(dir="/dev/shm").cleanup(),
         "reading": lambda: results.read_text(),
@@ -79,7 +82,7 @@ def test_a_worker_writes_below_its_scratch_only(tmp_path: Path, monkeypatch: pyt
         refused.pop("truncating")
     means = isolation.detect()
     assert means.writes == "landlock"
-    found = _tried({**allowed, **refused}, lambda: confinement.confine(means, str(scratch), own=False))
+    found = _tried({**allowed, **refused}, lambda: confinement.confine(means, str(scratch), own=True))
     assert {name for name, worked in found.items() if worked} == set(allowed)
     assert results.read_text() == "results"
 

@@ -299,6 +299,15 @@ def test_no_edge_asks_for_what_methods_of_first_order_do_not_reach() -> None:
     assert graph.tolerance(make("relay-lcp").step(source), 1e-6, 1) == pytest.approx(1e-10)
 
 
+def test_a_bound_is_pressed_at_the_origin_too() -> None:
+    """Hock and Schittkowski's problem 3, z₂ + 1e-5 (z₂ − z₁)² over z₂ ≥ 0: at z = 0 its first row has no term."""
+    Q = 2e-5 * np.array([[1.0, -1], [-1, 1]])
+    source = QP.build(Q, np.array([0.0, 1]), lb=np.array([-np.inf, 0.0]))
+    target = make("qp-avi").step(source)
+    lifted = graph.lift(target, AVIPoint(z=[0, 0]))
+    assert lifted.nu.tolist() == [0.0, 1.0]
+
+
 def test_an_idle_bound_takes_no_force() -> None:
     """An interior solution with an error of 1e-9 in it: what is left of the gradient is no force of bounds at ±1e6."""
     rng = np.random.default_rng(0)

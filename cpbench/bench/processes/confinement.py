@@ -5,6 +5,7 @@ The results file, the problems, cpbench itself and the key of the seals are out 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 from pathlib import Path
@@ -30,6 +31,9 @@ def confine(means: Isolation, scratch: str, own: bool) -> None:
         return
     caches = [os.environ.get(variable, "").split(os.pathsep)[0] or usual for variable, usual in CACHES]
     compiled = _kernels() if own else []
+    for folder in (caches[0], *compiled):  # only what is there can be allowed, and a new machine has none of them
+        with contextlib.suppress(OSError):
+            os.makedirs(os.path.expanduser(folder), exist_ok=True)
     writable = [os.path.realpath(os.path.expanduser(path)) for path in (temporary, *DEVICES, *caches, *compiled)]
     landlock.confine(writable, os.path.realpath(seal_key.folder()))
 
