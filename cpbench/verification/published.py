@@ -17,8 +17,8 @@ from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector, max_abs
 from cpbench.product_cones import Cone
 from cpbench.verification import sets
-from cpbench.verification.projections import project
 from cpbench.verification.merit_functions import NODES, path_norms
+from cpbench.verification.projections import project
 
 PATH = "PATH (Ferris and Munson; Billups, Dirkse and Ferris 1997)"
 OSQP = "OSQP (Stellato, Banjac, Goulart, Bemporad and Boyd 2020, section 3.4)"
