@@ -18,6 +18,7 @@ from cpbench.matrices import Vector, max_abs
 from cpbench.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.merit_functions import NODES, path_norms
+from cpbench.verification.projections import project
 
 PATH = "PATH (Ferris and Munson; Billups, Dirkse and Ferris 1997)"
 OSQP = "OSQP (Stellato, Banjac, Goulart, Bemporad and Boyd 2020, section 3.4)"
@@ -107,7 +108,7 @@ def contactbench(problem: Any, point: Any, known: Mapping[str, float]) -> dict[s
     hat = u.copy()
     hat[:, 0] += mu * _norms(u[:, 1:])
     short = np.abs(mu * np.abs(r[:, 0]) - _norms(r[:, 1:]))
-    lacking = sets.project(Cone.SECOND_ORDER, -hat, mu, np.zeros_like(mu))  # Moreau: P_K*(û) − û
+    lacking = project(Cone.SECOND_ORDER, -hat, mu, np.zeros_like(mu))  # Moreau: P_K*(û) − û
     return {
         "contactbench_signorini [J]": max_abs(r[:, 0] * u[:, 0]),
         "contactbench_complementarity [J]": max_abs(np.einsum("ci,ci->c", r, hat)),
