@@ -46,6 +46,7 @@ _HOMES = {
     "ProductCone": "product_cones",
     "load": "storage",
     "save": "storage",
+    "Recorder": "storage",
     "arrive": "graph",
     "lift": "graph",
     "push": "graph",
@@ -53,7 +54,7 @@ _HOMES = {
     "judge": "verification",
     "solve": "solvers.base",
     "Budget": "solvers.base",
-    "read_results": "bench.store",
+    "read_results": "bench.results.store",
 }
 
 __all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]

@@ -1,7 +1,8 @@
 """One registry class for everything that can be plugged in.
 
 A plugin registers itself when its module is imported. The modules of cpbench's own rooms are imported on
-first use (`pkgutil`), those of other packages through the entry-point group ``cpbench.plugins``, and single
+first use (`pkgutil`), all of them where names are listed, and only those in which a name stands where one item is
+asked for. Those of other packages through the entry-point group ``cpbench.plugins``, and single
 files through the environment variable ``CPBENCH_PLUGINS`` (paths, separated as in PATH). An import error is
 never swallowed: a plugin that is broken says so. A file of tables (.toml) declares solvers that are no Python, and
 ``CPBENCH_SOLVERS`` has the tables that the process which started this one read.
@@ -128,11 +129,31 @@ class Registry(Generic[T]):
 
     def get(self, name: str) -> T:
         """The item called `name`; raises UnknownName with the nearest names."""
-        self.discover()
+        if name not in self._items and not self._discovered:
+            self._seek(name)
+        if name not in self._items:
+            self.discover()
         try:
             return self._items[name]
         except KeyError:
             raise UnknownName(self.kind, name, self._items) from None
+
+    def _seek(self, name: str) -> None:
+        """Import the modules in which `name` stands as a string until one registers it, and the installed plugins.
+
+        One solver is asked for more often than all: to import every module takes longer than most problems.
+        """
+        quoted, likely = f'"{name}"', name.replace("-", "_")
+        for package in self._packages:
+            place = importlib.util.find_spec(package)
+            folders = list(place.submodule_search_locations or ()) if place else []
+            files = [file for folder in folders for file in Path(folder).glob("*.py")]
+            for file in sorted(files, key=lambda file: (file.stem != likely, file.stem)):
+                if quoted in file.read_text("utf-8"):
+                    importlib.import_module(f"{package}.{file.stem}")
+                    if name in self._items:
+                        load_plugins()
+                        return
 
     def names(self) -> list[str]:
         """All names, sorted."""

@@ -1,4 +1,4 @@
-"""Shared fixtures: the seeded generator, and the real data files where they stand beside the checkout.
+"""What all tests share: a seeded generator, real data files where they stand beside the checkout, compiled kernels.
 
 In CI (`CI=true`) a skip is a failure unless its reason begins with one of ALLOWED_SKIPS.
 """
@@ -7,18 +7,24 @@ from __future__ import annotations
 
 import os
 import re
+import signal
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cpbench import kernel_cache
 from cpbench.bench.processes.launch import THREAD_VARIABLES
 
 for _variable in THREAD_VARIABLES:  # as in a run; numba takes no other number once its threads are there
     os.environ[_variable] = "1"
 _state = tempfile.TemporaryDirectory(prefix="cpbench-state-")
 os.environ["XDG_STATE_HOME"] = _state.name  # the key with which results are sealed is the user's own, not a test's
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell leaves it that starts this in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # else no child would hear the Ctrl-C of a test
 ROOT = Path(__file__).resolve().parents[1]
 ALLOWED_SKIPS = ("needs the folder of real files", "does not apply")
 collect_ignore = [
@@ -45,6 +51,23 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("needs the folder of real files (../shared/data), which is not part of the project")
     return folder
+
+
+_COMPILE = "import sys; from cpbench.kernel_cache import load; [load(name) for name in sys.argv[1:]]"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels that are not in the cache by two processes before several workers start, else the workers
+    would wait for each other. One process alone compiles what its tests need."""
+    if not getattr(config.option, "tx", None) or hasattr(config, "workerinput"):
+        return
+    modules = [*kernel_cache.modules("solvers"), *kernel_cache.modules("conversions")]
+    kept = [name for name in modules if "cache=True" in (ROOT / f"{name.replace('.', '/')}.py").read_text("utf-8")]
+    if not all(map(kernel_cache.is_compiled, kept)):
+        print("compiling the kernels", file=sys.stderr, flush=True)
+        orders = (kept, kept[::-1])  # each begins at another end, and waits for what the other one is compiling
+        for process in [subprocess.Popen([sys.executable, "-c", _COMPILE, *order]) for order in orders]:
+            process.wait()  # a failure is that of the tests that need the kernel
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -15,6 +15,7 @@ simulation resemble each other (`bootstrap`). Times below the floor are not told
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from cpbench.analysis.means import LIMIT, Array, Penalty
 from cpbench.analysis.metrics import METRICS, spent
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.table import Integers
-from cpbench.verification import VERIFIED
+from cpbench.verification import VERIFIED, Status
 
 COLD = "cold"
 _SETTING = ["node", "fingerprint", "label", "tolerance", "threads", "set", "measure"]
@@ -172,6 +173,47 @@ def losses(found: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd
         ascending=[True, True, True, False, True, True, True],
         ignore_index=True,
     )
+
+
+def honoured(table: pd.DataFrame) -> list[str]:
+    """One line a start policy of which some rows started otherwise than was asked: how many, and why.
+
+    A reason with numbers in it stands for all that differ in the numbers alone.
+
+    >>> rows = pd.DataFrame({"start": ["previous"] * 3, "started": ["cold: first step", "previous", "previous"],
+    ...                      "status": "solved", "message": ""})
+    >>> honoured(rows)
+    ['start previous: 2 of 3 rows started so; 1 cold: first step']
+    """
+    lines: list[str] = []
+    asked = table[~table["start"].isin(["", COLD]) & (table["status"] != str(Status.NOT_RUN))]
+    for policy, rows in asked.groupby("start", sort=True):
+        started, message = rows["started"].fillna("").astype(str), rows["message"].fillna("").astype(str)
+        without = (rows["status"] == str(Status.UNSUPPORTED)) & message.str.contains(_NO_START)
+        cold = started.str.startswith(COLD)
+        other = started[~cold & ~started.isin(["", str(policy)])].str.removeprefix(str(policy)).str.lstrip(",: ")
+        reasons = [*started[cold], *("unsupported: " + message[without]), *("warm, " + other)]
+        if reasons:
+            warm = int((~cold & (started != "")).sum())
+            lines.append(f"start {policy}: {warm} of {len(rows)} rows started so; {_counted_alike(reasons)}")
+    return lines
+
+
+_NO_START = "^start|no starting point"
+"""How the message of a row begins, or what it has, that had nothing to start from."""
+_REASONS = 4
+"""Reasons that a line names, the most frequent ones."""
+
+
+def _counted_alike(reasons: list[str]) -> str:
+    """`190 cold: 21 contacts before, 22 now (and alike); 10 cold: first step`."""
+    found: dict[str, list[str]] = {}
+    for reason in reasons:
+        found.setdefault(re.sub(r"\d+", "#", reason), []).append(reason)
+    most = sorted(found.values(), key=len, reverse=True)
+    parts = [f"{len(same)} {same[0]}{' (and alike)' if len(set(same)) > 1 else ''}" for same in most[:_REASONS]]
+    rest = sum(map(len, most[_REASONS:]))
+    return "; ".join([*parts, *([f"{rest} for other reasons"] if rest else [])])
 
 
 def _settings(warm: pd.DataFrame, cold: pd.DataFrame) -> tuple[Integers, Integers]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -120,6 +121,7 @@ class Workers:
         self._children: dict[str, Child] = {}
         self._memory: dict[str, int] = {}
         self._single: dict[str, bool] = {}
+        self._begun: dict[str, float] = {}
         self._holds: dict[str, str] = {}
         self.versions: dict[str, str] = {}
         self.unavailable: dict[str, tuple[str, str]] = {}
@@ -128,30 +130,53 @@ class Workers:
     def children(self) -> list[Child]:
         return list(self._children.values())
 
+    def begin(self, name: str, memory: int) -> None:
+        """Start the process of a worker that will be asked for: it warms up while something else is done."""
+        if self.settled(name, memory):
+            return
+        self.drop(name)
+        with contextlib.suppress(Died):  # whoever asks for it tries again, and learns why
+            self._begin(name, memory)
+
     def get(
-        self, name: str, memory: int, timeout: float = 0.0, compiling: Callable[[], None] = lambda: None
+        self,
+        name: str,
+        memory: int,
+        timeout: float = 0.0,
+        compiling: Callable[[], None] = lambda: None,
+        *,
+        patient: bool = True,
     ) -> Child | None:
         """The worker of a solver, with this memory limit; None where the solver is not available.
 
         timeout : of a solve, after which the limits of the start and the warm-up go. compiling : called when the worker
-        has to compile before it is ready, which takes seconds and happens once a machine.
+        has to compile before it is ready, which takes seconds and happens once a machine. patient : whether that is
+        waited for; else such a worker is given up, and None.
         """
-        if name in self.unavailable:
-            return None
-        child = self._children.get(name)
-        if child is not None and (self._memory[name] != memory or not child.alive):
+        if not self.settled(name, memory):
             self.drop(name)
-        if name not in self._children:
-            reply = self._hired(name, memory, timeout, compiling)
+        if not self.ready(name, memory):
+            reply = self._hired(name, memory, timeout, compiling, patient)
             for _ in range(AGAIN):
                 if reply["event"] == "died":
-                    reply = self._hired(name, memory, timeout, compiling)
+                    reply = self._hired(name, memory, timeout, compiling, patient)
+            if reply["event"] == "compiling":
+                return None
             if reply["event"] != "ready":
                 self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
                 return None
             self.versions[name] = str(reply.get("version", ""))
             self._single[name] = bool(reply.get("single"))
-        return self._children[name]
+        return self._children.get(name)
+
+    def settled(self, name: str, memory: int) -> bool:
+        """Whether `get` needs no new process: a worker with this limit is there, or there is none to be had."""
+        child = self._children.get(name)
+        return name in self.unavailable or (child is not None and self._memory[name] == memory and child.alive)
+
+    def ready(self, name: str, memory: int) -> bool:
+        """Whether `get` need not wait either."""
+        return self.settled(name, memory) and name not in self._begun
 
     def loaded(self, name: str, path: str) -> None:
         """A worker has told that it holds this problem; a fresh process takes it along when it ends."""
@@ -170,6 +195,7 @@ class Workers:
     def drop(self, name: str) -> None:
         child = self._children.pop(name, None)
         self._holds.pop(name, None)
+        self._begun.pop(name, None)
         if child is not None:
             child.kill()
 
@@ -177,25 +203,24 @@ class Workers:
         for name in list(self._children):
             self.drop(name)
 
-    def _hired(self, name: str, memory: int, timeout: float, compiling: Callable[[], None]) -> dict[str, Any]:
+    def _hired(
+        self, name: str, memory: int, timeout: float, compiling: Callable[[], None], patient: bool
+    ) -> dict[str, Any]:
         """What a new worker says when it is warm, or why it is not; it is dropped unless it is ready."""
-        setting, phase = self._setting, START
+        phase = START
         try:
-            child = Child(
-                self._context,
-                worker_process.main,
-                (name, memory, setting.fresh, str(self._scratch)),
-                cpus=setting.cpus,
-                memory=memory,
-                processes=setting.processes,
-            )
-            self._children[name], self._memory[name] = child, memory
-            reply, _ = hear(child, START.limit(timeout))
+            if name not in self._begun:
+                self._begin(name, memory)
+            child, begun = self._children[name], self._begun.pop(name)
+            reply, _ = hear(child, max(begun + START.limit(timeout) - time.monotonic(), 0.0))
             if reply["event"] == "warming":
                 phase, over = WARM_UP, time.monotonic() + WARM_UP.limit(timeout)
                 reply, _ = hear(child, over - time.monotonic())
                 if reply["event"] == "compiling":
                     compiling()
+                    if not patient:
+                        self.drop(name)
+                        return reply
                     reply, _ = hear(child, over - time.monotonic())
             if reply["event"] not in ("ready", "unavailable"):
                 raise wire.WireError(f"in place of being ready it says {str(reply)[:200]}")
@@ -209,6 +234,14 @@ class Workers:
         if reply["event"] != "ready":
             self.drop(name)
         return reply
+
+    def _begin(self, name: str, memory: int) -> None:
+        """Start the process; raises Died where the system does not let it."""
+        setting = self._setting
+        arguments = (name, memory, setting.fresh, str(self._scratch))
+        limits: dict[str, Any] = {"cpus": setting.cpus, "memory": memory, "processes": setting.processes}
+        self._children[name] = Child(self._context, worker_process.main, arguments, **limits)
+        self._memory[name], self._begun[name] = memory, time.monotonic()
 
 
 def hear(worker: Child, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:

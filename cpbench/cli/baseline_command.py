@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.cli.options import Names, Sections, force_option
+from cpbench.cli.options import ListOption, Sections, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, StoreError, UnknownName
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,14 +38,23 @@ EXAMPLES = (
 @force_option
 @click.option("--check", type=click.Path(path_type=Path, dir_okay=False), help="Tell what differs from this baseline.")
 @click.option("--update", is_flag=True, help="Take over into -o what is better, other or new; list what is worse.")
-@click.option("--accept", multiple=True, metavar="PATTERN", help="Take over what is worse too: PROBLEM:LABEL, a glob.")
+@click.option(
+    "--accept",
+    cls=ListOption,
+    metavar="PATTERN",
+    help="Take over what is worse too: PROBLEM:LABEL, a glob.",
+)
 @click.option("--reason", default="", metavar="TEXT", help="Why it is accepted; kept in the last column.")
 @click.option("--prune", is_flag=True, help="Remove pairs that the results do not have.")
 @click.option(
     "--slack", type=click.FloatRange(min=0), default=0.1, show_default=True, help="Part a counter may differ."
 )
 @click.option(
-    "--fail-on", type=Names(), default=(), metavar="CHANGES", help=f"End with 1 on any of {','.join(FAIL_ON)}."
+    "--fail-on",
+    cls=ListOption,
+    default=(),
+    metavar="CHANGES",
+    help=f"End with 1 on any of {','.join(FAIL_ON)}.",
 )
 def command(
     results: Path,
@@ -79,7 +89,7 @@ def command(
             raise CpbenchError(f"{output}: exists; --update takes over what is better, --force replaces it")
         baseline_file.write(output, new)
         measured = len(new) - int(new["status"].isin(baseline.UNMEASURED).sum())
-        click.echo(f"{output}: {measured} pairs, {len(new) - measured} that were not run here left out")
+        click.echo(f"{output}: {counted(measured, 'pair')}, {len(new) - measured} that were not run here left out")
         return
     kept = check or output
     assert kept is not None
@@ -127,7 +137,7 @@ def _outcomes(results: Path) -> pd.DataFrame:
         table, sheets = store.table(), store.meta().get("solvers") or {}
     new = baseline.of(table)
     if new["status"].isin(baseline.UNMEASURED).all():
-        cause = f"none of {len(new)} pairs was run" if len(new) else "no row"
+        cause = f"none of {counted(len(new), 'pair')} was run" if len(new) else "no row"
         raise StoreError(f"{results}: {cause}: nothing to keep; run it with: cpbench run PROBLEMS -o {results}")
     terms = attendance.restricted(table, sheets)
     if terms:

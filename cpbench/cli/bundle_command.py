@@ -8,16 +8,17 @@ import click
 
 from cpbench.bench.bundle.making import Asked, make
 from cpbench.bench.results.store import Store
-from cpbench.cli.options import force_option
+from cpbench.cli.options import Command, ListOption, force_option
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("results", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Zip file.")
 @click.option("--anonymous", is_flag=True, help="Strip host, user, paths, variables and remotes.")
 @click.option("--rename", "renames", multiple=True, metavar="OLD=NEW", help="Another name for a solver or any word.")
-@click.option("--withhold", multiple=True, metavar="GLOB", help="Problems that stay out, by name, family or file.")
+@click.option("--withhold", cls=ListOption, metavar="GLOB", help="Problems that stay out, by name, family or file.")
 @click.option("--report/--no-report", default=None, help="With a report; default: where reports/NAME is there.")
 @force_option
 def command(
@@ -37,12 +38,22 @@ def command(
     from cpbench.generators.collection import builtin_folder
 
     wanted = (Path("reports") / results.stem / "report.md").is_file() if report is None else report
-    asked = Asked(anonymous, tuple(map(_pair, renames)), withhold, builtin_folder(), _report if wanted else None, force)
+    asked = Asked(anonymous, _renamed(renames), withhold, builtin_folder(), _report if wanted else None, force)
     made = make(results, output, asked)
     for remark in made.remarks:
         click.echo(remark, err=True)
-    click.echo(f"{made.pairs} pairs, {made.problems} problems ({made.withheld} withheld), {made.plugins} plugins")
+    problems = f"{counted(made.problems, 'problem')} ({made.withheld} withheld)"
+    click.echo(f"{counted(made.pairs, 'pair')}, {problems}, {counted(made.plugins, 'plugin')}")
     click.echo(f"bundle: {output} ({made.bytes} bytes)")
+
+
+def _renamed(texts: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
+    found = tuple(dict.fromkeys(map(_pair, texts)))
+    names = dict(found)
+    for old, new in found:
+        if names[old] != new:
+            raise CpbenchError(f"--rename {old}: becomes {new} and {names[old]}; give it once")
+    return found
 
 
 def _pair(text: str) -> tuple[str, str]:

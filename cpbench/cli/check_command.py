@@ -8,14 +8,14 @@ from collections import Counter
 
 import click
 
-from cpbench.cli.options import Duration
+from cpbench.cli.options import Command, Duration, ListOption
 from cpbench.errors import UnknownName
 from cpbench.registry import PLUGIN_FILES
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("plugin")
-@click.option("--only", multiple=True, metavar="CHECK", help="Only this check. Repeatable.")
+@click.option("--only", cls=ListOption, metavar="CHECK", help="Only this check. Repeatable.")
 @click.option(
     "--timeout", type=Duration(), default="60s", show_default=True, help="Time limit of one check (30s, 5m, none)."
 )

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.cli.options import Names
+from cpbench.cli.options import Command, ListOption
 from cpbench.cli.sides import base as base_side
 from cpbench.cli.sides import side
 from cpbench.errors import UnknownName
 from cpbench.verification import PROVEN, VERIFIED, Status
 
 if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison
+    from cpbench.analysis.comparison import Comparison, Side
 
 FAILURES = (
     "regression",
@@ -28,7 +28,7 @@ FAILURES = (
 SUFFIXES = (".md", ".json", ".xml")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("base", type=click.Path(path_type=Path))
 @click.argument("new", required=False, type=click.Path(path_type=Path))
 @click.option("--a", "first", metavar="LABEL", help="With one file: the solver or label that is the base.")
@@ -42,7 +42,10 @@ SUFFIXES = (".md", ".json", ".xml")
     help="Write .md (summary of a CI job), .xml (JUnit) or .json. Repeatable.",
 )
 @click.option(
-    "--fail-on", type=Names(), metavar="WHAT", help="End with 1 on regression, inconclusive, or new wrong,..."
+    "--fail-on",
+    cls=ListOption,
+    metavar="WHAT",
+    help="End with 1 on regression, inconclusive, or new wrong,...",
 )
 @click.option(
     "--margin", type=click.FloatRange(min=0), default=0.05, show_default=True, help="Change of times to find."
@@ -60,6 +63,7 @@ SUFFIXES = (".md", ".json", ".xml")
 @click.option(
     "--noise", metavar="LABEL,LABEL", help="Two labels of equal code in the (new) file: what differs is noise."
 )
+@click.option("--confirm", is_flag=True, help="Run what alarmed again, by the plan in the file; one alarm is none.")
 @click.option("--count-stationary", is_flag=True, help="Count answers that are stationary only among the solved.")
 @click.option("--same-machine", is_flag=True, help="The two files are of one machine, whatever its name is in them.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
@@ -69,11 +73,12 @@ def command(
     first: str | None,
     second: str | None,
     outputs: tuple[Path, ...],
-    fail_on: tuple[str, ...] | None,
+    fail_on: tuple[str, ...],
     margin: float,
     counter_margin: float,
     alpha: float,
     noise: str | None,
+    confirm: bool,
     count_stationary: bool,
     same_machine: bool,
     seed: int,
@@ -84,6 +89,9 @@ def command(
     Every pair of a problem and a solver is improved, the same, inconclusive or regressed: by status first, then by
     verified error, counters, and by time where both were timed on one machine, beyond its noise.
 
+    With --confirm, pairs that alarmed are run again: of two builds in one file both, of two files the new side, with
+    the solvers that are installed now (--plugin for those of a file). What does not alarm twice is inconclusive.
+
     Ends with 0 whatever is found, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """
     from cpbench.analysis.comparison import Settings, compare, compare_labels, equal_pairs
@@ -92,19 +100,25 @@ def command(
     _checked(base, new, first, second, outputs, fail_on)
     settings = Settings(margin, counter_margin, alpha, same_machine, seed, count_stationary)
     equal = _two(noise) if noise is not None else None
-    if new is None:
-        assert first is not None
-        assert second is not None
-        found = compare_labels(side(base), first, second, settings, equal)
-    else:
-        after = side(new)
-        found = compare(base_side(base, after), after, settings, equal_pairs(after, equal) if equal else None)
+
+    def compared(after: Side) -> Comparison:
+        if new is None:
+            return compare_labels(after, first or "", second or "", settings, equal)
+        return compare(base_side(base, after), after, settings, equal_pairs(after, equal) if equal else None)
+
+    results = new or base
+    found = compared(side(results))
+    if confirm:
+        from cpbench.cli.confirm import confirm as run_again
+
+        statuses = [what for what in fail_on or () if what not in ("regression", "inconclusive")]
+        found = run_again(found, results, equal or (), statuses, compared)
     for line in terminal.lines(found):
         click.echo(line)
     for path in outputs:
         write(found, path)
         click.echo(f"written: {path}", err=True)
-    failed = _failed(found, fail_on or ())
+    failed = _failed(found, fail_on)
     if failed:
         click.echo(f"cpbench: {', '.join(f'{count} {what}' for what, count in failed.items())} (--fail-on)", err=True)
         sys.exit(1)
@@ -116,7 +130,7 @@ def _checked(
     first: str | None,
     second: str | None,
     outputs: tuple[Path, ...],
-    fail_on: tuple[str, ...] | None,
+    fail_on: tuple[str, ...],
 ) -> None:
     """Raises UsageError, CpbenchError on options that do not go together, before any file is read."""
     if new is None and (first is None or second is None):
@@ -129,7 +143,7 @@ def _checked(
             raise click.UsageError(f"-o {path}: unknown suffix '{path.suffix}'; use {', '.join(SUFFIXES)}")
         if not path.parent.is_dir():
             raise click.UsageError(f"-o {path}: there is no folder {path.parent}; make it first")
-    for what in fail_on or ():
+    for what in fail_on:
         if what not in FAILURES:
             raise UnknownName("outcome for --fail-on", what, FAILURES)
 

@@ -3,32 +3,56 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 import psutil
 
 from cpbench import checking, graph, storage
+from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import parse_request
-from cpbench.cli.options import Address, Counts, Memory, force_option, format_option, number, tolerance_option
+from cpbench.cli.options import (
+    Address,
+    Command,
+    ListOption,
+    Memory,
+    facets_option,
+    force_option,
+    format_option,
+    number,
+    tolerance_option,
+)
 from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
+from cpbench.errors import CpbenchError
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.report.show import slip_angle
+from cpbench.storage.base import require_new
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("source", metavar="IN", type=Address())
 @click.argument("target_file", metavar="OUT", type=click.Path(path_type=Path))
 @click.option(
     "--to", "node", metavar="NODE", help="Formulation to reach (cpbench list formulations).  [default: its own]"
 )
 @click.option(
-    "--set", "settings", multiple=True, metavar="NAME=VALUE", help="Another value of a named parameter first."
+    "--set",
+    "settings",
+    cls=ListOption,
+    metavar="NAME=VALUE",
+    help="Another value of a named parameter first.",
 )
-@click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")
-@click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
+@click.option(
+    "--via",
+    cls=ListOption,
+    metavar="CONVERSION",
+    help="Go through this conversion (full name or its end).",
+)
+@facets_option
 @click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
 @click.option("--as", "written", metavar="NAME", help="Format of OUT, where its suffix does not tell.")
 @click.option("--check", is_flag=True, help="Send an answer there and back: errors, amplification, times; exit 1.")
@@ -47,7 +71,7 @@ def command(
     node: str | None,
     settings: tuple[str, ...],
     via: tuple[str, ...],
-    facets: tuple[int, ...],
+    facets: int,
     angle: float,
     written: str | None,
     check: bool,
@@ -64,20 +88,24 @@ def command(
     """
     if node is not None:
         formulations.get(node)
+    require_new(target_file, force)
     problem = storage.load(source, format=file_format)
     node = node or problem.node
     if settings:
-        problem = problem.with_parameters(dict(map(_setting, settings)))
-    pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header)[1] if via else ()
+        problem = problem.with_parameters(_values(settings))
+    pinned = parse_request(plan.pinned(via, {"facets": facets, "angle": angle}).header)[1] if via else ()
     room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
     arrival = graph.arrive(problem, node, kinds, pinned, lambda edge, p: converting(edge, p, done, room))
-    storage.save(arrival.problem, target_file, format=written, force=force)
+    guesses, lost = _carried(storage.guesses(source), arrival)
+    storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
     click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
     for remark in filter(None, map(slip_angle, arrival.problem.provenance[len(problem.provenance) :])):
         click.echo(f"  {remark}")
     click.echo(f"{target_file} ({node}: {sizes_line(arrival.problem)})")
+    for reason in lost:
+        click.echo(f"left out: {reason}", err=True)
     if check:
         found = None if settings else storage.solution(source)
         known = None if found is None else found[0]
@@ -85,6 +113,26 @@ def command(
         _print(problem, report, tolerance)
         if not report.passed:
             sys.exit(1)
+
+
+def _carried(points: Sequence[Any], arrival: graph.Arrival) -> tuple[list[Any], list[str]]:
+    """The starting points on the converted problem, and which could not be carried, and why."""
+    carried: list[Any] = []
+    lost: list[str] = []
+    for k, point in enumerate(points, 1):
+        try:
+            carried.append(starts.carry(point, arrival.problem, len(arrival.route.steps)))
+        except CpbenchError as cause:
+            lost.append(f"starting point {k}: {cause}")
+    return carried, lost
+
+
+def _values(settings: tuple[str, ...]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for name, value in map(_setting, settings):
+        if found.setdefault(name, value) != value:
+            raise click.BadParameter(f"{name} is {found[name]:g} and {value:g}: give it once", param_hint="--set")
+    return found
 
 
 def _setting(text: str) -> tuple[str, float]:

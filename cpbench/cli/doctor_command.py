@@ -11,9 +11,10 @@ from cpbench import kernel_cache
 from cpbench.bench import checkup, machine, time_limits
 from cpbench.bench.checkup import Checkup
 from cpbench.bench.processes import isolation
+from cpbench.cli.options import Command
 
 
-@click.command()
+@click.command(cls=Command)
 @click.option(
     "--warm", is_flag=True, help="Compile and load every solver and conversion now, so that the first run need not."
 )

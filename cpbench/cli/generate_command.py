@@ -9,12 +9,19 @@ from pathlib import Path
 
 import click
 
+from cpbench.cli.options import Command, ListOption
 from cpbench.generators.collection import builtin_folder, write_collections
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("folder", required=False, type=click.Path(path_type=Path, file_okay=False))
-@click.option("--collection", "names", multiple=True, metavar="NAME", help="Write this one; needs FOLDER. Repeatable.")
+@click.option(
+    "--collection",
+    "names",
+    cls=ListOption,
+    metavar="NAME",
+    help="Write this one; needs FOLDER. Repeatable.",
+)
 @click.option("--check", is_flag=True, help="Write nothing; exit with 1 unless the files are the same bit for bit.")
 def command(folder: Path | None, names: tuple[str, ...], check: bool) -> None:
     """Write the built-in problems again from their formulas (default: into the shipped folder).

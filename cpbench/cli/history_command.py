@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cpbench.cli.options import Command, ListOption
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, FormatError, StoreError, UnknownName
 
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
 SUFFIXES = (".md", ".csv", ".json", ".svg", ".png")
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RESULTS...")
-@click.option("--label", "labels", multiple=True, metavar="GLOB", help="Solvers' labels to show. Repeatable.")
+@click.option("--label", "labels", cls=ListOption, metavar="GLOB", help="Solvers' labels to show. Repeatable.")
 @click.option(
     "-o",
     "--output",

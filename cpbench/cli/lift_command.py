@@ -8,11 +8,12 @@ import click
 
 from cpbench import graph, storage
 from cpbench.cli.answers import write_plain
-from cpbench.cli.options import force_option
+from cpbench.cli.options import Command, force_option
 from cpbench.errors import CpbenchError, FormatError
+from cpbench.storage.base import require_new
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("solution", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Answer file: .h5, .npy or .csv.")
 @click.option("--problem", metavar="FILE", help="The converted problem, when SOLUTION is a bare vector or answer.")
@@ -24,6 +25,7 @@ def command(solution: Path, output: Path, problem: str | None, steps: int | None
     SOLUTION is a file with a converted problem and its answer, as `cpbench solve -o FILE.h5` writes it, or an answer
     (.h5, .npy, .npz, .csv) to the converted problem named by --problem.
     """
+    require_new(output, force)
     converted = storage.load(problem or str(solution))
     if not converted.provenance:
         raise CpbenchError(f"{problem or solution}: was not converted by cpbench, there is nothing to lift")

@@ -8,9 +8,11 @@ import click
 
 from cpbench.bench.results.merge import PREFER, merge
 from cpbench.bench.results.store import Store
+from cpbench.cli.options import Command
+from cpbench.plurals import counted
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("results", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Results file to be made."
@@ -34,5 +36,5 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     for line in notes:
         click.echo(f"{line}; they are sealed anew as they are", err=True)
     summary = ", ".join(f"{counts[status]} {status}" for status in sorted(counts, key=lambda s: -counts[s]))
-    click.echo(f"{sum(counts.values())} pairs of {len(results)} files: {summary}")
+    click.echo(f"{counted(sum(counts.values()), 'pair')} of {counted(len(results), 'file')}: {summary}")
     click.echo(f"results: {output}")

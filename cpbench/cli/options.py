@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import click
@@ -24,6 +24,25 @@ class Duration(click.ParamType):
             return quantities.seconds(str(value))
         except CpbenchError as cause:
             self.fail(str(cause), param, ctx)
+
+
+class Length(click.ParamType):
+    """`3.5in`, `89mm` or `8.9cm`, in inches."""
+
+    name = "length"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if isinstance(value, float):
+            return value
+        units = {"in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
+        number, unit = str(value).strip()[:-2], str(value).strip()[-2:]
+        try:
+            length = float(number) * units[unit]
+        except (ValueError, KeyError):
+            length = 0.0
+        if not 0 < length < 1000:
+            self.fail(f"'{value}' is no length: write 3.5in, 89mm or 8.9cm", param, ctx)
+        return length
 
 
 class Memory(click.ParamType):
@@ -56,6 +75,20 @@ class Counts(click.ParamType):
             self.fail(str(cause), param, ctx)
 
 
+class Count(click.ParamType):
+    """`8`: one number of facets, even and at least 4."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        try:
+            return quantities.facet_count(int(value))
+        except ValueError:
+            self.fail(f"'{value}' is no number of facets; write one, as 8", param, ctx)
+        except CpbenchError as cause:
+            self.fail(str(cause), param, ctx)
+
+
 class Address(click.ParamType):
     """A file, FILE::NAME, or one of the built-in problems, `builtin/lcp/american-put.h5::american-put-100`."""
 
@@ -83,15 +116,60 @@ class Numbers(click.ParamType):
 
 
 class Names(click.ParamType):
-    """`wrong` or `wrong,crash`."""
+    """`wrong` or `wrong,crash`; commas in brackets separate nothing: `nsgs[omega=1,shuffle=true],lemke`."""
 
     name = "names"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
-        return value if isinstance(value, tuple) else tuple(part.strip() for part in str(value).split(","))
+        return value if isinstance(value, tuple) else tuple(separated(str(value)))
 
 
-class Sections(click.Command):
+def separated(text: str) -> list[str]:
+    """The parts between commas that stand in no bracket.
+
+    >>> separated("nsgs[omega=1,shuffle=true], lemke")
+    ['nsgs[omega=1,shuffle=true]', 'lemke']
+    """
+    parts, depth = [""], 0
+    for sign in text:
+        depth += (sign in "[({") - (sign in "])}")
+        if sign == "," and depth <= 0:
+            parts.append("")
+        else:
+            parts[-1] += sign
+    return [part.strip() for part in parts]
+
+
+class ListOption(click.Option):
+    """An option that takes several values, repeated or between commas: `-t 1e-4 -t 1e-8` is `-t 1e-4,1e-8`.
+
+    Its type makes a tuple of one text, of names where none is said. A value that is given twice counts once; without
+    the option the value is its default, or ().
+    """
+
+    def __init__(self, *args: Any, type: click.ParamType | None = None, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs, type=type or Names(), multiple=True)
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> tuple[Any, ...]:
+        texts = value if isinstance(value, (tuple, list)) else ()
+        items: Iterator[Any] = (item for text in texts for item in self.type.convert(text, self, ctx) or ())
+        return tuple(dict.fromkeys(items))
+
+
+class Command(click.Command):
+    """A command that refuses an option of one value when it is given twice, where click would take the last."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and not ctx.resilient_parsing:
+            _, _, order = self.make_parser(ctx).parse_args(args=list(args))
+            for option in (p for p in order if isinstance(p, click.Option) and not p.is_eager):
+                if order.count(option) > 1 and not option.multiple:
+                    flag = "/".join((*option.opts[-1:], *option.secondary_opts[-1:]))
+                    raise click.UsageError(f"{flag} is given twice: give it once, it has one value", ctx)
+        return super().parse_args(ctx, args)
+
+
+class Sections(Command):
     """A command with many options: its help shows them in `sections`, title -> names of their parameters."""
 
     def __init__(self, *args: Any, sections: Mapping[str, Sequence[str]], examples: Sequence[str] = (), **kwargs: Any):
@@ -144,6 +222,11 @@ def limit_options(f: Callable[..., Any]) -> Callable[..., Any]:
         show_default=True,
         help=f"Wall-clock limit of a solve (30s, 5m, none), and of every other phase, which has at least: {floors()}.",
     )(f)
+
+
+def facets_option(f: Callable[..., Any]) -> Callable[..., Any]:
+    """`--facets`, of commands that convert once."""
+    return click.option("--facets", type=Count(), default=8, show_default=True, help="Facets of a facet conversion.")(f)
 
 
 def format_option(f: Callable[..., Any]) -> Callable[..., Any]:

@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.cli.options import Address, Counts
+from cpbench.cli.options import Address, Command, Counts, ListOption
+from cpbench.cli.outputs import replaced
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
 from cpbench.report import canvas
@@ -44,15 +45,16 @@ def command_of(kind: FigureKind) -> click.Command:
         **options: Any,
     ) -> None:
         canvas.require_suffix(output)
+        before = [output] if output.exists() else []
         problem = None if source is None else storage.load(source, format=file_format)
         point = None if kind.answer is Need.NONE else _answer(kind, source, problem, answer)
         with canvas.drawing():
             drawn = kind.draw(problem, point, **options)
             canvas.write(drawn, output, bare=bare)
-        click.echo(f"{kind.name}: {output}")
+        click.echo(f"{kind.name}: {replaced(output, before)}")
 
     told = inspect.cleandoc(sys.modules[kind.draw.__module__].__doc__ or "")
-    return click.Command(kind.name, params=parameters, callback=draw, help=told)
+    return Command(kind.name, params=parameters, callback=draw, help=told)
 
 
 def _answer(kind: FigureKind, source: str | None, problem: Problem | None, answer: Path | None) -> Any:
@@ -76,5 +78,5 @@ def _option(name: str, default: Any, told: str) -> click.Option:
         return click.Option([flag], is_flag=True, default=default, help=told)
     if isinstance(default, tuple):
         shown = ",".join(map(str, default))
-        return click.Option([flag], type=Counts(), default=shown, show_default=True, help=told)
+        return ListOption([flag], type=Counts(), default=(shown,), show_default=shown, help=told)
     return click.Option([flag], type=type(default), default=default, show_default=default not in ("", -1), help=told)

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import click
 
-from cpbench.cli.options import Names
+from cpbench.cli.options import Command, ListOption
+from cpbench.cli.outputs import replaced, require_folder
 from cpbench.cli.sealed import sealed
 from cpbench.errors import UnknownName
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("results", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder (default: reports/NAME).")
 @click.option("--title", help="Title of the report (default: name of the results file).")
@@ -25,7 +26,11 @@ from cpbench.errors import UnknownName
     help="html: with Markdown and figures; tex: one LaTeX document, numbers as macros, refs.bib.",
 )
 @click.option(
-    "--facet", "facets", type=Names(), metavar="NAMES", help="With tex: profiles by family, tolerance, or both."
+    "--facet",
+    "facets",
+    cls=ListOption,
+    metavar="NAMES",
+    help="With tex: profiles by family, tolerance, or both.",
 )
 @click.option(
     "--baseline",
@@ -38,7 +43,7 @@ from cpbench.errors import UnknownName
 )
 @click.option(
     "--data",
-    type=Names(),
+    cls=ListOption,
     metavar="NAMES",
     help="Rows as csv, json, parquet. Default: all; CSV and Parquet ([arrow]) up to 200000 rows, JSON up to 20000.",
 )
@@ -49,10 +54,10 @@ def command(
     output: Path | None,
     title: str | None,
     form: str,
-    facets: tuple[str, ...] | None,
+    facets: tuple[str, ...],
     baseline: Path | None,
     publishable: bool,
-    data: tuple[str, ...] | None,
+    data: tuple[str, ...],
     with_imported: bool,
     count_stationary: bool,
 ) -> None:
@@ -62,18 +67,20 @@ def command(
     if form == "tex":
         if baseline is not None:
             raise click.UsageError("--baseline is a section of the Markdown report: leave --format tex out")
-        if data is not None:
+        if data:
             raise click.UsageError("--data is of the report as HTML: leave --format tex out")
-        click.echo(f"report: {_tex(results, folder, name, facets or (), chosen)}")
+        before = _there(folder)
+        click.echo(f"report: {replaced(_tex(results, folder, name, facets, chosen), before)}")
         return
-    if facets is not None:
+    if facets:
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     from cpbench.bench import history
     from cpbench.cli.portraits import Portraits
+    from cpbench.cli.start_answers import start_answers
     from cpbench.report import row_files
     from cpbench.report.folder import write_folder
 
-    for unknown in [form for form in data or () if form not in row_files.FORMATS]:
+    for unknown in [form for form in data if form not in row_files.FORMATS]:
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
     comparison = None
     with sealed(results) as store:
@@ -87,15 +94,31 @@ def command(
             new = side_of(store)
             table, meta = new.table, new.meta
             comparison = compare(base(baseline, new), new)
-        portraits = Portraits(store, table)
-    forms, told = row_files.chosen(len(table), data)
+        portraits, answers = Portraits(store, table), start_answers(store, table)
+    before = _there(folder)
+    forms, told = row_files.chosen(len(table), data or None)
     made = write_folder(
-        table, meta, folder, name, iterates, comparison=comparison, data=forms, portraits=portraits, **chosen
+        table,
+        meta,
+        folder,
+        name,
+        iterates,
+        comparison=comparison,
+        data=forms,
+        portraits=portraits,
+        answers=answers,
+        **chosen,
     )
     for path in made:
-        click.echo(f"report: {path}")
+        click.echo(f"report: {replaced(path, before)}")
     for line in told:
         click.echo(line, err=True)
+
+
+def _there(folder: Path) -> list[Path]:
+    """What the folder of the report has already; makes it. Raises FormatError where it cannot be."""
+    require_folder(folder)
+    return list(folder.iterdir())
 
 
 def _tex(results: Path, folder: Path, title: str, facets: tuple[str, ...], chosen: Mapping[str, bool]) -> Path:

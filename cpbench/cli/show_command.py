@@ -7,17 +7,23 @@ import click
 from cpbench import graph, storage
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import parse_request
-from cpbench.cli.options import Address, Counts, format_option
+from cpbench.cli.answer import is_results, print_results
+from cpbench.cli.options import Address, Command, ListOption, facets_option, format_option
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
 from cpbench.report import show, show_tex
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("source", metavar="FILE", type=Address())
 @click.option("--as", "node", metavar="NODE", help="Convert to this formulation first (cpbench list formulations).")
-@click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion (full name or its end).")
-@click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
+@click.option(
+    "--via",
+    cls=ListOption,
+    metavar="CONVERSION",
+    help="Go through this conversion (full name or its end).",
+)
+@facets_option
 @click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
 @click.option("--tex", is_flag=True, help="Print a LaTeX fragment (amsmath).")
 @kinds_option
@@ -26,7 +32,7 @@ def command(
     source: str,
     node: str | None,
     via: tuple[str, ...],
-    facets: tuple[int, ...],
+    facets: int,
     angle: float,
     tex: bool,
     kinds: frozenset[Kind],
@@ -34,12 +40,18 @@ def command(
 ) -> None:
     """Show a problem: its law and its data, in numbers when small, as block structure when large.
 
-    With --as or --via it is converted first; what led there is shown with its equations.
+    With --as or --via it is converted first; what led there is shown with its equations. Of a results file it shows
+    which solver to use, as the run that wrote it ended.
     """
+    if is_results(source):
+        if node or via or tex or file_format:
+            raise click.UsageError("a results file is shown without options; its report: cpbench report")
+        print_results(source)
+        return
     if node is not None:
         formulations.get(node)
     problem = storage.load(source, format=file_format)
-    pinned = parse_request(plan.pinned(via, {"facets": facets[0], "angle": angle}).header)[1] if via else ()
+    pinned = parse_request(plan.pinned(via, {"facets": facets, "angle": angle}).header)[1] if via else ()
     target = node or (pinned[-1].target if pinned else problem.node)
     problem = graph.arrive(problem, target, kinds, pinned).problem
     click.echo(show_tex.fragment(problem) if tex else show.text(problem))

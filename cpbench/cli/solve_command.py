@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +19,30 @@ from cpbench.bench.planning import plan
 from cpbench.bench.results import answers
 from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
-from cpbench.cli.options import Address, Counts, force_option, format_option, limit_options, number, tolerance_option
+from cpbench.cli.options import (
+    Address,
+    Command,
+    ListOption,
+    facets_option,
+    force_option,
+    format_option,
+    limit_options,
+    number,
+    tolerance_option,
+)
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
+from cpbench.plain_text import printable
+from cpbench.solvers.base import solvers
+from cpbench.storage.base import require_new
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("problem", type=Address())
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver (cpbench list solvers).")
-@click.option("--via", multiple=True, metavar="CONVERSION", help="Go through this conversion.")
-@click.option("--facets", type=Counts(), default="8", show_default=True, help="Facets of a facet conversion.")
+@click.option("--via", cls=ListOption, metavar="CONVERSION", help="Go through this conversion.")
+@facets_option
 @click.option("--routes", type=click.Choice(["exact", "all"]), default="exact", show_default=True)
 @click.option(
     "--start",
@@ -40,14 +55,13 @@ from cpbench.verification import MET_TOLERANCE, PROVEN
 @limit_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the answer (.h5, .npy, .csv).")
 @click.option("--json", "as_json", is_flag=True, help="Print the row as JSON.")
-@click.option("--strict", is_flag=True, help="Exit with 1 unless the answer is verified, or the lack of one proved.")
 @format_option
 @force_option
 def command(
     problem: str,
     solver: str,
     via: tuple[str, ...],
-    facets: tuple[int, ...],
+    facets: int,
     routes: str,
     start: str,
     tolerance: float,
@@ -56,30 +70,40 @@ def command(
     threads: int,
     output: Path | None,
     as_json: bool,
-    strict: bool,
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Solve one problem by one solver, in a process of its own, and say what the answer is worth."""
+    """Solve one problem by one solver, in a process of its own, and say what the answer is worth.
+
+    Ends with 1 unless the answer is verified, or the lack of one proved, so that `solve ... && lift ...` carries no
+    wrong answer on. The answer is written all the same.
+    """
+    if output is not None:
+        require_new(output, force)
     entry = plan.parse_entry(solver)
     policy = starts.parse_start(start)
     if policy.kind is starts.StartKind.PREVIOUS:
         raise CpbenchError(
             "--start previous: a problem by itself has no step before it; see cpbench run --start previous"
         )
+    if policy.guess == starts.EVERY:
+        raise CpbenchError("--start file:all: one solve has one start, as file:2; see cpbench run --start file:all")
     if via:
-        asked = [plan.pinned(via, {"facets": facets[0]})]
+        asked = [plan.pinned(via, {"facets": facets})]
     else:
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
+    asked = [replace(request, nodes=_only(entry, request)) for request in asked]
     limits = plan.Limits(timeout, memory, threads, repeats=1)
     with Lane(Setting(threads, memory, single=True)) as lane:
+        lane.workers.begin(entry.solver, memory)
         survey = lane.survey(problem, asked, file_format, timeout)
         pairs = plan.pairs(
             [survey], [entry], asked, tolerance, limits, relaxations=routes == "all" or not via, start=str(policy)
         )
         if not pairs:
             raise NoRoute(
-                f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
+                f"no {routes} route from {survey['node']} to {solver}; "
+                f"see: cpbench route {shlex.quote(problem)} --explain"
             )
         pair = pairs[0]
         prepared = lane.prepare(pair)
@@ -101,8 +125,14 @@ def command(
     elif output is not None:
         click.echo("no answer to write", err=True)
         sys.exit(1)
-    if strict and row["status"] not in (*MET_TOLERANCE, *PROVEN):
+    if row["status"] not in (*MET_TOLERANCE, *PROVEN):
         sys.exit(1)
+
+
+def _only(entry: plan.Entry, request: plan.Request) -> tuple[str, ...]:
+    """The solver's own node where the request is meant for it: no other one is looked for."""
+    node = solvers.get(entry.solver).spec.node
+    return (node,) if node in request.nodes or not request.nodes else request.nodes
 
 
 def _warming(event: str, solver: str) -> None:
@@ -132,4 +162,4 @@ def _print(pair: plan.Pair, row: Mapping[str, Any]) -> None:
     if counters:
         click.echo("  counters   " + ", ".join(f"{k} {v}" for k, v in counters.items()))
     if row.get("message"):
-        click.echo(f"  message    {row['message']}")
+        click.echo(f"  message    {printable(row['message'])}")

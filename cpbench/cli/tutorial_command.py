@@ -6,13 +6,15 @@ from pathlib import Path
 
 import click
 
+from cpbench.cli.options import Command
+
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 def command() -> None:
     """Build a tutorial on this machine."""
 
 
-@command.command()
+@command.command(cls=Command)
 @click.option(
     "-o",
     "--output",

@@ -9,17 +9,16 @@ from pathlib import Path
 import click
 
 from cpbench import storage, verification
-from cpbench.cli.options import Address, format_option, number, tolerance_option
+from cpbench.cli.options import Address, Command, format_option, number, tolerance_option
 from cpbench.errors import FormatError
 
 
-@click.command()
+@click.command(cls=Command)
 @click.argument("problem", required=False, type=Address())
 @click.option("--answer", type=click.Path(path_type=Path), help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("--rejudge", type=click.Path(path_type=Path), help="Judge every kept answer of a results file again.")
 @click.option("--measure", metavar="NAME", help="Let this one measure decide (natural, fclib2018, siconos_mlcp, ...).")
 @click.option("--all-measures", is_flag=True, help="A table: the answer under every measure, and whose it is.")
-@click.option("--strict", is_flag=True, help="Exit with 1 when the answer does not pass.")
 @tolerance_option
 @format_option
 def command(
@@ -28,7 +27,6 @@ def command(
     rejudge: Path | None,
     measure: str | None,
     all_measures: bool,
-    strict: bool,
     tolerance: float,
     file_format: str | None,
 ) -> None:
@@ -38,7 +36,8 @@ def command(
     that know its formulation. With --measure NAME, one of these numbers decides.
 
     With --rejudge, measure the kept answers of a results file again, without solving, and print what changes.
-    Ends with 1 when a row is not as a run wrote it, or when a status changes by the row's own measure and tolerance.
+    Ends with 1 when the answer does not pass; with --rejudge when a row is not as a run wrote it, or when a status
+    changes by the row's own measure and tolerance.
     """
     if rejudge is not None and all_measures:
         raise click.UsageError("--all-measures is for one answer to a PROBLEM, and --rejudge reads many")
@@ -72,7 +71,7 @@ def command(
         click.echo(line)
     if verdict.flags:
         click.echo(f"  flags   {', '.join(verdict.flags)}")
-    if strict and not verdict.solved:
+    if not verdict.solved:
         sys.exit(1)
 
 

@@ -123,7 +123,7 @@ class Sequence:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Geometry of nc contacts, in the order of the problem's rows.
+    """What is known of nc contacts, in the order of the problem's rows; a part that is not known is empty.
 
     Attributes
     ----------
@@ -131,23 +131,38 @@ class Contacts:
     bodies : (nc, 2) int64. position : (nc, 3) [m]. frame : (nc, 3, 3), rows are normal, tangent, tangent.
     """
 
-    id: np.ndarray[Any, np.dtype[np.int64]]
-    bodies: np.ndarray[Any, np.dtype[np.int64]]
-    position: matrices.Dense
-    frame: np.ndarray[Any, np.dtype[np.float64]]
+    id: np.ndarray[Any, np.dtype[np.int64]] = field(default_factory=lambda: np.zeros(0, np.int64))
+    bodies: np.ndarray[Any, np.dtype[np.int64]] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    position: matrices.Dense = field(default_factory=lambda: np.zeros((0, 3)))
+    frame: np.ndarray[Any, np.dtype[np.float64]] = field(default_factory=lambda: np.zeros((0, 3, 3)))
 
     def __post_init__(self) -> None:
-        nc = len(self.id)
-        for name, dtype, shape in (
-            ("id", np.int64, (nc,)),
-            ("bodies", np.int64, (nc, 2)),
-            ("position", np.float64, (nc, 3)),
-            ("frame", np.float64, (nc, 3, 3)),
-        ):
-            array = np.array(getattr(self, name), dtype=dtype)
-            if array.shape != shape:
-                raise ProblemError(f"contacts.{name}", f"has shape {array.shape}, expected {shape}")
+        nc = self.count
+        for name, dtype, rest in _CONTACT_PARTS:
+            given = np.asarray(getattr(self, name))
+            array = np.array(given, dtype=dtype)
+            if dtype is np.int64 and not (array == given).all():
+                raise ProblemError(f"contacts.{name}", "holds numbers that are not whole")
+            if array.shape not in ((nc, *rest), (0, *rest)):
+                raise ProblemError(f"contacts.{name}", f"has shape {array.shape}, expected {(nc, *rest)}")
             object.__setattr__(self, name, matrices.freeze(array))
+
+    @property
+    def count(self) -> int:
+        """nc, by the first part that is known."""
+        return next((len(part) for name, _, _ in _CONTACT_PARTS if len(part := getattr(self, name))), 0)
+
+    def knows(self, name: str) -> bool:
+        """Whether the part of this name is known."""
+        return len(getattr(self, name)) == self.count
+
+
+_CONTACT_PARTS: tuple[tuple[str, type[np.int64 | np.float64], tuple[int, ...]], ...] = (
+    ("id", np.int64, ()),
+    ("bodies", np.int64, (2,)),
+    ("position", np.float64, (3,)),
+    ("frame", np.float64, (3, 3)),
+)
 
 
 @dataclass(frozen=True, eq=False)

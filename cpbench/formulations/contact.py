@@ -65,8 +65,8 @@ class ContactProblem(_HasFriction, Problem):
             if (value < 0).any():
                 i = int(np.flatnonzero((value < 0).reshape(nc, -1).any(axis=1))[0])
                 raise ProblemError(f"{self.node}.{name}", f"is negative at contact {i}: {np.min(value[i]):g}")
-        if self.contacts is not None and len(self.contacts.id) != nc:
-            raise ProblemError(f"{self.node}.contacts", f"describe {len(self.contacts.id)} contacts, mu has {nc}")
+        if self.contacts is not None and self.contacts.count != nc:
+            raise ProblemError(f"{self.node}.contacts", f"describe {self.contacts.count} contacts, mu has {nc}")
 
     @property
     def nc(self) -> int:

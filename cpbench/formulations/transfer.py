@@ -1,5 +1,9 @@
 """The answer to one step of a scene as a start of the next: contacts matched by id, reactions in the new frames.
 
+Where the ids are not known, contacts are matched by position: each the nearest of the other, nearer than half the way
+to any other contact of its own step, and between the same bodies where these are known. Where positions are not known
+either, as many contacts are matched in their order. Where frames are not known, components are kept as they are.
+
 r_N, ‖r_T‖ and ‖m‖ of a contact that goes on are kept, so that what was in its cone is. Let R be the least rotation
 that takes the old normal to the new one and T, T' the old and new tangents as rows. Then
 
@@ -28,6 +32,7 @@ from cpbench.matrices import Dense, Vector
 
 Index: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 BY_ID, BY_ORDER = "contacts matched by id", "contacts matched by order"
+BY_POSITION = "contacts matched by position"
 ORTHONORMAL = 1e-6
 """Frames are orthonormal up to this: what a file in single precision keeps."""
 
@@ -38,7 +43,8 @@ class Transferred:
 
     Attributes
     ----------
-    point : for the new problem. how : `BY_ID`, `BY_ORDER` (no ids, but as many contacts), "" without contacts.
+    point : for the new problem. how : `BY_ID`, `BY_POSITION`, `BY_ORDER` (neither is known, but as many contacts), ""
+    without contacts.
     matched, new, gone : numbers of contacts.
     """
 
@@ -52,8 +58,8 @@ class Transferred:
 def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Transferred:
     """`point`, an answer to the step before with geometry `contacts`, as a start for `problem`.
 
-    Raises NotApplicable where nothing says which contact is which: no ids, and another number of contacts; or,
-    for a problem without contacts, another number of unknowns. PointError on an answer of another node.
+    Raises NotApplicable where nothing says which contact is which: no ids, no positions, and another number; or, for
+    a problem without contacts, another number of unknowns. PointError on an answer of another node.
     """
     if not isinstance(point, problem.point_type):
         raise PointError(
@@ -68,19 +74,51 @@ def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Trans
         return Transferred(problem.point_type(**kept), "", 0, 0, 0)
     d, nc = problem.dimension, problem.nc
     before: Dense = point.arrays()["r"].reshape(-1, d)
-    if contacts is None or problem.contacts is None:
-        if len(before) != nc:
-            raise NotApplicable("transfer", f"{len(before)} contacts before, {nc} now, and no ids to match them by")
-        return Transferred(problem.point_type(**kept), BY_ORDER, nc, 0, 0)
-    if len(contacts.id) != len(before):
-        raise PointError(f"{problem.node}: {len(before)} reactions for {len(contacts.id)} contacts of the step before")
-    for geometry in (contacts, problem.contacts):
-        _require_unique(geometry.id)
-    _, old, new = np.intersect1d(contacts.id, problem.contacts.id, return_indices=True)
+    now = problem.contacts
+    if contacts is not None and contacts.count != len(before):
+        raise PointError(f"{problem.node}: {len(before)} reactions for {contacts.count} contacts of the step before")
+    if contacts is not None and now is not None and contacts.knows("id") and now.knows("id"):
+        for geometry in (contacts, now):
+            _require_unique(geometry.id)
+        how, (_, old, new) = BY_ID, np.intersect1d(contacts.id, now.id, return_indices=True)
+    elif contacts is not None and now is not None and contacts.knows("position") and now.knows("position"):
+        how, (old, new) = BY_POSITION, _nearest(contacts, now)
+    elif len(before) == nc:
+        how, old, new = BY_ORDER, np.arange(nc), np.arange(nc)
+    else:
+        raise NotApplicable("transfer", f"{len(before)} contacts before, {nc} now, and no ids to match them by")
     r = np.zeros((nc, d))
-    r[new] = _in_new_frames(before[old], contacts, old, problem.contacts, new, rolling=hasattr(problem, "mu_r"))
+    if contacts is not None and now is not None and contacts.knows("frame") and now.knows("frame"):
+        r[new] = _in_new_frames(before[old], contacts, old, now, new, rolling=hasattr(problem, "mu_r"))
+    else:
+        r[new] = before[old]
     start = problem.point_type(**{**kept, "r": r.ravel()})
-    return Transferred(start, BY_ID, len(old), nc - len(old), len(before) - len(old))
+    return Transferred(start, how, len(old), nc - len(old), len(before) - len(old))
+
+
+def _nearest(before: Contacts, after: Contacts) -> tuple[Index, Index]:
+    """Indices of the contacts that are the same by their positions, in both steps."""
+    from scipy.spatial import KDTree  # a tenth of a second, for who needs it
+
+    for geometry in (before, after):
+        if not np.isfinite(geometry.position).all():
+            raise NotApplicable("transfer", "a position of a contact is not finite, and there are no ids")
+    if not before.count or not after.count:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp)
+    there, here = KDTree(before.position), KDTree(after.position)
+    distance, old = there.query(after.position)
+    _, back = here.query(before.position)
+    new = np.arange(after.count)
+    own = np.minimum(_spacing(there, before)[old], _spacing(here, after))
+    same = (np.asarray(back)[old] == new) & (distance < 0.5 * own)
+    if before.knows("bodies") and after.knows("bodies"):
+        same &= (np.sort(before.bodies, axis=1)[old] == np.sort(after.bodies, axis=1)).all(axis=1)
+    return np.asarray(old)[same], new[same]
+
+
+def _spacing(tree: Any, contacts: Contacts) -> Vector:
+    """The way from every contact to the nearest other one of its step; ∞ where it is alone."""
+    return np.asarray(tree.query(contacts.position, k=2)[0])[:, 1]
 
 
 def _in_new_frames(r: Dense, before: Contacts, old: Index, after: Contacts, new: Index, *, rolling: bool) -> Dense:
@@ -89,10 +127,12 @@ def _in_new_frames(r: Dense, before: Contacts, old: Index, after: Contacts, new:
     k = (d - 1) // 2 if rolling else d - 1
     axes = 1 + k if d == 2 else 3
     F, G = before.frame[old], after.frame[new]
-    for frames, ids in ((F, before.id[old]), (G, after.id[new])):
-        _require_orthonormal(frames[:, :axes], ids)
+    for frames, geometry, places in ((F, before, old), (G, after, new)):
+        _require_orthonormal(frames[:, :axes], geometry.id[places] if geometry.knows("id") else places)
     turned = np.einsum("ci,ci->c", F[:, 0], G[:, 0])
-    swapped = (before.bodies[old][:, ::-1] == after.bodies[new]).all(axis=1) & (turned < 0)
+    swapped = np.zeros(len(r), dtype=bool)
+    if before.knows("bodies") and after.knows("bodies"):
+        swapped = (before.bodies[old][:, ::-1] == after.bodies[new]).all(axis=1) & (turned < 0)
     F = np.where(swapped, -1.0, 1.0)[:, None, None] * F
     turned = np.where(swapped, -turned, turned)
     turn = _tangent_map(F, G, turned, k)
@@ -126,7 +166,7 @@ def _require_unique(ids: np.ndarray[Any, np.dtype[np.int64]]) -> None:
         raise NotApplicable("transfer", f"the id {found[c]} stands for {count[c]} contacts of one step")
 
 
-def _require_orthonormal(frames: Dense, ids: np.ndarray[Any, np.dtype[np.int64]]) -> None:
+def _require_orthonormal(frames: Dense, ids: np.ndarray[Any, np.dtype[Any]]) -> None:
     off = np.abs(np.einsum("cik,cjk->cij", frames, frames) - np.eye(frames.shape[1])).max(axis=(1, 2), initial=0.0)
     if not (off <= ORTHONORMAL).all():
         c = int(np.argmax(np.where(off <= ORTHONORMAL, 0.0, np.inf)))

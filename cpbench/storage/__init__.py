@@ -1,12 +1,14 @@
 """Problem files: one file format a module, chosen by content; reading runs nothing, writing is all or nothing."""
 
 from cpbench.storage.answers import guesses, load_answer, save_answer, save_point, solution
-from cpbench.storage.arrays import read_matrix, read_vector
+from cpbench.storage.arrays import read_array, read_matrix, read_vector
 from cpbench.storage.base import Format, formats
 from cpbench.storage.dispatch import files, load, members, problem_files, save, save_pack
+from cpbench.storage.sequences import Recorder
 
 __all__ = [
     "Format",
+    "Recorder",
     "files",
     "formats",
     "guesses",
@@ -14,6 +16,7 @@ __all__ = [
     "load_answer",
     "members",
     "problem_files",
+    "read_array",
     "read_matrix",
     "read_vector",
     "save",

@@ -5,7 +5,7 @@
 <problem>/provenance/<k>/trace    arrays, matrix groups, factorizations (their matrix, attribute `factorization`);
                                   numbers and strings as JSON in the attribute `scalars`
 <problem>/cpbench/sequence        attributes name, step, time [s], dt [s], previous
-<problem>/cpbench/contacts        id, bodies, position [m], frame
+<problem>/cpbench/contacts        id, bodies, position [m], frame; those that are known
 """
 
 from __future__ import annotations
@@ -192,7 +192,8 @@ def write_place(parent: h5py.Group, problem: Problem, *, compress: bool) -> None
     if contacts is not None:
         group = parent.create_group("contacts")
         for f in fields(contacts):
-            put_array(group, f.name, getattr(contacts, f.name), compress=compress)
+            if contacts.knows(f.name):
+                put_array(group, f.name, getattr(contacts, f.name), compress=compress)
 
 
 def read_place(parent: Tree) -> dict[str, Any]:
@@ -213,8 +214,8 @@ def read_place(parent: Tree) -> dict[str, Any]:
             raise group.error("", f"needs the attributes name, step, time and dt ({cause})") from None
     if "contacts" in parent:
         group = parent.child("contacts")
-        parts: dict[str, Any] = {name: group.array(name, np.int64, None) for name in ("id", "bodies")}
-        parts |= {name: group.array(name, np.float64, None) for name in ("position", "frame")}
+        kinds = {"id": np.int64, "bodies": np.int64, "position": np.float64, "frame": np.float64}
+        parts: dict[str, Any] = {name: group.array(name, dtype, None) for name, dtype in kinds.items() if name in group}
         try:
             found["contacts"] = Contacts(**parts)
         except (ProblemError, TypeError) as cause:

@@ -9,13 +9,14 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import stat
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Point, Problem
 from cpbench.registry import Registry
 
 SEPARATOR = "::"
@@ -31,7 +32,8 @@ class Format(ABC):
     name : what ``--format`` takes. summary : one line for tables.
     suffixes : of files that may be in this format, lower case. writes : nodes it can write.
     why_not : node -> why it cannot, where there is more to say.
-    keeps_provenance : whether an answer to a written file can be lifted.
+    keeps_provenance : whether an answer to a written file can be lifted. keeps_guesses : whether it has
+    starting points.
     """
 
     name: ClassVar[str]
@@ -40,6 +42,7 @@ class Format(ABC):
     writes: ClassVar[frozenset[str]] = frozenset()
     why_not: ClassVar[Mapping[str, str]] = {}
     keeps_provenance: ClassVar[bool] = False
+    keeps_guesses: ClassVar[bool] = False
 
     @abstractmethod
     def recognises(self, path: Path, head: bytes) -> bool:
@@ -67,8 +70,11 @@ class Format(ABC):
             problem.name or problem.node, "", f"cannot be written as {self.name}: that format is read only"
         )
 
-    def write(self, problem: Problem, file: BinaryIO, *, compress: bool) -> None:
-        """Put `problem` into an empty file, open for reading too; a format of large files need not build it first."""
+    def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
+        """Put `problem` into an empty file, open for reading too; a format of large files need not build it first.
+
+        A format that `keeps_guesses` writes these starting points too.
+        """
         file.write(self.encode(problem, compress=compress))
 
     def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
@@ -109,6 +115,9 @@ def stem(path: Path) -> str:
 def read_head(path: Path) -> bytes:
     """The first bytes of a file; raises FormatError when it is missing, a folder, empty or a Git-LFS pointer."""
     try:
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe may never end, a device neither
+            raise FormatError(path, "", "is no regular file (a pipe or a device), expected a file")
         with open(path, "rb", buffering=0) as file:
             head = file.read(_HEAD_BYTES) or b""
     except FileNotFoundError:
@@ -144,16 +153,23 @@ def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
         raise FormatError(path, f"{where}/{inside}{field}" if where else field, cause.cause) from None
 
 
+def require_new(path: Path, force: bool) -> None:
+    """Raises FormatError when nothing can be written at `path`: commands ask before they begin to work."""
+    if path.is_dir():
+        raise FormatError(path, "", "is a folder, cannot be written as a file")
+    if not force and path.exists():
+        raise FormatError(path, "", "exists already: --force replaces it")
+    if not path.parent.is_dir():
+        raise FormatError(path, "", f"cannot be written: there is no folder {path.parent}")
+
+
 def write_atomic(path: Path, data: bytes | Callable[[BinaryIO], object], *, force: bool) -> None:
     """Put `data`, or what it writes, at `path` in one step: complete or not at all, even if the process is killed.
 
     The bytes go to a file without a name (Linux) or with a temporary one beside the target, which then gets
     the target's name. Raises FormatError when the target exists (unless `force`) or cannot be written.
     """
-    if path.is_dir():
-        raise FormatError(path, "", "is a folder, cannot be written as a file")
-    if not force and path.exists():
-        raise FormatError(path, "", "exists already: --force replaces it")
+    require_new(path, force)
     put: Callable[[BinaryIO], object] = data if callable(data) else lambda file: file.write(data)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.tmp")
     try:

@@ -7,7 +7,7 @@ import inspect
 import math
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -23,14 +23,48 @@ from cpbench.testing.expect import only_for, refused
 from cpbench.verification import certified_infeasible, judge
 
 TOLERANCE = 1e-6
+SECONDS = 120.0
+"""For a case that takes far less: no claim may depend on how busy the machine is."""
 PATIENCE = 4.0
 """Seconds for a case on which a solver is known to fail; one that hangs is given half as much again, and 5."""
 SLACK = 1.001
 """A claim at the tolerance may be rounded; nothing beyond that."""
 
 
+class _Memory:
+    """What the solver that is being checked has done before, so that its checks do not repeat each other's solves.
+
+    It is of one solver at a time, and only of one with the trait deterministic: `check_the_same_twice` holds that it
+    has the trait by right.
+    """
+
+    def __init__(self) -> None:
+        self._solver: Solver | None = None
+        self._known: dict[tuple[Any, ...], tuple[Problem, Any]] = {}
+
+    def get(self, solver: Solver, problem: Problem, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+        """What `make` returns, or returned for the same solver, problem and key."""
+        if Trait.DETERMINISTIC not in solver.spec.traits:
+            return make()
+        if self._solver is not solver:
+            self._solver, self._known = solver, {}
+        key = (id(problem), *key)
+        if key not in self._known:
+            self._known[key] = problem, make()  # the problem is kept, so that no other one gets its id
+        return self._known[key][1]
+
+
+_memory = _Memory()
+
+
 def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) -> SolverOutput:
-    return solver.run(case.problem, Budget(**{"tolerance": TOLERANCE, "seconds": 20.0, **budget}), start=start)
+    begun = None if start is None else tuple((part, value.tobytes()) for part, value in start.arrays().items())
+    key = ("run", begun, *sorted(budget.items()))
+    return _memory.get(solver, case.problem, key, lambda: _solved(solver, case, start, **budget))
+
+
+def _solved(solver: Solver, case: Case, start: Any | None = None, **budget: Any) -> SolverOutput:
+    return solver.run(case.problem, Budget(**{"tolerance": TOLERANCE, "seconds": SECONDS, **budget}), start=start)
 
 
 def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
@@ -42,6 +76,10 @@ def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
 
 def _takes(solver: Solver, problem: Problem) -> bool:
     """Whether a solver takes a problem; a program may refuse one only when it has read it."""
+    return _memory.get(solver, problem, ("takes",), lambda: _can_take(solver, problem))
+
+
+def _can_take(solver: Solver, problem: Problem) -> bool:
     if solver.obstacle(problem) is not None:
         return False
     try:
@@ -101,9 +139,19 @@ def check_answers_have_their_shape(solver: Solver, cases: list[Case]) -> None:
 
 def check_the_problem_stays(solver: Solver, cases: list[Case]) -> None:
     for case in _open(solver, cases):
+        unchanged, _ = _second(solver, case)
+        assert unchanged, case.name
+
+
+def _second(solver: Solver, case: Case) -> tuple[bool, SolverOutput]:
+    """A solve apart from that of `_run`: whether it leaves the problem as it was, and what it returns."""
+
+    def make() -> tuple[bool, SolverOutput]:
         before = _content(case.problem)
-        _run(solver, case)
-        assert before == _content(case.problem), case.name
+        output = _solved(solver, case)
+        return before == _content(case.problem), output
+
+    return _memory.get(solver, case.problem, ("second",), make)
 
 
 def _content(problem: Problem) -> dict[str, bytes]:
@@ -128,7 +176,8 @@ def check_infeasibility_is_proved_or_not_claimed_solved(solver: Solver, cases: l
 def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
     only_for(Trait.DETERMINISTIC in solver.spec.traits, "solvers with the trait deterministic")
     for case in _open(solver, cases):
-        first, second = _run(solver, case), _run(solver, case)
+        first = _run(solver, case)
+        _, second = _second(solver, case)
         assert first.claim is second.claim, case.name
         _same_point(first.point, second.point, case.name)
 
@@ -173,8 +222,7 @@ def check_histories_end_in_the_answer(solver: Solver, cases: list[Case]) -> None
     only_for(Trait.HISTORY in solver.spec.traits, "solvers with the trait history")
     recorded = 0
     for case in _open(solver, cases):
-        seen: list[tuple[int, Any]] = []
-        output = _watched(solver, case, lambda k, _, point: seen.append((k, point())))  # noqa: B023
+        seen, output = _recorded(solver, case)
         recorded += len(seen) > 1
         iterations = [k for k, _ in seen]
         assert iterations == sorted(set(iterations)), f"{case.name}: iterations {iterations} do not rise"
@@ -193,14 +241,23 @@ def check_watching_changes_nothing(solver: Solver, cases: list[Case]) -> None:
     only_for({Trait.HISTORY, Trait.DETERMINISTIC} <= solver.spec.traits, "deterministic solvers with the trait history")
     for case in _open(solver, cases):
         alone = _run(solver, case)
-        for watch in (lambda k, e, point: None, lambda k, e, point: point()):
-            watched = _watched(solver, case, watch)
+        for watched in (_watched(solver, case, lambda k, e, point: None), _recorded(solver, case)[1]):
             assert (watched.claim, watched.counters) == (alone.claim, alone.counters), case.name
             _same_point(watched.point, alone.point, f"{case.name}: the answers watched and alone")
 
 
+def _recorded(solver: Solver, case: Case) -> tuple[list[tuple[int, Any]], SolverOutput]:
+    """All iterates of a solve with their numbers, and what it returns."""
+
+    def make() -> tuple[list[tuple[int, Any]], SolverOutput]:
+        seen: list[tuple[int, Any]] = []
+        return seen, _watched(solver, case, lambda k, _, point: seen.append((k, point())))
+
+    return _memory.get(solver, case.problem, ("recorded",), make)
+
+
 def _watched(solver: Solver, case: Case, record: Record) -> SolverOutput:
-    return solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=20.0), record=record)
+    return solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=SECONDS), record=record)
 
 
 def _same_point(one: Any, other: Any, what: str) -> None:

@@ -1,4 +1,8 @@
-"""Every registered plugin through every check of its kind; a new plugin is found by itself."""
+"""Every registered plugin through every check of its kind; a new plugin is found by itself.
+
+Other people's solvers that no run takes by default (most members of the large families) get a few checks by day and
+all of them at night.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +38,26 @@ def test_conversion(edge, check) -> None:
     check(edge, cases(edge.source))
 
 
-@pytest.mark.parametrize(("solver", "check"), _product("solver", [(s.spec.name, s) for s in solvers]))
+BY_DAY = {
+    "check_options_are_known_by_name",
+    "check_some_case_is_solved",
+    "check_the_spec_is_complete",
+    "check_the_spec_is_read_without_the_package",
+}
+"""What tells of a member of a family that its line in the family's table is right: one solve, and the spec."""
+
+
+def _solvers() -> list:
+    found = []
+    for solver in solvers:
+        every = solver.spec.by_default or type(solver).__module__.startswith("cpbench.solvers.native.")
+        for name, check in checks("solver").items():
+            marks = () if every or name in BY_DAY else pytest.mark.nightly
+            found.append(pytest.param(solver, check, id=f"{solver.spec.name}-{name}", marks=marks))
+    return found
+
+
+@pytest.mark.parametrize(("solver", "check"), _solvers())
 def test_solver(solver, check, request: pytest.FixtureRequest) -> None:
     available = solver.availability()
     if not available.ok:

@@ -46,7 +46,7 @@ class Bench:
             env={**os.environ, **environment},
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=600,
         )
 
     def store(self) -> Store:
@@ -54,8 +54,10 @@ class Bench:
 
     @property
     def grace(self) -> float:
-        """Seconds in which a process past its limit is gone: half a one where a core is to spare for it."""
-        return 0.5 * max(1.0, os.getloadavg()[0])
+        """Seconds in which a process past its limit is gone: half a one where a core is to spare for it, else what it
+        may have to wait for one. The load is an average over a minute, so a second more than it says."""
+        load = os.getloadavg()[0]
+        return 0.5 if load < 1.0 else 1.0 + load
 
     def living(self) -> list[str]:
         """Processes that were started in the folder and still live."""

@@ -30,7 +30,7 @@ def _run(bench, isolation: str, problems: list[str], *solvers: str) -> subproces
         env={**os.environ, "CPBENCH_ISOLATION": isolation, "FORGED": str(bench.folder / "r.sqlite")},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
     )
 
 

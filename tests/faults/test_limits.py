@@ -75,7 +75,7 @@ def hung(module_bench) -> tuple[pd.DataFrame, float]:
     command = [sys.executable, "-c", SHORT, "--plugin", "hangs.py", "--plugin", "hangs.toml", "run"]
     command += [module_bench.problem("p", 3), *chosen, "--timeout", "1s", "--no-report", "-q", "-o", "r.sqlite"]
     begun = time.monotonic()
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
     taken = time.monotonic() - begun
     assert done.returncode == 0, done.stderr
     assert module_bench.living() == []
@@ -131,7 +131,7 @@ def test_helpers_killed_while_a_run_is_planned_cost_no_row(bench) -> None:
             if child.pid not in killed and "forkserver" in " ".join(child.cmdline()):
                 os.kill(child.pid, signal.SIGKILL)
                 killed.add(child.pid)
-    _, told = running.communicate(timeout=300)
+    _, told = running.communicate(timeout=600)
     assert len(killed) == 6
     assert running.returncode == 0, told
     assert list(bench.store().table().status) == ["solved"] * 4

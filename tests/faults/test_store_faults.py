@@ -51,7 +51,7 @@ PLANNED = [pair(i) for i in range(200)]
 
 def cpbench(*arguments: str | Path, **kwargs) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "cpbench", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, **kwargs)
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, **kwargs)
 
 
 def run(folder: Path, output: Path, **kwargs) -> subprocess.CompletedProcess[str]:
@@ -166,7 +166,7 @@ def test_a_file_that_may_not_grow_loses_nothing(tmp_path: Path) -> None:
         spec.loader.exec_module(faults)
         print(faults.fill(pathlib.Path({str(path)!r})))
     """
-    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) > 5
     assert_intact(path, int(done.stdout))

@@ -95,7 +95,11 @@ def lcp_as_qp(seed: int, n: int = 60, rank: int = 20) -> QP:
     return QP.build(Q=M, p=w - M @ z, lb=np.zeros(n))
 
 
-@pytest.fixture(params=BACKENDS)
+COMPILED = ("jaxopt-osqp", "qpax")
+"""Backends that compile for a second or more for each shape of a problem: their solves are for the night."""
+
+
+@pytest.fixture(params=[pytest.param(n, marks=pytest.mark.nightly if n in COMPILED else ()) for n in BACKENDS])
 def backend(request: pytest.FixtureRequest) -> Any:
     solver = solvers.get(request.param)
     available = solver.availability()

@@ -43,7 +43,7 @@ class Mine(Solver):
 
 def builds(*words: str, rc: int = 0, **env: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-W", "error", "-m", "cpbench.solvers.external.builds", *words]
-    done = subprocess.run(command, env={**os.environ, **env}, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, env={**os.environ, **env}, capture_output=True, text=True, timeout=600)
     assert done.returncode == rc, done.stdout + done.stderr
     return done
 
@@ -64,7 +64,7 @@ def known(tables: dict[str, Any], *plugins: Path) -> dict[str, Any]:
         f"print(json.dumps({{n: dataclasses.asdict(solvers.get(n).spec.options()) for n in {list(tables)!r}}}))"
     )
     env = {**os.environ, PLUGIN_FILES: os.pathsep.join(map(str, plugins)), DECLARED: ""}
-    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

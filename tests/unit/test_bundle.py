@@ -75,7 +75,7 @@ def cpbench(folder: Path, *arguments: str, rc: int = 0, **variables: str) -> sub
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=240,
+        timeout=600,
         stdin=subprocess.DEVNULL,
         env={**os.environ, **variables},
     )

@@ -18,7 +18,9 @@ from cpbench.testing.cases import infeasible
 from cpbench.verification import Status, certified_infeasible, holds, no_answer, packed, prove, status, unpacked
 from cpbench.verification.certificates import Infeasible, Unbounded
 
-PLANTED = 200
+SEEDS = pytest.mark.parametrize(
+    "seeds", [range(30), pytest.param(range(30, 200), marks=pytest.mark.nightly)], ids=["few", "many"]
+)
 
 
 def whole(rng: np.random.Generator, *shape: int) -> np.ndarray:
@@ -105,9 +107,10 @@ def unbounded_qp(seed: int) -> QP:
     return QP.build(Q, p, A=A, b=b, C=C, d=C @ point, lb=lb, ub=ub)
 
 
+@SEEDS
 @pytest.mark.parametrize("make", [infeasible_lcp, infeasible_mlcp, infeasible_qp])
-def test_what_is_planted_without_a_solution_is_proved(make) -> None:
-    for seed in range(PLANTED):
+def test_what_is_planted_without_a_solution_is_proved(make, seeds: range) -> None:
+    for seed in seeds:
         problem = make(seed)
         attempt = prove(problem, "infeasible")
         assert isinstance(attempt.proof, Infeasible), f"{seed}: {attempt.message}"
@@ -115,8 +118,9 @@ def test_what_is_planted_without_a_solution_is_proved(make) -> None:
         assert holds(problem, unpacked("infeasible", packed(attempt.proof)))
 
 
-def test_programs_without_a_least_value_are_proved() -> None:
-    for seed in range(PLANTED):
+@SEEDS
+def test_programs_without_a_least_value_are_proved(seeds: range) -> None:
+    for seed in seeds:
         problem = unbounded_qp(seed)
         attempt = prove(problem, "unbounded")
         assert isinstance(attempt.proof, Unbounded), f"{seed}: {attempt.message}"
@@ -196,9 +200,10 @@ def near_qp(seed: int) -> tuple[QP, np.ndarray]:
     return QP.build(np.eye(n), np.zeros(n), A=np.vstack([row, -row]), b=np.array([low, -high])), np.ones(2)
 
 
+@SEEDS
 @pytest.mark.parametrize("make", [near_lcp, near_mlcp, near_qp])
-def test_what_has_a_solution_by_1e12_is_never_infeasible(make) -> None:
-    for seed in range(PLANTED):
+def test_what_has_a_solution_by_1e12_is_never_infeasible(make, seeds: range) -> None:
+    for seed in seeds:
         problem, y = make(seed)
         assert not certified_infeasible(problem, y), seed
         assert prove(problem, "infeasible", y).proof is None, seed

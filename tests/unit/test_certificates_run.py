@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import cpbench
 from edited_results import seal_anew
 
 from cpbench import storage
@@ -32,8 +31,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for problem in (PANG, NEAR, FALLING):
         storage.save(problem, folder / f"{problem.name}.h5")
     chosen = [part for name in ("lemke", "lemke-mlcp", "cottle-dantzig", "qp-interior-point") for part in ("-s", name)]
-    command = [sys.executable, "-m", "cpbench", "run", ".", *chosen, "--no-report", "-q", "-o", "r.sqlite"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    done = cpbench(folder, "run", ".", *chosen, "--no-report", "-q", "-o", "r.sqlite")
     assert done.returncode == 0, done.stderr
     return folder / "r.sqlite"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -204,6 +205,7 @@ def test_the_install_step_installs_the_version_that_the_action_is_part_of(tmp_pa
 # --------------------------------------------------------------------------------- builds, and what is said of them
 
 
+@pytest.mark.nightly
 def test_the_same_build_passes(toy: Path) -> None:
     commit(toy, "same")
     done = act(toy)
@@ -211,7 +213,13 @@ def test_the_same_build_passes(toy: Path) -> None:
     assert done.outputs["verdict"] in ("same", "inconclusive")
     assert done.used["actions/upload-artifact@v4"]["path"] == done.outputs["results"]
     kept = Path(done.outputs["results"])
-    assert {path.name for path in kept.iterdir()} == {"summary.md", "results.sqlite", "mine.json", "mine.xml"}
+    assert {path.name for path in kept.iterdir()} == {
+        "summary.md",
+        "results.sqlite",
+        "variants.toml",
+        "mine.json",
+        "mine.xml",
+    }
     assert (kept / "summary.md").read_text() == done.summary
     assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
     assert run(toy, "git", "status", "--short").stdout == ""
@@ -220,9 +228,14 @@ def test_the_same_build_passes(toy: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "inputs", "told"),
     [
-        ("slower", {}, r"Regressed.*1 regressed"),
+        pytest.param("slower", {}, r"Regressed.*1 regressed", marks=pytest.mark.nightly),
         ("wrong", FAST, r"solved → wrong"),
-        ("crashing", {**FAST, "build": VENV, "python": ".venv/bin/python"}, r"solved → crash"),
+        pytest.param(
+            "crashing",
+            {**FAST, "build": VENV, "python": ".venv/bin/python"},
+            r"solved → crash",
+            marks=pytest.mark.nightly,
+        ),
     ],
     ids=["slower", "wrong", "crashing, each checkout with its own environment"],
 )
@@ -239,8 +252,16 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
     with Store(Path(done.outputs["results"]) / "results.sqlite") as store:
         base = [row for row in store.rows() if row["solver"] != "mine@head"]
     assert {row["status"] for row in base} == {"solved"}  # of its own checkout, whatever head does
+    if change == "wrong":  # the commands of the summary run, when the run is over
+        command = re.search(r"`(cpbench solve [^`]*)`", done.summary)
+        assert command is not None, done.summary
+        again = subprocess.run(
+            shlex.split(command[1]), cwd=toy, env={**os.environ, **ENV}, capture_output=True, text=True, check=False
+        )
+        assert (again.returncode, "by mine@head" in again.stdout, "wrong" in again.stdout) == (1, True, True), again
 
 
+@pytest.mark.nightly
 def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
     if COMPILER is None:
         pytest.skip("does not apply: no C++ compiler")
@@ -260,6 +281,7 @@ def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
     assert run(toy, "git", "status", "--short").stdout == ""
 
 
+@pytest.mark.nightly
 def test_a_command_on_gitlab(toy: Path, tmp_path: Path) -> None:
     if shutil.which("awk") is None:
         pytest.skip("does not apply: no awk")
@@ -280,6 +302,7 @@ def test_a_command_on_gitlab(toy: Path, tmp_path: Path) -> None:
     assert job["artifacts"]["reports"]["junit"] == "compared/*.xml"
 
 
+@pytest.mark.nightly
 def test_a_solver_that_the_base_has_not_is_judged_alone(toy: Path) -> None:
     text = (toy / "mine.py").read_text()
     (toy / "second.py").write_text(text.replace('"mine"', '"second"').replace("class Mine", "class Second"))
@@ -316,6 +339,7 @@ def test_a_build_that_fails_leaves_nothing(toy: Path) -> None:
     assert not (toy.parent / "runner/cpbench-compare/results").exists()
 
 
+@pytest.mark.nightly
 def test_a_build_that_makes_no_program(toy: Path) -> None:
     (toy / "prog.toml").write_text('[solver.prog]\nnode = "lcp"\nserve = "./prog"\n')
     commit(toy, "same")
@@ -334,8 +358,14 @@ def test_a_build_that_makes_no_program(toy: Path) -> None:
         (("--speed", "3"), "no option '--speed'"),
         (("--comment", "3"), "no cpbench-compare/summary.md to post"),
         (("--solver", "broken.py", "--base", "main"), "broken.py: line 1: ModuleNotFoundError: No module named 'lost'"),
-        (("--solver", "mine.py", "--base", "main", "--problems", "none.h5"), "none.h5"),
-        (("--solver", "mine.py", "--base", "main", "--fail-on", "slow"), "no outcome 'slow'"),
+        pytest.param(
+            ("--solver", "mine.py", "--base", "main", "--problems", "none.h5"), "none.h5", marks=pytest.mark.nightly
+        ),
+        pytest.param(
+            ("--solver", "mine.py", "--base", "main", "--fail-on", "slow"),
+            "no outcome 'slow'",
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_bad_input_ends_with_2_and_a_reason(toy: Path, words: tuple[str, ...], told: str) -> None:
@@ -347,6 +377,7 @@ def test_bad_input_ends_with_2_and_a_reason(toy: Path, words: tuple[str, ...], t
     assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
 
 
+@pytest.mark.nightly
 def test_a_budget_in_which_nothing_can_be_solved(toy: Path) -> None:
     said = script(toy, "--solver", "mine.py", "--base", "main", "--problems", "problems", "--budget", "0.1s", rc=2)
     assert "the budget of 0.1s was used up before the first solve" in said.stderr.splitlines()[-1]

@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from command_line import cpbench as in_process
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
@@ -148,22 +149,28 @@ def test_no_route_names_the_obstacle_and_the_approximate_routes(monkeypatch, cap
     assert not (contact.parent / "o.h5").exists()
 
 
-def test_convert_solve_lift_verify_in_four_processes(contact) -> None:
+def test_convert_solve_lift_verify_in_several_processes(contact) -> None:
     """The faceted LCP, solved by Lemke, lifted elsewhere, measured on the contact problem."""
     folder = contact.parent
 
-    def run(*arguments: str) -> str:
+    def run(*arguments: str, apart: bool = False) -> str:
         command = [sys.executable, "-m", "cpbench", *arguments]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        if apart:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        else:
+            done = in_process(folder, *arguments)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    run("convert", "contact.hdf5", "lcp.h5", "--to", "lcp", "--via", "inner", "--facets", "64")
+    run("convert", "contact.hdf5", "lcp.h5", "--to", "lcp", "--via", "inner", "--facets", "64", apart=True)
     assert "solved" in run("solve", "lcp.h5", "-s", "lemke", "-o", "z.h5")
-    run("lift", "z.h5", "-o", "r.h5")  # the answer file holds the converted problem and its way back
+    run("lift", "z.h5", "-o", "r.h5", apart=True)  # the answer file holds the converted problem and its way back
     run("lift", "z.h5", "--problem", "lcp.h5", "-o", "r.npy")
-    assert run("verify", "contact.hdf5", "--answer", "r.h5") == run("verify", "contact.hdf5", "--answer", "r.npy")
-    told = run("verify", "contact.hdf5", "--answer", "r.npy", "-t", "0.1", "--strict")
+    loose = ("-t", "0.1")
+    assert run("verify", "contact.hdf5", "--answer", "r.h5", *loose) == run(
+        "verify", "contact.hdf5", "--answer", "r.npy", *loose
+    )
+    told = run("verify", "contact.hdf5", "--answer", "r.npy", "-t", "0.1")
     assert "passes" in told
     r = np.load(folder / "r.npy")
     np.testing.assert_allclose(r[3:], 0, atol=1e-12)
@@ -175,19 +182,28 @@ def test_verify_takes_plain_vectors(monkeypatch, capsys, lcp, tmp_path) -> None:
     np.save(tmp_path / "z.npy", answer)
     np.savetxt(tmp_path / "z.csv", answer, fmt="%.17g")
     for name in ("z.npy", "z.csv"):
-        assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / name, "--strict", "-t", "1e-12") == 0
+        assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / name, "-t", "1e-12") == 0
     np.save(tmp_path / "bad.npy", -answer)
-    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "bad.npy", "--strict") == 1
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "bad.npy") == 1
     np.save(tmp_path / "long.npy", np.ones(3))
     capsys.readouterr()
     assert cpbench(monkeypatch, "verify", lcp, "--answer", tmp_path / "long.npy") == 2
     assert "3 numbers, expected 2" in capsys.readouterr().err
 
 
-def test_strict_solve_ends_with_what_was_measured(monkeypatch, lcp) -> None:
-    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke", "--strict") == 0
-    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]", "--strict") == 1
-    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]") == 0
+def test_solve_and_verify_end_with_what_was_measured(monkeypatch, capsys, lcp, tmp_path) -> None:
+    """1 unless the answer is verified; the answer is written all the same, and never over another."""
+    out = tmp_path / "z.npy"
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke[max_pivots=1]", "-o", out) == 1
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", out) == 1
+    before = out.read_bytes()
+    capsys.readouterr()
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke", "-o", out) == 2
+    told = capsys.readouterr()
+    assert (told.out, out.read_bytes()) == ("", before), "it is refused before anything is solved"
+    assert "exists already" in told.err
+    assert cpbench(monkeypatch, "solve", lcp, "-s", "lemke", "-o", out, "--force") == 0
+    assert cpbench(monkeypatch, "verify", lcp, "--answer", out) == 0
 
 
 def test_existing_output_needs_force(monkeypatch, capsys, lcp, tmp_path) -> None:
@@ -267,8 +283,7 @@ def _meta(path: Path) -> dict[str, Any]:
 def test_a_resumed_run_keeps_what_the_results_know_of_other_solvers(lcp) -> None:
     """Another solver, then the first again, with nothing left to do: both have their sheets, with versions."""
     for solver in ("lemke", "bpp", "lemke"):
-        command = [sys.executable, "-m", "cpbench", "run", lcp.name, "-s", solver, "--no-report", "-o", "r.sqlite"]
-        done = subprocess.run(command, cwd=lcp.parent, capture_output=True, text=True)
+        done = in_process(lcp.parent, "run", lcp.name, "-s", solver, "--no-report", "-o", "r.sqlite")
         assert done.returncode == 0, done.stderr
     sheets = _meta(lcp.parent / "r.sqlite")["solvers"]
     assert set(sheets) == {"lemke", "bpp"}
@@ -279,10 +294,10 @@ def test_a_refused_file_that_was_mended_is_refused_no_longer(lcp) -> None:
     folder = lcp.parent
     (folder / "bad.h5").write_bytes(lcp.read_bytes()[:100])
     (folder / "worse.h5").write_bytes(b"no problem")
-    command = [sys.executable, "-m", "cpbench", "run", lcp.name, "bad.h5", "worse.h5", "-s", "lemke", "--no-report"]
+    command = ["run", lcp.name, "bad.h5", "worse.h5", "-s", "lemke", "--no-report"]
     found = []
     for _ in range(2):
-        done = subprocess.run([*command, "-o", "r.sqlite"], cwd=folder, capture_output=True, text=True)
+        done = in_process(folder, *command, "-o", "r.sqlite")
         assert done.returncode == 0, done.stderr
         found.append([Path(address).name for address, _ in _meta(folder / "r.sqlite")["refused"]])
         storage.save(LCP(M=np.eye(2), q=[-1.0, -1.0], name="bad"), folder / "bad.h5", force=True)
@@ -297,8 +312,7 @@ def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, l
     (folder / "plain.dat").rename(folder / "plain.txt")
     storage.save(LCP(M=np.eye(2), q=[-1.0, -1.0], name="other"), folder / "other.h5")
     for arguments in (["plain.txt", "--format", "siconos-lcp"], ["other.h5"]):
-        command = [sys.executable, "-m", "cpbench", "run", *arguments, "-s", "lemke", "--no-report", "-o", "r.sqlite"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        done = in_process(folder, "run", *arguments, "-s", "lemke", "--no-report", "-o", "r.sqlite")
         assert done.returncode == 0, done.stderr
     assert cpbench(monkeypatch, "verify", "--rejudge", "r.sqlite") == 0
     assert "2 answers judged again: no change" in capsys.readouterr().out
@@ -321,16 +335,12 @@ def test_a_fast_contact_on_four_facets_is_flagged_wherever_it_appears(monkeypatc
     direction = np.array([np.cos(np.radians(44.0)), np.sin(np.radians(44.0))])
     q = np.concatenate([[-1.0], 10000.0 * direction])
     storage.save(FrictionContact(W=np.eye(3), q=q, mu=[0.5], dimension=3, name="fast"), tmp_path / "fast.hdf5")
-    command = [sys.executable, "-m", "cpbench"]
     facets = ["fast.hdf5", "-s", "lemke", "--facets", "4", "-t", "1e-4"]
-    done = subprocess.run(
-        [*command, "solve", *facets, "--via", "inner", "--json"], cwd=tmp_path, capture_output=True, text=True
-    )
+    done = in_process(tmp_path, "solve", *facets, "--via", "inner", "--json")
     row = json.loads(done.stdout)
     assert (row["status"], row["flags"]) == ("solved", "direction")
     assert row["error"] == pytest.approx(np.sqrt(3.0) * np.sin(np.radians(22.0)) / 1e4, rel=0.02)
-    run = [*command, "run", *facets, "--routes", "facets", "-q", "-o", "r.sqlite"]
-    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True)
+    done = in_process(tmp_path, "run", *facets, "--routes", "facets", "-q", "-o", "r.sqlite")
     assert done.returncode == 0, done.stderr
     report = (tmp_path / "reports" / "r" / "report.md").read_text()
     assert "direction" in report.partition("## Methods")[0]
@@ -403,7 +413,7 @@ def test_an_interrupted_run_goes_on(lcp) -> None:
         while not under_way.search((folder / "log").read_text()) and running.poll() is None:
             time.sleep(0.02)
         running.send_signal(signal.SIGINT)
-        running.wait(timeout=60)
+        running.wait(timeout=600)
     said = (folder / "stderr").read_text()
     assert running.returncode == 130, said
     assert "the same command goes on" in said
@@ -426,4 +436,76 @@ def test_what_is_built_in_goes_for_a_file_everywhere(
         out = ["out.h5"] if name == "convert" else []
         assert cpbench(monkeypatch, name, address, *out, *options) == 0
     np.save("z.npy", np.eye(10)[0])
-    assert cpbench(monkeypatch, "verify", address, "--answer", "z.npy", "--strict") == 0
+    assert cpbench(monkeypatch, "verify", address, "--answer", "z.npy") == 0
+
+
+def test_every_public_name_is_there() -> None:
+    """`help(cpbench)`, `from cpbench import *` and each name of `__all__`, in a fresh interpreter."""
+    code = "import cpbench\nfrom cpbench import *\nimport pydoc\npydoc.render_doc(cpbench)\n"
+    code += "print([name for name in cpbench.__all__ if name not in globals()], read_results, Recorder.__name__)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("[] <function read_results"), done.stderr
+
+
+def test_answers_from_two_starts_are_exported(monkeypatch, tmp_path) -> None:
+    """Each under a name of its own, as it was found; the plain name is that of the cold start."""
+    monkeypatch.chdir(tmp_path)
+    problem = LCP(M=np.array([[2.0, 1], [1, 2]]), q=[-5.0, -6.0], name="deudeu")
+    points = [problem.point_from_vector(x) for x in ([4 / 3, 7 / 3], [1.0, 1.0])]
+    storage.save_answer(tmp_path / "p.h5", problem, points[0], {}, with_problem=True, guesses=points)
+    run = ["run", "p.h5", "-s", "psor", "--repeats", 1, "-q", "--no-report", "-o", "r.sqlite"]
+    assert cpbench(monkeypatch, *run, "--start", "cold,file,file:2") == 0
+    assert cpbench(monkeypatch, "export", "r.sqlite", "--answers", "a.h5") == 0
+    with h5py.File(tmp_path / "a.h5") as file:
+        (group,) = file.values()
+        assert set(group) == {f"psor tol=1e-06{more}" for more in ("", " start=file", " start=file:2")}
+        for answer in group.values():
+            np.testing.assert_allclose(answer[:], [4 / 3, 7 / 3], rtol=1e-5)
+
+
+def test_outputs_are_asked_for_before_the_work(monkeypatch, capsys, lcp, tmp_path) -> None:
+    """What is there, a folder that is not there, and one that cannot be made: one line, exit code 2, nothing done."""
+    monkeypatch.chdir(tmp_path)
+    there = tmp_path / "there.h5"
+    there.write_bytes(b"mine")
+    nowhere = tmp_path / "none" / "x.h5"
+    for path in (there, nowhere):
+        for words in (
+            ["solve", "missing.h5", "-s", "lemke", "-o", path],
+            ["convert", "missing.h5", path, "--to", "qp"],
+            ["lift", "missing.h5", "-o", path],
+            ["pack", path, "--lcp", "missing.npy", "missing.npy"],
+            ["export", "missing.sqlite", "--answers", path],
+        ):
+            assert cpbench(monkeypatch, *words) == 2
+            err = capsys.readouterr().err
+            assert str(path) in err, (words, err)
+            assert err.count("\n") == 1
+    assert there.read_bytes() == b"mine"
+    run = ["run", lcp, "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]
+    assert cpbench(monkeypatch, *run, "--report", "/proc/nowhere") == 2
+    assert not (tmp_path / "r.sqlite").exists()
+    assert cpbench(monkeypatch, *run, "--no-report") == 0
+    capsys.readouterr()
+    assert cpbench(monkeypatch, "report", "r.sqlite", "-o", "/proc/nowhere") == 2
+    assert "/proc/nowhere: cannot be made a folder" in capsys.readouterr().err
+    for again in (False, True):
+        assert cpbench(monkeypatch, "report", "r.sqlite", "-o", "r") == 0
+        assert cpbench(monkeypatch, "plot", "ncp-functions", "-o", "n.svg") == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert len(lines) > 2
+        assert all(line.endswith("(replaced)") == again for line in lines), lines
+
+
+def test_a_file_that_changed_between_two_runs_is_said(monkeypatch, capsys, tmp_path) -> None:
+    """Rows of the former content stay, and the terminal and the report say that they are there."""
+    monkeypatch.chdir(tmp_path)
+    run = ["run", "p.h5", "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite", "--report", "r"]
+    for q in ([-5.0, -6.0], [-5.0, -7.0]):
+        storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=q), tmp_path / "p.h5", force=True)
+        capsys.readouterr()
+        assert cpbench(monkeypatch, *run) == 0
+    said = "p.h5: its 2 rows are of 2 problems: the file changed"
+    assert said in capsys.readouterr().out
+    assert said in "".join((tmp_path / "r" / "report.md").read_text().splitlines()[:8])
+    assert said in (tmp_path / "r" / "report.html").read_text()

@@ -56,7 +56,7 @@ def on_a_terminal(folder: Path, arguments: list[str], until: Callable[[str], boo
     env.pop("NO_COLOR", None)
     running = subprocess.Popen(arguments, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, env=env)
     os.close(theirs)
-    seen, asked, deadline = "", False, time.monotonic() + 120
+    seen, asked, deadline = "", False, time.monotonic() + 600
     while time.monotonic() < deadline:
         if select.select([ours], [], [], 0.1)[0]:
             part = b""
@@ -68,7 +68,7 @@ def on_a_terminal(folder: Path, arguments: list[str], until: Callable[[str], boo
         if not asked and until(seen):
             asked = True
             running.send_signal(signal.SIGINT)
-    code = running.wait(30)
+    code = running.wait(600)
     os.close(ours)
     return code, re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", seen)
 
@@ -80,7 +80,8 @@ def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder
     assert code == 130, seen
     assert re.search(r"done\s+\d+ of 80 pairs", seen), seen
     assert re.search(r"solving\s+slow on p\d+\s+[\d.]+ s of 20 s", seen), seen
-    assert re.search(r"verdicts\s+\d+ solved", seen), seen
+    assert re.search(r"solver\s+solved\s+failed\s+time", seen), seen
+    assert re.search(r"lemke\s+[1-9]\d*\s+·\s+[\d.]+ s", seen), seen
     assert "left" in seen
     assert "interrupted; r.sqlite has what was done, the same command goes on" in " ".join(seen.split())
     with Store(folder / "r.sqlite") as store:
@@ -89,12 +90,12 @@ def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder
         assert counts == {"not_run": 80 - done}
         assert len(list(store.answers())) == done
     again = command("-s", "lemke", "-o", "r.sqlite", "--timeout", "20s", "-k", "p0 or p1")
-    assert subprocess.run(again, cwd=folder, timeout=120, check=False).returncode == 0
+    assert subprocess.run(again, cwd=folder, timeout=600, check=False).returncode == 0
 
 
 def test_elsewhere_it_shows_lines_and_keeps_a_log(folder: Path) -> None:
     arguments = command("-s", "lemke", "-o", "r.sqlite", "--log", "run.log")
-    done = subprocess.run(arguments, cwd=folder, timeout=120, capture_output=True, text=True, check=True)
+    done = subprocess.run(arguments, cwd=folder, timeout=600, capture_output=True, text=True, check=True)
     assert "40 pairs\n" in done.stderr
     assert "40/40  40 solved\n" in done.stderr
     assert "\x1b" not in done.stderr
@@ -105,16 +106,16 @@ def test_elsewhere_it_shows_lines_and_keeps_a_log(folder: Path) -> None:
 
 def test_verbose_is_the_log_on_stderr_and_quiet_is_nothing(folder: Path) -> None:
     arguments = command("-s", "lemke", "-k", "p0", "-o", "v.sqlite", "-v")
-    done = subprocess.run(arguments, cwd=folder, timeout=120, capture_output=True, text=True, check=True)
+    done = subprocess.run(arguments, cwd=folder, timeout=600, capture_output=True, text=True, check=True)
     assert re.search(r" solved       p0.h5 lemke, error ", done.stderr)
     arguments = command("-s", "lemke", "-k", "p0", "-o", "q.sqlite", "-q")
-    done = subprocess.run(arguments, cwd=folder, timeout=120, capture_output=True, text=True, check=True)
+    done = subprocess.run(arguments, cwd=folder, timeout=600, capture_output=True, text=True, check=True)
     assert done.stderr == ""
 
 
 def test_a_log_that_cannot_be_written_is_told_before_anything_runs(folder: Path) -> None:
     arguments = command("-s", "lemke", "-o", "r.sqlite", "--log", "nowhere/run.log")
-    done = subprocess.run(arguments, cwd=folder, timeout=120, capture_output=True, text=True, check=False)
+    done = subprocess.run(arguments, cwd=folder, timeout=600, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "nowhere/run.log: cannot be written" in done.stderr

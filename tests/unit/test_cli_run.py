@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import cpbench
 
 from cpbench import storage
 from cpbench.bench import campaign
@@ -63,10 +64,12 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, *arguments: str, plugin: bool = False, rc: int = 0) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "cpbench", *(["--plugin", "flaky.py"] if plugin else []), "run", *arguments]
-    free = {"CPBENCH_ISOLATION": "open"} if plugin else {}  # `flaky` notes beside the results what it has met
-    environment = {**os.environ, **free}
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, env=environment)
+    if plugin:
+        command = [sys.executable, "-m", "cpbench", "--plugin", "flaky.py", "run", *arguments]
+        environment = {**os.environ, "CPBENCH_ISOLATION": "open"}  # `flaky` notes beside the results what it has met
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, env=environment)
+    else:
+        done = cpbench(folder, "run", *arguments)
     assert done.returncode == rc, done.stderr
     return done
 
@@ -157,8 +160,7 @@ def test_shards_make_up_the_whole(folder: Path) -> None:
     keys = [{r["key"] for r in rows(folder / file)} for file in files]
     assert sum(map(len, keys)) == len(set().union(*keys)) == 2
     assert not all(keys)
-    merge = [sys.executable, "-m", "cpbench", "merge", *files, "-o", "all.sqlite"]
-    done = subprocess.run(merge, cwd=folder, capture_output=True, text=True)
+    done = cpbench(folder, "merge", *files, "-o", "all.sqlite")
     assert "2 pairs of 3 files: 2 solved" in done.stdout, done.stderr
 
 

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import pytest
 from synthetic_results import meta, suite
 
-from cpbench.report import markdown
+from cpbench.report import conditions
 from cpbench.report.folder import write_folder
 from cpbench.report.meanwhile import meanwhile
 from cpbench.storage.base import write_atomic
@@ -54,7 +54,7 @@ def test_what_fails_here_too_is_raised() -> None:
 def test_an_error_within_ends_the_copy(tmp_path: Path) -> None:
     def task() -> None:
         (tmp_path / "begun").touch()
-        time.sleep(60)
+        time.sleep(3600)
         (tmp_path / "done").touch()
 
     def fail() -> None:
@@ -66,7 +66,7 @@ def test_an_error_within_ends_the_copy(tmp_path: Path) -> None:
     begun = time.monotonic()
     with pytest.raises(KeyError):
         fail()
-    assert time.monotonic() - begun < 50, "it was not waited for"
+    assert time.monotonic() - begun < 600, "it was not waited for"
     assert not (tmp_path / "done").exists()
 
 
@@ -77,7 +77,7 @@ def test_a_copy_that_is_ended_leaves_no_file_behind(tmp_path: Path, monkeypatch:
 
     def put(_: BinaryIO) -> None:
         (tmp_path / "begun").touch()
-        time.sleep(60)
+        time.sleep(3600)
 
     def fail() -> None:
         with meanwhile(lambda: write_atomic(tmp_path / "results.csv", put, force=True), copied=True):
@@ -97,6 +97,7 @@ def test_a_report_of_many_rows_is_the_same_but_for_what_it_says_of_them(
     rows = suite(problems=8, labels=5)
     write_folder(rows, meta(), tmp_path / "few", "t")
     monkeypatch.setattr("cpbench.report.markdown.WHOLE", 10)
+    monkeypatch.setattr("cpbench.report.conditions.WHOLE", 10)
     monkeypatch.setattr("cpbench.report.markdown.cores", lambda: 2)
     monkeypatch.setattr("cpbench.report.easel.cores", lambda: 2)
     write_folder(rows, meta(), tmp_path / "many", "t")
@@ -104,4 +105,4 @@ def test_a_report_of_many_rows_is_the_same_but_for_what_it_says_of_them(
     assert few.keys() == many.keys()
     assert {name for name in few if few[name] != many[name]} == {"report.md"}
     told = many["report.md"].decode().splitlines()
-    assert [line for line in told if line not in few["report.md"].decode()] == [f"- many rows: {markdown.MANY}"]
+    assert [line for line in told if line not in few["report.md"].decode()] == [f"- many rows: {conditions.MANY}"]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_line import cpbench
 
 from cpbench import storage
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
@@ -184,8 +183,7 @@ def test_shards_give_what_one_run_gives(tmp_path: Path) -> None:
     (tmp_path / "broken.h5").write_text("no problem")
 
     def run(*arguments: str) -> str:
-        command = [sys.executable, "-m", "cpbench", *arguments]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+        done = cpbench(tmp_path, *arguments)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -209,11 +207,11 @@ def test_shards_give_what_one_run_gives(tmp_path: Path) -> None:
 def test_the_command_refuses_in_one_line(made: Make, tmp_path: Path) -> None:
     a = made("a.sqlite", [pair(0)], [pair(0)])
     b = made("b.sqlite", [pair(1)], [pair(1)], cpbench="0.2.0")
-    command = [sys.executable, "-m", "cpbench", "merge", str(a), str(b), "-o", str(tmp_path / "c.sqlite")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    command = ["merge", str(a), str(b), "-o", "c.sqlite"]
+    done = cpbench(tmp_path, *command)
     assert done.returncode == 2
     assert done.stderr.startswith("cpbench: ")
     assert done.stderr.count("\n") == 1
-    done = subprocess.run([*command, "--mixed"], capture_output=True, text=True, timeout=60)
+    done = cpbench(tmp_path, *command, "--mixed")
     assert done.returncode == 0
     assert "mixed: " in done.stderr

@@ -66,7 +66,7 @@ def test_a_file_makes_a_plan(tmp_path) -> None:
         tolerance=(1e-4, 1e-8),
         timeout=60.0,
         where="nc > 100",
-        start="perturbed:0.01",
+        start=("perturbed:0.01",),
     )
     assert (small.timeout, small.memory, small.tolerance, small.family) == (0.5, 2**30, (1e-6,), ("lcp-*",))
     assert (small.max_problems, small.seed) == (3, 7)

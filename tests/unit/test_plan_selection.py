@@ -201,7 +201,7 @@ def test_a_draw_does_not_depend_on_the_order_of_the_files() -> None:
 
 def test_a_draw_of_followed_sequences_has_first_steps() -> None:
     surveys = [survey(f"{s}{i}", sequence=s, step=i) for s in "xyz" for i in range(4)]
-    drawn = selection.select(ProblemSet(max_problems=6, start="previous"), surveys)
+    drawn = selection.select(ProblemSet(max_problems=6, start=("previous",)), surveys)
     steps: dict[str, list[int]] = {}
     for found in drawn:
         steps.setdefault(found["sequence"], []).append(found["step"])

@@ -6,8 +6,6 @@ import json
 import multiprocessing as mp
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from command_line import cpbench
 
 from cpbench import storage
 from cpbench.analysis import table as rows_of
@@ -148,11 +147,11 @@ def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path
 
 def test_one_step_is_solved_again_from_near_its_solution(scene: Path) -> None:
     """The start is in the row; a problem by itself has no step before it."""
-    command = [sys.executable, "-m", "cpbench", "solve", f"{scene}::step-003", "-s", "nsgs", "--json", "--start"]
-    near = subprocess.run([*command, "perturbed:1e-3"], capture_output=True, text=True, timeout=120, check=True)
+    command = ["solve", f"{scene}::step-003", "-s", "nsgs", "--json", "--start"]
+    near = cpbench(scene.parent, *command, "perturbed:1e-3")
     row = json.loads(near.stdout)
     assert (row["status"], row["started"]) == ("solved", "perturbed:0.001")
-    refused = subprocess.run([*command, "previous"], capture_output=True, text=True, timeout=120, check=False)
+    refused = cpbench(scene.parent, *command, "previous")
     assert refused.returncode == 2
     assert "cpbench run --start previous" in refused.stderr
 
@@ -199,20 +198,7 @@ def test_followers_of_a_step_that_is_run_again_are_run_again(scene: Path, tmp_pa
 
 
 def test_steps_need_the_answers_before(scene: Path, tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "cpbench",
-        "run",
-        str(scene),
-        "-s",
-        "nsgs",
-        "--start",
-        "previous",
-        "--keep",
-        "none",
-    ]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    done = cpbench(tmp_path, "run", str(scene), "-s", "nsgs", "--start", "previous", "--keep", "none")
     assert done.returncode == 2
     assert "--keep none with --start previous" in done.stderr
     assert list(tmp_path.iterdir()) == []

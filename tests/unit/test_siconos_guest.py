@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
 import pytest
 
 from cpbench import matrices
+from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan
 from cpbench.errors import Ended
 from cpbench.formulations import FrictionContact
 from cpbench.solvers import solvers
@@ -20,6 +24,7 @@ from cpbench.solvers.adapters.siconos import Row, SiconosSolver
 from cpbench.solvers.adapters.siconos_fc3d import SiconosFC3D
 from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
 from cpbench.solvers.base import Budget, Claim
+from cpbench.storage import save
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -77,6 +82,28 @@ def test_loading_again_and_again_takes_no_memory() -> None:
         sizes.append(sum(p.memory_info().rss for p in family if "SICONOS_LCP_LEMKE" in p.cmdline()))
     assert sizes[-1] < sizes[1] + 4e6
     solver.close()
+
+
+def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> None:
+    """The child in which the guest holds a problem is no process left behind, and what it uses is charged."""
+    name, started = "siconos-fc3d-nsgs", list[tuple[str, str]]()
+    paths = [str(tmp_path / f"{k}.h5") for k in range(5)]
+    for k, path in enumerate(paths):
+        problem, _ = planted.fc(np.random.default_rng(k), 20, 3, "positive definite")
+        save(problem, path)
+    workers, guests, rows = set[int](), set[int](), list[Mapping[str, Any]]()
+    with Lane() as lane:
+        surveys = [lane.survey(path, [plan.exact()]) for path in paths]
+        limits = plan.Limits(20.0, 2**32, 1, repeats=3)
+        for pair in plan.pairs(surveys, [plan.parse_entry(name)], [plan.exact()], 1e-6, limits):
+            lane.start([name], limits, lambda *event: started.append(event))
+            rows.append(lane.run(pair, lane.prepare(pair)).row)
+            family = psutil.Process(lane.workers.children[0].pid).children(recursive=True)
+            workers |= {family[0].pid}
+            guests |= {family[1].pid}
+    assert [row["status"] for row in rows] == ["solved"] * 5
+    assert {row["flags"] for row in rows} == {""}
+    assert (len(started), len(workers), len(guests)) == (1, 1, 1)
 
 
 def test_tolerance_and_bound_are_always_set() -> None:

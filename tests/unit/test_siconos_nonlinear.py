@@ -57,7 +57,7 @@ def in_the_guest(program: str, *arguments: str) -> Any:
     """What a program prints as JSON in the Python that has Siconos, beside the guest's modules."""
     command = [siconos.interpreter(), "-c", program, *arguments]
     env = {"PYTHONPATH": str(GUESTS), "PYTHONDONTWRITEBYTECODE": "1", "PATH": "/usr/bin:/bin"}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, env=env)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False, env=env)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -190,7 +190,7 @@ def test_it_compiles_and_says_the_numbers(tmp_path: Path) -> None:
     options = ["-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape"]
     for words in (["pdflatex", *options, "report"], ["bibtex", "report"], *([["pdflatex", *options, "report"]] * 2)):
         done = subprocess.run(
-            words, cwd=folder, capture_output=True, text=True, timeout=240, errors="replace", check=False
+            words, cwd=folder, capture_output=True, text=True, timeout=600, errors="replace", check=False
         )
         assert done.returncode == 0, done.stdout[-2000:]
     log = (folder / "report.log").read_text(errors="replace")

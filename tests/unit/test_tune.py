@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import re
 import signal
 import subprocess
 import sys
@@ -137,10 +138,25 @@ def test_rungs_are_the_same_problems_for_all() -> None:
     assert len(least) == 1
 
 
-def test_the_budget_ends_the_search_with_the_final_in_it() -> None:
-    begun = time.monotonic()
+class Clock:
+    """Goes on while somebody sleeps, and only then: how fast this machine is does not matter."""
+
+    def __init__(self) -> None:
+        self._now = 0.0
+
+    def monotonic(self) -> float:
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        self._now += seconds
+
+
+def test_the_budget_ends_the_search_with_the_final_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr("cpbench.bench.tuning.search.time", clock)
+    monkeypatch.setitem(globals(), "time", clock)
     found = searched(Formula(0.005), budget=1.5, configurations=10**6)
-    assert time.monotonic() - begun < 15.0, "ten times the budget, on whatever machine"
+    assert clock.monotonic() < 1.6
     assert found.final
     assert found.score < found.default
 
@@ -296,7 +312,7 @@ def _part(folder: Path) -> Any:
 def test_a_plan_that_cannot_be_written_is_told_before_the_search(monkeypatch: Any, tmp_path: Path, capsys: Any) -> None:
     begun = time.monotonic()
     assert cpbench(monkeypatch, "tune", "psor", "--budget", "2m", "-o", tmp_path / "nowhere" / "t.toml") == 2
-    assert time.monotonic() - begun < 60.0
+    assert time.monotonic() - begun < 110.0
     assert "its folder is not there" in capsys.readouterr().err
 
 
@@ -305,11 +321,11 @@ def test_ctrl_c_keeps_the_best_so_far(obstacles: Path, tmp_path: Path) -> None:
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stderr is not None
     assert "problems" in process.stderr.readline(), "the search begins"
-    time.sleep(4.0)
+    assert re.match(r"\d+ s: ", process.stderr.readline()), "it has a best so far"
     process.send_signal(signal.SIGINT)
-    told, said = process.communicate(timeout=30)
+    told, said = process.communicate(timeout=600)
     assert process.returncode == 130
     assert "interrupted" in said
     assert "not side by side" in told
     (made,) = plan_file.read(tmp_path / "t.toml").tunings
-    assert made.spent < 30.0
+    assert made.spent < 110.0

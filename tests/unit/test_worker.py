@@ -65,6 +65,39 @@ def test_what_a_command_and_the_children_of_a_helper_used_is_charged() -> None:
         assert measured.cpu() - before > 0.25
 
 
+@linux
+def test_processes_there_when_a_solve_begins_are_helpers_and_more_of_them_are_left_behind() -> None:
+    """As a served program has that holds each problem in a child of its own; one that keeps them all is told."""
+    began: list[subprocess.Popen[bytes]] = []
+
+    def load() -> None:
+        began.append(subprocess.Popen([sys.executable, "-c", FORKS], stdin=subprocess.PIPE, stdout=subprocess.PIPE))
+
+    def forget() -> None:
+        last = began.pop()
+        last.kill()
+        last.communicate()
+
+    try:
+        measured = Meter()
+        for _ in range(2):
+            load()
+            measured.begin()
+            before = measured.cpu()
+            assert began[-1].stdout is not None
+            began[-1].stdout.readline()
+            assert measured.cpu() - before > 0.25
+            assert measured.end(1e-3, 1e-3)["children"] == 0
+            forget()
+        load()
+        load()
+        measured.begin()
+        assert measured.end(1e-3, 1e-3)["children"] == 1
+    finally:
+        while began:
+            forget()
+
+
 def test_threads_that_stay_and_those_that_were_busy() -> None:
     measured = Meter()
     measured.begin()

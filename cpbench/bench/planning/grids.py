@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from decimal import Decimal
 
-from cpbench.bench.planning.plan import Entry
+from cpbench.bench.planning.plan import Entry, bracketed
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 from cpbench.solvers.external.declared import declare_text
@@ -35,6 +35,12 @@ def by_default() -> list[Entry]:
     return [Entry(solver.spec.name) for solver in solvers if solver.spec.by_default]
 
 
+def named(texts: Iterable[str]) -> set[str]:
+    """The solvers that texts ask for by their names, not by a glob: who does wants to know why one cannot be run."""
+    exact = (text for text in texts if text.strip() != ALL and not set(text.partition("[")[0]) & set("*?"))
+    return {entry.solver for text in exact for entry in grid(text)}
+
+
 def entries(texts: Iterable[str]) -> list[Entry]:
     """All entries of the texts, each once, in their order; raises UnknownName and CpbenchError."""
     return list({entry.label: entry for text in texts for entry in grid(text)}.values())
@@ -49,18 +55,8 @@ def grid(text: str) -> list[Entry]:
     variant = declare_text(text)
     if variant is not None:
         return [Entry(variant)]
-    pattern, bracket, rest = text.partition("[")
-    if bracket and not rest.rstrip().endswith("]"):
-        raise CpbenchError(f"solver '{text}': the bracket is not closed; write NAME[option=value,...]")
-    written: dict[str, str] = {}
-    for item in filter(None, (part.strip() for part in rest.strip().removesuffix("]").split(","))):
-        option, equals, value = (part.strip() for part in item.partition("="))
-        if not equals or not value:
-            raise CpbenchError(f"solver '{text}': '{item}' is no option; write NAME[option=value,...]")
-        if option in written:
-            raise CpbenchError(f"solver '{text}': option {option} is there twice; a list is {option}=1|2|3")
-        written[option] = value
-    return [entry for name in _names(pattern.strip()) for entry in _entries(name, written, text)]
+    pattern, written = bracketed("solver", text)
+    return [entry for name in _names(pattern) for entry in _entries(name, written, text)]
 
 
 def _names(pattern: str) -> list[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -84,7 +84,8 @@ class Pair:
 
     `format` : how the file is read where that was said. `set` : the part of the plan it belongs to. `measure` : the
     number its answer is judged by, all of them for None. `start` : the start policy. `sequence`, `step` : place in
-    a recorded scene.
+    a recorded scene. `named` : whether its solver was asked for by its name; only then has it a row where it cannot be
+    run.
     """
 
     address: str
@@ -104,6 +105,7 @@ class Pair:
     measure: str | None = None
     sequence: str = ""
     step: int = 0
+    named: bool = True
 
     @property
     def scene(self) -> tuple[str, str] | None:
@@ -159,8 +161,8 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     """
     steps: list[tuple[str, Mapping[str, Any]]] = []
     for text in via:
-        name, _, knobs = text.partition("[")
-        names = find_via(name.strip())
+        name, knobs = bracketed("conversion", text)
+        names = find_via(name)
         if len(names) > 1:
             raise CpbenchError(f"'{name}' is the end of several conversions: write {' or '.join(names)}")
         known = make(names[0]).parameters
@@ -170,13 +172,31 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     return Request(name, EXACT_KINDS, tuple(steps))
 
 
-def _knobs(name: str, known: Mapping[str, Any], text: str, whole: str) -> dict[str, Any]:
-    """Knobs of a conversion, `facets=16,angle=0.1]`, with the types of their defaults."""
-    if text and not text.rstrip().endswith("]"):
-        raise CpbenchError(f"'{whole}': the bracket is not closed; write CONVERSION[knob=value,...]")
+def bracketed(kind: str, text: str) -> tuple[str, dict[str, str]]:
+    """The name and what is set of it, `nsgs[omega=1.2,shuffle=true]`; raises CpbenchError on an item that is none, or
+    is there twice.
+
+    >>> bracketed("solver", "nsgs[omega=1.2,shuffle=true]")
+    ('nsgs', {'omega': '1.2', 'shuffle': 'true'})
+    """
+    name, bracket, rest = text.partition("[")
+    if bracket and not rest.rstrip().endswith("]"):
+        raise CpbenchError(f"{kind} '{text}': the bracket is not closed; write NAME[option=value,...]")
+    given: dict[str, str] = {}
+    for item in filter(None, (part.strip() for part in rest.strip().removesuffix("]").split(","))):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals or not value:
+            raise CpbenchError(f"{kind} '{text}': '{item}' is no option; write NAME[option=value,...]")
+        if key in given:
+            raise CpbenchError(f"{kind} '{text}': {key} is given twice, as {given[key]} and {value}")
+        given[key] = value
+    return name.strip(), given
+
+
+def _knobs(name: str, known: Mapping[str, Any], said: Mapping[str, str], whole: str) -> dict[str, Any]:
+    """Knobs of a conversion with the types of their defaults."""
     given: dict[str, Any] = {}
-    for item in filter(None, (part.strip() for part in text.rstrip().removesuffix("]").split(","))):
-        knob, _, value = (part.strip() for part in item.partition("="))
+    for knob, value in said.items():
         if knob not in known:
             raise UnknownName(f"parameter of {name}", knob, known)
         kind = type(known[knob])
@@ -214,12 +234,8 @@ def parse_entry(text: str) -> Entry:
     variant = declare_text(text)
     if variant is not None:
         return Entry(variant)
-    name, _, rest = text.partition("[")
-    spec = solvers.get(name.strip()).spec
-    given: dict[str, str] = {}
-    for item in filter(None, rest.rstrip("]").split(",")):
-        key, _, value = item.partition("=")
-        given[key.strip()] = value.strip()
+    name, given = bracketed("solver", text)
+    spec = solvers.get(name).spec
     typed = parse_options(spec, given)
     return Entry(spec.name, {key: getattr(typed, key) for key in given})
 
@@ -236,8 +252,10 @@ def pairs(
     start: str = "cold",
     set: str = "",
     measure: str | None = None,
+    named: Collection[str] | None = None,
 ) -> list[Pair]:
     """Every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
+    `named` : the solvers that were asked for by name, None for all.
 
     The requests of BEYOND take only the nodes that no exact route opens. Without `detours`, problems of matrices do not
     go to solvers of nonlinear maps.
@@ -273,6 +291,7 @@ def pairs(
                     measure=measure,
                     sequence=survey["sequence"],
                     step=survey["step"],
+                    named=named is None or entry.solver in named,
                 )
                 planned.setdefault(pair.key, pair)
     return list(planned.values())

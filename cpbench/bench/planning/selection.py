@@ -130,7 +130,7 @@ def _some(surveys: Sequence[Mapping[str, Any]], part: ProblemSet) -> list[Mappin
     unique = {str(survey["fingerprint"]): survey for survey in reversed(surveys)}
 
     def draw(survey: Mapping[str, Any]) -> tuple[str, int]:
-        scene = survey["sequence"] if part.start == PREVIOUS else ""
+        scene = survey["sequence"] if PREVIOUS in part.start else ""
         return _hash(f"{part.seed} {scene or survey['fingerprint']}").hex(), int(survey["step"])
 
     drawn = {str(s["fingerprint"]) for s in sorted(unique.values(), key=draw)[: part.max_problems]}

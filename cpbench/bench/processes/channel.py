@@ -11,8 +11,6 @@ import socket
 import struct
 import time
 
-from cpbench.bench.processes.wire import WireError
-
 MOST = 2**30
 """Bytes of the largest message that is taken."""
 _HEAD = struct.Struct("<4sIQ")
@@ -20,6 +18,10 @@ _MARK = b"cpb1"
 _PART = 2**20
 _AT_ONCE = 16
 """Parts read in one go: who sends without end does not keep the reader from its clock."""
+
+
+class WireError(ValueError):
+    """A message is not one of ours."""
 
 
 class Channel:

@@ -1,6 +1,7 @@
 """How a process of a run begins: by which means, with what loaded, and its first steps.
 
 On Linux it comes from a forkserver that has the numerical packages loaded (`preload`): a start takes milliseconds.
+The forkserver itself takes as long as whoever needs it takes to import the same packages: it begins before (`begin`).
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -36,8 +38,10 @@ RESTARTS, PAUSE = 8, 1.0
 be killed again and again (Linux does so where memory is short), and a new one takes a second to import everything."""
 NO_LEAKS = "ignore:resource_tracker:UserWarning"
 """A guest that is killed leaves its semaphores to multiprocessing's tracker, which removes them and need not say so."""
-PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.processes.preload"]
-KERNELS = "cpbench.bench.processes.preload_kernels"
+PASSED_ON = ("CPBENCH_", "NUMBA_")
+"""How variables begin that may have changed since the forkserver began, and that its children are to have."""
+PRELOAD = "cpbench.bench.processes.preload"
+EVERYTHING = "cpbench.bench.processes.preload_everything"
 
 
 @dataclass(frozen=True)
@@ -48,10 +52,20 @@ class Context:
     isolation: Isolation
 
 
-def context(threads: int, asked: str | None = None, *, kernels: bool = True) -> Context:
+def begin(threads: int, *, few: bool) -> None:
+    """Start the forkserver, if there is one, so that it imports what it preloads while we do something else.
+
+    `few` : as of `context`, which asks for the same. Without effect where it runs.
+    """
+    if context(threads, few=few).isolation.forks:
+        with _apart_from_here(), contextlib.suppress(OSError, EOFError):  # who needs it tries again, and says why
+            forkserver.ensure_running()
+
+
+def context(threads: int, asked: str | None = None, *, few: bool = False) -> Context:
     """The means of this system; thread counts are set before anything numerical is imported.
 
-    kernels : whether all compiled kernels are loaded once for all processes, or by each those that it needs.
+    few : whether each process loads the solvers and kernels that it needs, or the forkserver all of them once.
     """
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
@@ -60,7 +74,7 @@ def context(threads: int, asked: str | None = None, *, kernels: bool = True) -> 
         cgroup.remove_abandoned(found.cgroups)
     ctx = mp.get_context(found.start)
     if found.forks:
-        ctx.set_forkserver_preload([*PRELOAD, KERNELS] if kernels else PRELOAD)
+        ctx.set_forkserver_preload([PRELOAD] if few else [PRELOAD, EVERYTHING])
     return Context(ctx, found)
 
 
@@ -74,6 +88,12 @@ class Start:
     cgroup: str
     cpus: tuple[int, ...]
     isolation: Isolation
+    variables: Mapping[str, str]
+
+
+def passed_on() -> dict[str, str]:
+    """Our variables of `PASSED_ON`, as they are now."""
+    return {name: value for name, value in os.environ.items() if name.startswith(PASSED_ON)}
 
 
 def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any, ...]) -> Any:
@@ -119,6 +139,7 @@ def _enter(start: Start, target: Callable[..., None], args: tuple[Any, ...]) -> 
     """First steps of every child: its group, its session, its cores, its guard; its output into the log."""
     global _here
     _here = start.isolation
+    os.environ.update(start.variables)
     if hasattr(os, "setsid"):
         os.setsid()
     isolation.pin(start.cpus)

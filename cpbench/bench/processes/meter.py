@@ -31,18 +31,24 @@ BUSY = 0.05
 class Meter:
     """Made once the process is warm: what it has by then is not charged to a solve.
 
-    `helpers` : the processes it has by then. What they do in a solve counts as done by this one.
+    `helpers` : the processes that it has when a solve begins: a program that a solver is served by, and those in
+    which that program holds its problem. What they do in a solve counts as done by this one.
     """
 
     def __init__(self) -> None:
         self._space = address_space()
         self.helpers = descendants()
+        self._staff: int | None = None
         self._tasks, self._memory, self._faults = 1, 0, 0
 
     @property
     def children(self) -> int:
-        """Processes of this one that run, beside its helpers."""
-        return max(_count() - len(self.helpers), 0)
+        """Processes of this one that run, beyond those that it had when its first solve began.
+
+        A program that holds each problem in a child of its own has as many at every solve. One that leaves a process
+        behind for every problem has more at the second.
+        """
+        return max(_count() - (len(self.helpers) if self._staff is None else self._staff), 0)
 
     @property
     def threads(self) -> int:
@@ -62,7 +68,10 @@ class Meter:
         return seconds
 
     def begin(self) -> None:
-        """Just before a solve."""
+        """Just before a solve, when the problem is where it is solved."""
+        self.helpers = descendants()
+        if self._staff is None:
+            self._staff = len(self.helpers)
         self._tasks = _tasks()
         _forget_peak()
         for helper in self.helpers:
@@ -94,7 +103,7 @@ def descendants() -> tuple[psutil.Process, ...]:
     """The processes that descend from this one and run."""
     if os.name == "posix" and not guard.has_children():
         return ()
-    return tuple(psutil.Process().children(recursive=True))
+    return tuple(guard.descendants(psutil.Process()))
 
 
 def _count() -> int:

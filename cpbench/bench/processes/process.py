@@ -20,7 +20,7 @@ import psutil
 from cpbench.bench.processes import channel, guard
 from cpbench.bench.processes.cgroup import Cgroup
 from cpbench.bench.processes.isolation import Isolation
-from cpbench.bench.processes.launch import Context, Start, started
+from cpbench.bench.processes.launch import Context, Start, passed_on, started
 from cpbench.bench.processes.log import Log
 
 LOOK = 0.05
@@ -94,7 +94,7 @@ class Child:
         writer = self._log.writer if self._log is not None else None
         ours, self._lifeline = ctx.start.Pipe(duplex=False) if ctx.isolation.guard else (None, None)
         group = str(self._cgroup.path) if self._cgroup is not None else ""
-        start = Start(theirs, writer, ours, group, tuple(cpus), ctx.isolation)
+        start = Start(theirs, writer, ours, group, tuple(cpus), ctx.isolation, passed_on())
         self._selector = selectors.DefaultSelector()
         try:
             self._process = started(ctx.start, start, target, args)

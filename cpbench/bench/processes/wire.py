@@ -13,15 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from cpbench.bench.processes.channel import WireError
+
 _LENGTH = struct.Struct("<I")
 
 
 HEADER = 2**20
 """Bytes of a header that are read of a process that ran foreign code: to parse a gigabyte of JSON takes minutes."""
-
-
-class WireError(ValueError):
-    """A message is not one of ours."""
 
 
 def pack(header: Mapping[str, Any], vectors: Mapping[str, Any] | None = None) -> bytes:

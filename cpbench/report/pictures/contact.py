@@ -56,10 +56,11 @@ def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1
     figure = canvas.page(canvas.COLUMN, 3.45)
     error = judge(problem, point, tolerance).error
     how = f"Error of the answer, as we judge it: {canvas.number(error)}."
-    if problem.contacts is not None:
+    placed = problem.contacts is not None and problem.contacts.knows("position") and problem.contacts.knows("frame")
+    if problem.contacts is not None and placed:
         guide = _map(figure, problem.contacts, states, view)
     elif view:
-        raise NotApplicable("contact", f"--view {view}: the file has no positions of contacts")
+        raise NotApplicable("contact", f"--view {view}: the file has no positions and frames of contacts")
     elif states.share.shape[1] == 2:
         guide = _disk(figure, states)
     else:

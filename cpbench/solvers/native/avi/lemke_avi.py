@@ -22,6 +22,7 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.matrices import Dense, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
 from cpbench.solvers.native.avi.polyhedron_vertex import ACTIVE, Polyhedron
 from cpbench.solvers.native.lcp.lcp_claims import CLOSE, DENSE_BYTES
@@ -202,6 +203,7 @@ class LemkeAVI(_Pivoting):
     )
 
     def warmup(self) -> None:
+        linear_program.load()
         self.run(AVI(M=np.eye(2), q=np.zeros(2), A=np.ones((1, 2)), b=np.full(1, 2.0)))
 
 

@@ -14,13 +14,13 @@ lines there is no vertex: N has more unknowns than rows, and M must be regular o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from cpbench.matrices import Dense, Vector, max_abs
+from cpbench.solvers.native import linear_program
 
 ACTIVE = 1e-9
 """A constraint holds with equality where it has less room, relative to the size of the vertex."""
@@ -41,15 +41,13 @@ class Polyhedron:
 
     def vertex(self, cost: Vector) -> Vector | None:
         """One where costᵀz is least, or any one where that has no end; None where the simplex method finds none."""
-        from scipy.optimize import linprog  # slow to import
-
         n = cost.size
         if not n or not (self.b.size or self.d.size):
             return np.clip(np.where(cost < 0, self.ub, self.lb), *_finite(self.lb, self.ub))
         finite = np.concatenate([self.b, self.d, *(x[np.isfinite(x)] for x in (self.lb, self.ub))])
         unit = max_abs(finite) or 1.0
         for c in (cost / (max_abs(cost) or 1.0), np.zeros(n)):
-            program: Any = cast(Any, linprog)(
+            program = linear_program.load()(
                 c,
                 A_ub=-self.A if self.b.size else None,
                 b_ub=-self.b / unit if self.b.size else None,

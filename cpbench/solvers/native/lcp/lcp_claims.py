@@ -16,6 +16,7 @@ from cpbench.formulations.base import scaled
 from cpbench.formulations.lcp import LCP, LCPPoint, unit_free_complementarity
 from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
 from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench.solvers.native import linear_program
 
 CLOSE = 100.0
 """A method that ended regularly within this factor of the tolerance claims `inaccurate`, beyond it `failed`."""
@@ -94,13 +95,11 @@ def guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
 
 def farkas(problem: LCP, budget: Budget) -> Vector | None:
     """A y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
-    from scipy.optimize import linprog  # slow to import, and rarely needed
-
     n = problem.q.size
     options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     if np.isfinite(budget.seconds):
         options["time_limit"] = budget.seconds
-    program = linprog(
+    program = linear_program.load()(
         problem.q / (max_abs(problem.q) or 1.0),
         A_ub=problem.M.T / (max_abs(problem.M) or 1.0),
         b_ub=np.zeros(n),

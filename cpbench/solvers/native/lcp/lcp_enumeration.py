@@ -11,6 +11,7 @@ import numpy as np
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.lcp_claims import (
     ScaledLCP,
     conclude,
@@ -97,6 +98,7 @@ class LCPEnumeration(Solver):
         return scale(problem)
 
     def warmup(self) -> None:
+        linear_program.load()
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
 
     def solve(
@@ -174,10 +176,8 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
 
 def _on_a_face(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Vector | None:
     """The z ≥ 0 of least sum with z = 0 outside F, w = 0 in F, w ≥ 0 outside; None where there is none."""
-    from scipy.optimize import linprog  # slow to import, and rarely needed
-
     N = np.setdiff1d(np.arange(q.size), F)
-    program = linprog(np.ones(F.size), -M[np.ix_(N, F)], q[N], M[np.ix_(F, F)], -q[F], method="highs")
+    program = linear_program.load()(np.ones(F.size), -M[np.ix_(N, F)], q[N], M[np.ix_(F, F)], -q[F], method="highs")
     if program.x is None:
         return None
     z = np.zeros(q.size)

@@ -13,6 +13,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lcp_claims import conclude, dense_obstacle, ended_in_basis, error_of, farkas
@@ -64,6 +65,7 @@ class Lemke(Solver):
         method="pivoting",
         citation="Lemke 1965; Cottle, Pang and Stone 1992, algorithm 4.4.5, sections 2.3 and 4.9",
         traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
+        quick=True,
         options=LemkeOptions,
     )
 
@@ -76,6 +78,7 @@ class Lemke(Solver):
         return in_even_units(lcp, by_columns) if APART < _spread()(lcp.M) < np.inf else lcp
 
     def warmup(self) -> None:
+        linear_program.load()
         load(BLOCKS)  # for problems that are larger than the one that is solved here
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
 

@@ -18,6 +18,7 @@ from cpbench import matrices
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.lcp_claims import CLOSE, conclude, dense_obstacle, error_of, farkas
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
@@ -181,6 +182,7 @@ class _OnLCP(Solver):
         return scaled_box(problem, problem.M, problem.q, np.zeros(n), np.full(n, np.inf), max_abs(problem.q))
 
     def warmup(self) -> None:
+        linear_program.load()
         self.run(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-1.0, -1.0])))
 
     def solve(

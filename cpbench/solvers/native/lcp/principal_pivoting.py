@@ -15,6 +15,7 @@ import numpy as np
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.lcp_claims import (
     ScaledLCP,
     conclude,
@@ -107,6 +108,7 @@ class PrincipalPivoting(Solver):
         return scale(problem)
 
     def warmup(self) -> None:
+        linear_program.load()
         self.run(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-1.0, -2.0])))
 
     def begin(self, prepared: ScaledLCP, F: np.ndarray[Any, Any], zero: float) -> Tableau | None:

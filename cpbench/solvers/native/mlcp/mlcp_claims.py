@@ -17,6 +17,7 @@ from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.kernel_cache import load
 from cpbench.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.lcp_claims import CLOSE, DENSE_BYTES, principal, solve_linear
 
 PASSES = 3
@@ -191,14 +192,12 @@ def conclude(
 
 def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:
     """(y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None without."""
-    from scipy.optimize import linprog  # slow to import, and rarely needed
-
     n, N = prepared.free, prepared.k.size
     options: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     if np.isfinite(budget.seconds):
         options["time_limit"] = budget.seconds
     columns: Any = prepared.K.T
-    program: Any = linprog(
+    program = linear_program.load()(
         prepared.k,
         A_ub=columns[n:],
         b_ub=np.zeros(N - n),

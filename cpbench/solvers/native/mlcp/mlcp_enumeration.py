@@ -10,6 +10,7 @@ from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp import lcp_claims
 from cpbench.solvers.native.lcp.lcp_enumeration import LARGEST, Enumeration, EnumerationOptions, enumerate_bases
 from cpbench.solvers.native.mlcp.mlcp_claims import ScaledMLCP, conclude, farkas, refined, scale
@@ -40,6 +41,7 @@ class MLCPEnumeration(Solver):
         return scale(problem)
 
     def warmup(self) -> None:
+        linear_program.load()
         one = np.eye(1)
         self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
 

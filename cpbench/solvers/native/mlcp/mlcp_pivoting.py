@@ -13,6 +13,7 @@ from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.kernel_cache import load
 from cpbench.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.mlcp.mlcp_claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
 from cpbench.solvers.options import fixed, searched
 
@@ -78,6 +79,7 @@ class LemkeMLCP(Solver):
         return Pivoting(scaled, limit, data, load(KERNEL))
 
     def warmup(self) -> None:
+        linear_program.load()
         one = np.eye(1)
         self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
 

@@ -10,6 +10,7 @@ from cpbench.cones import project_box
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.lcp_claims import CLOSE
 from cpbench.solvers.native.lcp.mprgp import MPRGPOptions, ScaledBox, definite_obstacle, minimize, scaled_box
 
@@ -33,6 +34,7 @@ class _OnBox(Solver):
         return scaled_box(problem, problem.Q, problem.p, problem.lb, problem.ub, size)
 
     def warmup(self) -> None:
+        linear_program.load()
         self.run(QP.build(np.eye(2), -np.ones(2), lb=np.zeros(2)))
 
     def solve(
@@ -90,7 +92,6 @@ def descent_without_end(problem: QP, ray: Vector, budget: Budget) -> Vector | No
     d = np.clip(ray / (max_abs(ray) or 1.0), low, high)
     if _falls(problem, d):
         return d
-    from scipy.optimize import linprog  # slow to import, and rarely needed
 
     options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10}
     if np.isfinite(budget.seconds):
@@ -98,7 +99,7 @@ def descent_without_end(problem: QP, ray: Vector, budget: Budget) -> Vector | No
     bounds: Any = np.column_stack([low, high])
     flat: Any = problem.Q / (max_abs(problem.Q) or 1.0)
     cost = problem.p / (max_abs(problem.p) or 1.0)
-    program: Any = linprog(
+    program = linear_program.load()(
         cost, A_eq=flat, b_eq=np.zeros(d.size), bounds=bounds, method="highs", options=cast(Any, options)
     )
     if program.x is None:

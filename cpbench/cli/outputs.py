@@ -1,0 +1,22 @@
+"""One rule for what commands write: results of work are never replaced without --force, and asked for before the work;
+pictures and reports are made anew from what is kept, so that they are replaced, which is said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from cpbench.errors import FormatError
+
+
+def require_folder(path: Path) -> None:
+    """Make a folder; raises FormatError where it cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be made a folder ({cause.strerror or cause})") from None
+
+
+def replaced(path: Path, before: Iterable[Path]) -> str:
+    """The path as it is told, with a word where it was there before."""
+    return f"{path} (replaced)" if path in before else str(path)
