@@ -7,9 +7,11 @@ from functools import partial
 
 import click
 
+from cpbench.cli import terminal
 from cpbench.cli.options import Command, ListOption, number
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
+from cpbench.plurals import counted
 from cpbench.report.graph_drawing import FORMATS, draw
 
 
@@ -27,7 +29,7 @@ from cpbench.report.graph_drawing import FORMATS, draw
 )
 @partial(kinds_option, default="all")
 def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]) -> None:
-    """Draw the formulations, the conversions between them and the solvers on each.
+    """Show the formulations, the conversions between them and the solvers on each, as text or for a drawing program.
 
     With --check, print the matrix of residuals: for every ordered pair of formulations that equivalent conversions
     join, planted problems are converted, written to a file, solved, and lifted through the file; a cell is the worst
@@ -36,7 +38,9 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     for node in nodes:
         formulations.get(node)
     if not check:
-        click.echo(draw(form, kinds))
+        for line in draw(form, kinds).splitlines():
+            for part in terminal.folded(line) if form == "text" else [line]:
+                click.echo(part)
         return
     from cpbench.testing.residual_matrix import measure, table
 
@@ -65,6 +69,6 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     taken = sum(cell.error is not None for cell in found)
     within = taken - len(above) - len(rounded)
     more = f", {len(rounded)} more within rounding" if rounded else ""
-    click.echo(f"{within} of {taken} pairs within {number(tolerance)}{more}")
+    click.echo(f"{within} of {counted(taken, 'pair')} within {number(tolerance)}{more}")
     if above:
         sys.exit(1)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shlex
+import subprocess
 from collections.abc import Mapping
+from importlib.metadata import distribution
 from importlib.resources import files
 from pathlib import Path
 
@@ -32,16 +35,38 @@ def texts(host: str, solver: str | None, build: str) -> dict[str, str]:
         raise CpbenchError(f"'{solver}' cannot be a plugin: say its path in the repository, of a .toml or .py file")
     if "\n" in build:
         raise CpbenchError("--build has more than one line: put them into a script, and say its name")
-    words = {"@{SOLVER}@": shlex.quote(solver), "@{BUILD}@": shlex.quote(build)}
+    words = {"@{PACKAGE}@": shlex.quote(package()), "@{SOLVER}@": shlex.quote(solver), "@{BUILD}@": shlex.quote(build)}
     for word, value in words.items():
         text = text.replace(word, value)
     return {place: text}
 
 
-def next_steps(host: str, folder: Path) -> list[str]:
+def next_steps(host: str, folder: Path, solver: str | None, build: str) -> list[str]:
     """What is left to do."""
-    if host == "github":
-        return ["commit it; the next pull request has the verdict in the summary of its job"]
-    if host == "gitlab":
-        return ["include it in .gitlab-ci.yml: include: {local: cpbench.gitlab-ci.yml}"]
-    return [f"bash {folder / 'compare.sh'} --solver mine.toml --build make --base origin/main"]
+    if host != "shell":
+        source = f"it installs {package()} by pip: where that has another name for your machines, say it there"
+        if host == "github":
+            return [source, "commit it; the next pull request has the verdict in the summary of its job"]
+        return [source, "include it in .gitlab-ci.yml: include: {local: cpbench.gitlab-ci.yml}"]
+    made = ["--build", build] if build else []
+    words = ["bash", str(folder / "compare.sh"), "--solver", solver or "FILE", *made, "--base", _base()]
+    missing = [] if solver else ["FILE stands for the plugin of your solver, with its path in the repository"]
+    return [shlex.join(words), *missing]
+
+
+def package() -> str:
+    """What pip installs: the commit of a repository where this cpbench came from one, else its name."""
+    text = distribution("cpbench").read_text("direct_url.json")
+    origin = json.loads(text) if text else {}
+    commit = origin.get("vcs_info", {}).get("commit_id")
+    return f"cpbench @ git+{origin['url']}@{commit}" if commit else "cpbench"
+
+
+def _base() -> str:
+    """The branch that is compared with: that of the remote repository where there is one, else the commit before."""
+    command = ["git", "symbolic-ref", "--short", "refs/remotes/origin/HEAD"]
+    try:
+        said = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return "HEAD~1"
+    return said or "HEAD~1"

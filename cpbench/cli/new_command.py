@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import keyword
 import os
+import shlex
 import tempfile
 from collections.abc import Mapping
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import click
 
-from cpbench.cli import new_ci
+from cpbench.cli import new_ci, new_templates
 from cpbench.cli.options import Command
-from cpbench.errors import CpbenchError, DuplicateName, FormatError
+from cpbench.errors import DuplicateName, FormatError
 
 LANGUAGES = ("python", "cpp", "julia", "command")
 KINDS = ("solver", "conversion", "problem")
@@ -31,7 +29,13 @@ CI = "ci"
     show_default=True,
     help="Language of a solver; command: a shell script. Conversions and problems are Python.",
 )
-@click.option("--node", default="lcp", show_default=True, metavar="NODE", help="The formulation it is for.")
+@click.option(
+    "--node",
+    default="lcp",
+    show_default=True,
+    metavar="NODE",
+    help="The formulation it is for: fc, lcp, mlcp, ncp or qp, in Python or C++; else lcp.",
+)
 @click.option("--with", "guest", type=click.Choice(["path"]), help="Julia: call the PATH solver (PATHSolver.jl).")
 @click.option("--host", type=click.Choice(list(new_ci.HOSTS)), default="github", show_default=True, help="Of ci.")
 @click.option("--build", default="", metavar="COMMAND", help="ci: makes the solver, at the top of the repository.")
@@ -59,16 +63,15 @@ def command(
     """
     if kind == CI:
         folder, texts = output or Path(), new_ci.texts(host, name, build)
-        steps = new_ci.next_steps(host, folder)
+        steps = new_ci.next_steps(host, folder, name, build)
     else:
         if name is None:
             raise click.UsageError(f"say a name: cpbench new {kind} NAME")
-        found = [file for folder in _templates(kind, lang, node, guest) for file in folder.iterdir()]
-        words = _words(kind, name)
+        _checked(kind, lang, node, guest)
+        words = new_templates.words(kind, name)
         _is_free(kind, words["EDGE"] if kind == "conversion" else name)
         folder = output or Path(name)
-        texts = {_filled(file.name, words, "{}"): file.read_text(encoding="utf-8") for file in found}
-        texts = {file.removesuffix(".in"): _filled(text, words, "@{}@") for file, text in texts.items()}
+        texts = new_templates.texts(kind, words, lang, node, guest)
         steps = _next(lang, folder, texts)
     _write(folder, texts, force)
     for file in sorted(texts):
@@ -77,8 +80,8 @@ def command(
         click.echo(f"next: {step}")
 
 
-def _templates(kind: str, lang: str, node: str, guest: str | None) -> list[Traversable]:
-    """Folders whose files make a plugin, the later ones in place of the earlier; raises CpbenchError without any."""
+def _checked(kind: str, lang: str, node: str, guest: str | None) -> None:
+    """Raises UsageError, UnknownName on options that do not go together."""
     from cpbench.formulations import formulations
 
     if guest is not None and lang != "julia":
@@ -86,20 +89,6 @@ def _templates(kind: str, lang: str, node: str, guest: str | None) -> list[Trave
     if kind != "solver" and lang != "python":
         raise click.UsageError(f"a {kind} is written in Python; --lang is for solvers")
     formulations.get(node)
-    if node != "lcp":
-        raise CpbenchError(f"there is no template for '{node}': write one for lcp, and change its node")
-    return [files("cpbench") / "templates" / kind / name for name in (lang, *([f"{lang}-{guest}"] if guest else []))]
-
-
-def _words(kind: str, name: str) -> Mapping[str, str]:
-    """What is filled into a template; raises CpbenchError when `name` cannot be one."""
-    module = name.replace("-", "_")
-    if not (module.isidentifier() and name.isascii() and name[0].isalpha() and name[-1] not in "-_"):
-        raise CpbenchError(f"'{name}' cannot be a name: take letters, digits, - and _, and a letter first")
-    if keyword.iskeyword(module):
-        raise CpbenchError(f"'{name}' is a word of Python: take another name")
-    title = "".join(part[0].upper() + part[1:] for part in module.split("_") if part)
-    return {"NAME": name, "MODULE": module, "CLASS": title, "EDGE": f"lcp-lcp-{name}", "FILE": f"{module}.py"}
 
 
 def _is_free(kind: str, name: str) -> None:
@@ -108,12 +97,6 @@ def _is_free(kind: str, name: str) -> None:
 
     if name in REGISTRIES[kind]:
         raise DuplicateName(f"the {kind} '{name}' exists already: take another name")
-
-
-def _filled(text: str, words: Mapping[str, str], mark: str) -> str:
-    for word, value in words.items():
-        text = text.replace(mark.format(word), value)
-    return text
 
 
 def _write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
@@ -140,9 +123,9 @@ def _write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
 def _next(lang: str, folder: Path, texts: Mapping[str, str]) -> list[str]:
     """Command lines to go on with."""
     plugin = next(file for file in sorted(texts) if file.endswith(".py" if lang == "python" else ".toml"))
-    check = f"cpbench check {folder / plugin}"
+    check = shlex.join(["cpbench", "check", str(folder / plugin)])
     if lang == "cpp":
-        return [f"make -C {folder}", check]
+        return [shlex.join(["make", "-C", str(folder)]), check]
     if lang == "julia":
         return [f"install Julia and the packages, as the first line of {folder / plugin} says", check]
     return [check]

@@ -11,9 +11,11 @@ import click
 
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.quantities import duration
+from cpbench.cli import next_command
 from cpbench.cli.options import Command, Duration, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,8 +81,8 @@ def command(files: tuple[Path, ...], budget: float, seed: int, safety: float, ou
     for line in text.splitlines():
         if line.startswith("#"):
             click.echo(line.removeprefix("# "))
+    click.echo(f"plan: {output}; run it with: {next_command.line('run', '--plan', str(output))}")
     _tell(told, folder, room)
-    click.echo(f"plan: {output}; run it with: cpbench run --plan {shlex.quote(str(output))}")
 
 
 def _read(files: tuple[Path, ...]) -> tuple[pd.DataFrame, list[Source]]:
@@ -109,9 +111,12 @@ def _require_room(found: Measured, room: float, budget: float, safety: float) ->
     least = found.cost.min()
     if room < least:
         need = math.ceil(safety * found.expected(least))
+        cheapest = str(found.cost.idxmin())
+        whole = cheapest.startswith("sequence ")  # as `costs` names it
+        what = f"the {cheapest}, whose steps cannot be taken apart," if whole else "the cheapest problem"
         raise CpbenchError(
-            f"--budget {duration(budget)}: starting {found.solvers} solvers and the cheapest problem take {need} s "
-            f"with --safety {safety:g}: use --budget {need}s or more, or results of fewer solvers"
+            f"--budget {duration(budget)}: starting {counted(found.solvers, 'solver')} and {what} take "
+            f"{need} s with --safety {safety:g}: use --budget {need}s or more, or results of fewer solvers"
         )
 
 
@@ -128,7 +133,9 @@ def _tell(told: Any, folder: Path | None, room: float) -> None:
         click.echo(f"not here: {file}; the plan names it as the results do", err=True)
     names = set(told.measured.rows["solver"]) - set(solvers.names())
     if names:
-        click.echo(f"declared elsewhere: {', '.join(sorted(names))}; the plan needs --plugin FILE for them", err=True)
+        click.echo(
+            f"declared elsewhere: {', '.join(sorted(names))}; the command above needs --plugin FILE for them", err=True
+        )
 
 
 def _builtin() -> Path | None:

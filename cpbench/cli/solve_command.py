@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -31,6 +32,7 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
+from cpbench.plain_text import printable
 from cpbench.solvers.base import solvers
 from cpbench.storage.base import require_new
 from cpbench.verification import MET_TOLERANCE, PROVEN
@@ -98,7 +100,8 @@ def command(
         )
         if not pairs:
             raise NoRoute(
-                f"no {routes} route from {survey['node']} to {solver}; see: cpbench route {problem} --explain"
+                f"no {routes} route from {survey['node']} to {solver}; "
+                f"see: cpbench route {shlex.quote(problem)} --explain"
             )
         pair = pairs[0]
         prepared = lane.prepare(pair)
@@ -157,4 +160,4 @@ def _print(pair: plan.Pair, row: Mapping[str, Any]) -> None:
     if counters:
         click.echo("  counters   " + ", ".join(f"{k} {v}" for k, v in counters.items()))
     if row.get("message"):
-        click.echo(f"  message    {row['message']}")
+        click.echo(f"  message    {printable(row['message'])}")

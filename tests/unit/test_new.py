@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_line import cpbench as in_process
 
 from cpbench import storage
 from cpbench.cli import main
@@ -17,16 +18,21 @@ from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.exchange import exchanges
 from cpbench.formulations import LCP
 from cpbench.registry import DECLARED
+from cpbench.solvers import Budget, Claim
 from cpbench.solvers.external import declared, served
 from cpbench.testing import conduct
+from cpbench.testing.cases import cases
 
 BROKEN = Path(__file__).resolve().parents[1] / "broken" / "plugins.py"
 COMPILER = shutil.which("c++") or shutil.which("g++")
 
 
 def cpbench(folder: Path, *arguments: str, rc: int = 0) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-W", "error", "-m", "cpbench", *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+    if arguments[0] == "new":  # it loads no plugins
+        done = in_process(folder, *arguments)
+    else:
+        command = [sys.executable, "-W", "error", "-m", "cpbench", *arguments]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
     assert done.returncode == rc, done.stdout + done.stderr
     return done
 
@@ -100,6 +106,39 @@ def test_cpp_passes_its_checks(cpp: Path) -> None:
     cpbench(cpp, "check", "demo.toml")
 
 
+STRICT = ("-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
+
+
+@pytest.mark.usefixtures("registries")
+@pytest.mark.parametrize(
+    "node", ["fc", *(pytest.param(n, marks=pytest.mark.nightly) for n in ("lcp", "mlcp", "ncp", "qp"))]
+)
+def test_a_formulation_has_the_same_method_in_both_languages(tmp_path: Path, node: str) -> None:
+    """Each passes its checks as it is written, and both need as many iterations: in C++ everything, the error that it
+    stops by too, is written a second time."""
+    needs(COMPILER, "C++ compiler")
+    cpbench(tmp_path, "new", "solver", "slow", "--node", node)
+    cpbench(tmp_path, "new", "solver", "quick", "--node", node, "--lang", "cpp")
+    subprocess.run(
+        [str(COMPILER), *STRICT, "-o", "quick", "quick.cpp"], cwd=tmp_path / "quick", check=True, timeout=120
+    )
+    plugins = [tmp_path / "slow" / "slow.py", tmp_path / "quick" / "quick.toml"]
+    for plugin in plugins:
+        assert re.search(r"\b\d+ passed$", cpbench(tmp_path, "check", str(plugin), "-q").stdout, re.MULTILINE)
+    python, cpp = (conduct.registered_by(plugin)[0].plugin for plugin in plugins)
+    solved = 0
+    for case in cases(node):
+        if python.obstacle(case.problem) is None:
+            one, two = (solver.run(case.problem, Budget(tolerance=1e-6, iterations=500)) for solver in (python, cpp))
+            assert one.claim == two.claim, case.name
+            if one.claim is Claim.SOLVED:
+                solved += 1
+                apart = abs(one.counters["iterations"] - two.counters["iterations"])
+                assert apart <= 1 + one.counters["iterations"] // 50, case.name
+    cpp.close()
+    assert solved >= 5
+
+
 def test_the_makefile_compiles(cpp: Path, tmp_path: Path) -> None:
     needs(shutil.which("make"), "make")
     for file in ("demo.cpp", "cpbench.hpp", "Makefile"):
@@ -121,7 +160,7 @@ def test_the_header_speaks_the_protocol(cpp: Path, tmp_path: Path) -> None:
         {"do": "load", "problem": str(folder / "nowhere"), "node": "lcp"},
         {"do": "load", "problem": str(folder / "problem"), "node": "lcp"},
         {"do": "warmup"},
-        {"do": "solve", **limits, "options": {"omega": 1.0, "sweeps": 100}, "start": None},
+        {"do": "solve", **limits, "options": {"omega": 1.0, "max_iterations": 100}, "start": None},
         {"do": "write", "answer": str(folder / "answer")},
         {"do": "solve", **limits, "options": {}, "start": str(folder / "answer")},
         {"do": "solve", **{**limits, "iterations": 1}, "options": {}, "start": None},
@@ -211,7 +250,12 @@ def test_julia_says_what_the_protocol_says(tmp_path: Path, guest: tuple[str, ...
         (("problem", "lcp-planted"), "exists already"),
         (("conversion", "demo", "--lang", "cpp"), "Python"),
         (("solver", "demo", "--with", "path"), "julia"),
-        (("solver", "demo", "--node", "fc"), "no template"),
+        (
+            ("solver", "demo", "--node", "gfc"),
+            "no template of a solver in python for 'gfc', but for fc, lcp, mlcp, ncp, qp",
+        ),
+        (("solver", "demo", "--node", "fc", "--lang", "julia"), "in julia for 'fc', but for lcp"),
+        (("problem", "demo", "--node", "fc"), "no template of a problem for 'fc', but for lcp"),
         (("solver", "demo", "--node", "lpc"), "did you mean nlp, lcp"),
         (("solver", "demo", "-o", "file"), "file"),
         (("solver", "demo", "-o", "file/below"), "file"),
@@ -404,7 +448,9 @@ solver(Modest, "modest")
         ("nowhere.toml", None, "nowhere.toml"),
     ],
 )
-def test_a_plugin_that_does_not_load_says_so_in_one_line(tmp_path: Path, file: str, text: str, word: str) -> None:
+def test_a_plugin_that_does_not_load_says_so_in_one_line(
+    tmp_path: Path, file: str, text: str | None, word: str
+) -> None:
     if text is not None:
         (tmp_path / file).write_text(text)
     with pytest.raises(CpbenchError) as refusal:

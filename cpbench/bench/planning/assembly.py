@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -73,7 +74,8 @@ class Assembly:
         if first is None:
             raise CpbenchError(f"none of {len(self.surveys)} problems is what the plan selects")
         raise NoRoute(
-            f"no route leads from {first} to any of the solvers asked for; see: cpbench route {first} --explain"
+            f"no route leads from {first} to any of the solvers asked for; "
+            f"see: cpbench route {shlex.quote(first)} --explain"
         )
 
 

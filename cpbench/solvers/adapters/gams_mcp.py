@@ -2,7 +2,8 @@
 
 GAMS runs in a process of its own, which is started in the warm-up; the numbers
 reach it in `hand_over`, untimed, as those of a solver in this process are in its memory. What is timed is the solve
-statement: GAMS generates the model, runs the solver in yet another process and reads its answer.
+statement: GAMS generates the model, runs the solver in yet another process and reads its answer. The seconds that it
+reports are those of that process as GAMS counts them (resUsd), its launch included, and not the solver's own.
 """
 
 from __future__ import annotations
@@ -128,7 +129,7 @@ def gams_spec(name: str, node: str, *, summary: str, method: str, citation: str,
         install=install,
         licence="proprietary",
         publishing=gams_licence.PUBLISHING,
-        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC, Trait.LAUNCHES}),
         **more,
     )
 

@@ -6,7 +6,9 @@
 // cpbench starts the program once and talks to it in lines of JSON: hello, load, warmup, solve, write, quit. Only
 // `solve` is timed. Whatever your code prints to stdout goes to stderr: stdout belongs to the protocol.
 #pragma once
+#include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -19,8 +21,10 @@
 #include <limits>
 #include <map>
 #include <new>
+#include <numeric>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 #if __has_include(<unistd.h>)
 #include <unistd.h>  // dup, dup2
@@ -162,7 +166,73 @@ inline std::map<std::string, Array> read_arrays(const std::string& folder) {
 }
 
 /// Compressed rows: those of row i are the entries row[i] ... row[i + 1] - 1 of `column` and `value`.
-struct Sparse { std::vector<std::size_t> row{0}, column; Vector value; };
+struct Sparse {
+    std::vector<std::size_t> row{0}, column;
+    Vector value;
+    std::size_t size() const { return row.size() - 1; }
+    /// Row i times x.
+    double times(std::size_t i, const Vector& x) const {
+        double sum = 0;
+        for (std::size_t k = row[i]; k < row[i + 1]; ++k) sum += value[k] * x[column[k]];
+        return sum;
+    }
+    Vector operator*(const Vector& x) const {
+        Vector y(size());
+        for (std::size_t i = 0; i < size(); ++i) y[i] = times(i, x);
+        return y;
+    }
+    /// The transpose times y, for a matrix of n columns.
+    Vector transposed(const Vector& y, std::size_t n) const {
+        Vector x(n);
+        for (std::size_t i = 0; i < size(); ++i)
+            for (std::size_t k = row[i]; k < row[i + 1]; ++k) x[column[k]] += value[k] * y[i];
+        return x;
+    }
+    double at(std::size_t i, std::size_t j) const {
+        double sum = 0;
+        for (std::size_t k = row[i]; k < row[i + 1]; ++k) sum += column[k] == j ? value[k] : 0;
+        return sum;
+    }
+};
+
+inline double norm(const Vector& v) { return std::sqrt(std::inner_product(v.begin(), v.end(), v.begin(), 0.0)); }
+inline double max_abs(const Vector& v) {
+    double most = 0;
+    for (const double x : v) most = std::abs(x) <= most ? most : std::abs(x);  // what is no number wins
+    return most;
+}
+
+/// A dense square matrix, row after row, as LU with pivots; throws std::domain_error where it is singular.
+struct Lu {
+    std::size_t n;
+    Vector a;
+    std::vector<std::size_t> order;
+    Lu(Vector dense, std::size_t size) : n(size), a(std::move(dense)), order(size) {
+        const double least = 1e-14 * max_abs(a);
+        std::iota(order.begin(), order.end(), std::size_t{0});
+        for (std::size_t k = 0; k < n; ++k) {
+            std::size_t top = k;
+            for (std::size_t i = k; i < n; ++i) top = std::abs(a[i * n + k]) > std::abs(a[top * n + k]) ? i : top;
+            if (!(std::abs(a[top * n + k]) > least)) throw std::domain_error("a matrix to solve with is singular");
+            for (std::size_t j = 0; top != k && j < n; ++j) std::swap(a[k * n + j], a[top * n + j]);
+            std::swap(order[k], order[top]);
+            for (std::size_t i = k + 1; i < n; ++i) {
+                const double factor = a[i * n + k] /= a[k * n + k];
+                for (std::size_t j = k + 1; factor != 0 && j < n; ++j) a[i * n + j] -= factor * a[k * n + j];
+            }
+        }
+    }
+    Vector solve(const Vector& b) const {
+        Vector x(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            x[i] = b[order[i]];
+            for (std::size_t j = 0; j < i; ++j) x[i] -= a[i * n + j] * x[j];
+        }
+        for (std::size_t i = n; i-- > 0; x[i] /= a[i * n + i])
+            for (std::size_t j = i + 1; j < n; ++j) x[i] -= a[i * n + j] * x[j];
+        return x;
+    }
+};
 
 /// What is in the folder of a problem: `problem.json`, and the arrays by the names of the formulation.
 struct Problem {
@@ -185,6 +255,66 @@ struct Problem {
             for (std::size_t j = 0; j < dense.shape.at(1); ++j, ++k)
                 if (dense.data[k] != 0.0) m.column.push_back(j), m.value.push_back(dense.data[k]);
         return m;
+    }
+};
+
+/// A nonlinear map as a list of operations on numbered values, as the exchange npy-map hands it over: first the
+/// unknowns, then the constants, then what each operation gives. `F.jacobian` is one more, of the entries by rows.
+struct Map {
+    Vector constants, heads, left, right, outputs;
+    Map(const Problem& p, const std::string& F)
+        : constants(p.vector(F + ".constants")), heads(p.vector(F + ".heads")), left(p.vector(F + ".left")),
+          right(p.vector(F + ".right")), outputs(p.vector(F + ".outputs")) {}
+    Vector operator()(const Vector& z) const {
+        Vector value(z), out;
+        value.insert(value.end(), constants.begin(), constants.end());
+        const auto of = [&](double place) { return place < 0 ? 0.0 : value[static_cast<std::size_t>(place)]; };
+        for (std::size_t k = 0; k < heads.size(); ++k)
+            value.push_back(apply(static_cast<int>(heads[k]), of(left[k]), of(right[k])));
+        for (const double place : outputs) out.push_back(of(place));
+        return out;
+    }
+    static double apply(int head, double a, double b) {  // the numbers are those of cpbench.expressions.operators
+        switch (head) {
+            case 0: return -a;
+            case 1: return std::abs(a);
+            case 2: return std::sqrt(a);
+            case 3: return std::exp(a);
+            case 4: return std::log(a);
+            case 5: return std::expm1(a);
+            case 6: return std::log1p(a);
+            case 7: return std::sin(a);
+            case 8: return std::cos(a);
+            case 9: return std::tan(a);
+            case 10: return std::asin(a);
+            case 11: return std::acos(a);
+            case 12: return std::atan(a);
+            case 13: return std::sinh(a);
+            case 14: return std::cosh(a);
+            case 15: return std::tanh(a);
+            case 16: return std::asinh(a);
+            case 17: return std::acosh(a);
+            case 18: return std::atanh(a);
+            case 19: return std::erf(a);
+            case 20: return std::floor(a);
+            case 21: return std::ceil(a);
+            case 22: return a == 0;
+            case 32: return a + b;
+            case 33: return a - b;
+            case 34: return a * b;
+            case 35: return a / b;
+            case 36: return std::pow(a, b);
+            case 37: return std::atan2(a, b);
+            case 38: return std::fmin(a, b);
+            case 39: return std::fmax(a, b);
+            case 40: return a < b;
+            case 41: return a <= b;
+            case 42: return a == b;
+            case 43: return a != 0 && b != 0;
+            case 44: return a != 0 || b != 0;
+            case 45: return a != 0 ? b : 0.0;
+            default: throw std::runtime_error("a map has the operator " + std::to_string(head) + ", which is none");
+        }
     }
 };
 
