@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best
+from cpbench.analysis import best, multi_start
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.profiles import FLOOR
@@ -100,7 +100,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     >>> found.sentence, [(row.solver, row.solved, row.started) for row in found.rows]
     ('lcp: use s: it solves 2 of 2 problems, fastest on 2.', [('s', 2, 2), ('t', 1, 2)])
     """
-    parts = rows_of.groups(table)
+    parts = rows_of.groups(multi_start.merged(table))
     groups = [group for group, _ in parts]
     launching = {label for label, sheet in (sheets or {}).items() if sheet.get("launches")}
     found: list[Ranking] = []

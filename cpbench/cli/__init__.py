@@ -32,7 +32,7 @@ COMMANDS = {
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
-    "compare": "Compare two results files, or two builds in one: what regressed, and what nobody can tell.",
+    "compare": "Compare two results files, or two builds: report regressions, and differences too small to call.",
     "baseline": "Keep the outcomes of a run as text for version control, and tell what a later run changes.",
     "recommend": "Say which solver suits a problem, by what was measured on problems like it.",
     "history": "Show how solvers did over time, from several results files.",

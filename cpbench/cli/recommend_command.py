@@ -173,7 +173,7 @@ def _told(one: Candidate) -> str:
         return "never measured"
     expected = f"about {2**advice.loss:.2g} times the fastest"
     if not advice.similar:
-        return f"{expected}; by what it came to on other problems"
+        return f"{expected}; estimated from other problems"
     return f"{expected}; solved {advice.solved} of {advice.similar} like it, {advice.within} within twice the fastest"
 
 
@@ -196,8 +196,9 @@ def _checked(rate: dict[Any, Any] | None, node: str) -> str:
     if rate is None:
         return f"not at all: no {node} problem was measured, or all problems are of one origin"
     return (
-        f"each origin left out, the advice solves {rate['solved']} of {rate['problems']} {node} problems, "
-        f"{rate['within']} within twice the fastest; the best single label, in hindsight, {rate['single_within']}"
+        f"cross-validation by origin: the recommended solver solved {rate['solved']}/{rate['problems']} "
+        f"{node} problems, "
+        f"{rate['within']} of them within 2× of the fastest; the best one of all, in hindsight, {rate['single_within']}"
     )
 
 

@@ -79,7 +79,7 @@ EXAMPLES = (
 @click.option(
     "--where",
     metavar="CONDITION",
-    help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. A fact that a problem lacks selects nothing.",
+    help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. Problems without that fact are skipped.",
 )
 @click.option(
     "--split",
@@ -323,12 +323,13 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
         from cpbench.cli.portraits import Portraits
+        from cpbench.cli.start_answers import start_answers
         from cpbench.report.folder import write_folder
 
         title = _title(asked)
         iterates = history.table(store.histories())
-        portraits = Portraits(store, table)
-        for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, portraits=portraits):
+        more = {"portraits": Portraits(store, table), "answers": start_answers(store, table)}
+        for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, **more):
             click.echo(f"report: {path}")
     gaps = campaign.gaps(store, assembly)
     if gaps:

@@ -20,7 +20,7 @@ LICENCE = 24
 """Characters of a licence that a table shows; the sheet of the solver has all."""
 GLANCED = {
     "installed": "its packages are there and were not imported; --check imports them, as cpbench doctor does",
-    "untried": "it runs in another program, which was not asked; --check asks, as cpbench doctor does",
+    "untried": "not checked: external program (use --check, or cpbench doctor)",
 }
 """What a state means that was told at a glance."""
 

@@ -133,11 +133,12 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):
         words += ["--timeout", f"{row['seconds']:g}s"]
-    if row["start"] == "previous":  # one step needs those before it
+    start = row.get("began") or row["start"]
+    if start == "previous":  # one step needs those before it
         file = one_line(row["address"]).partition("::")[0]
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
-    if row["start"] != "cold":
-        words += ["--start", row["start"]]
+    if start != "cold":
+        words += ["--start", start]
     for file in dict.fromkeys(filter(None, (told.get("variant_of"), told.get("plugin")))):
         words += ["--plugin", one_line(file)]
     return shlex.join(words)

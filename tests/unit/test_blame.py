@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import meta, row
-from written_reports import write_html, write_report
+from written_reports import whole, write_html, write_report
 
 from cpbench import storage
 from cpbench.analysis import reliability
@@ -313,10 +313,10 @@ def test_reports_name_the_conversions_that_lost_answers(tmp_path: Path) -> None:
             {**row("p-2", "pgs@inner8", "solved", 1.0), "claim": "solved"},
         ]
     )
-    written = write_report(rows, meta(), tmp_path, "lost").read_text()
+    written = whole(write_report(rows, meta(), tmp_path, "lost"))
     page = write_html(rows, meta(), tmp_path, "lost").read_text()
     assert "## Lost on the way back (2)" in written
     assert re.search(r"\| `mlcp-lcp-schur` *\| +2 \| +(2000|2e\+03) \|", written)
-    assert "## Claimed, is not (0)" in written
+    assert "## False claims: solver said solved, verification failed (0)" in written
     assert "Every claim of a solver held on the problem it was given." in written
     assert "Lost on the way back (2)" in page

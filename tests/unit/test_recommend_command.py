@@ -102,7 +102,7 @@ def test_by_the_shipped_table(monkeypatch, capsys, problems: list[Path]) -> None
     said = capsys.readouterr().out
     assert "run it     cpbench solve builtin/lcp/lcp-classics.h5::murty-10 -s " in said
     assert "this very problem" in said
-    assert "each origin left out, the advice solves" in said
+    assert "cross-validation by origin: the recommended solver solved" in said
 
 
 def test_a_problem_unlike_all_is_told_so(monkeypatch, capsys, tmp_path: Path, measured: Path) -> None:

@@ -12,6 +12,7 @@ from cpbench.bench.lane import Lane, Unread
 from cpbench.bench.planning import grids, plan, selection, tunings
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
+from cpbench.bench.starts import EVERY, each_start, parse_start
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.solvers.base import missing, solvers
 
@@ -95,7 +96,8 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
     for part, asks, addresses in zip(asked.sets, requests, places, strict=True):
         for address in addresses:
             wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
-    surveys, refused, unread = _survey(lane, wanted, max(part.timeout for part in asked.sets), reading)
+    guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
+    surveys, refused, unread = _survey(lane, wanted, max(part.timeout for part in asked.sets), reading, guesses)
     parts: list[Part] = []
     planned: dict[str, Pair] = {}
     for part, solvers_, said, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
@@ -145,9 +147,9 @@ def _pairs(
     return [
         pair
         for tolerance in part.tolerance
-        for start in part.start
+        for start, surveys in _started(part, chosen).items()
         for pair in plan.pairs(
-            chosen,
+            surveys,
             entries,
             requests,
             tolerance,
@@ -162,8 +164,22 @@ def _pairs(
     ]
 
 
+def _started(part: ProblemSet, chosen: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+    """The problems by the start that is asked for: a file with three guesses is asked for three."""
+    found: dict[str, list[Mapping[str, Any]]] = {}
+    for asked in part.start:
+        for survey in chosen:
+            for start in each_start(asked, survey["guesses"]):
+                found.setdefault(start, []).append(survey)
+    return found
+
+
 def _survey(
-    lane: Lane, wanted: Mapping[tuple[str, str | None], Mapping[str, Request]], timeout: float, reading: Reading
+    lane: Lane,
+    wanted: Mapping[tuple[str, str | None], Mapping[str, Request]],
+    timeout: float,
+    reading: Reading,
+    guesses: bool,
 ) -> tuple[dict[tuple[str, str | None], dict[str, Any]], list[tuple[str, str]], list[str]]:
     formats: dict[str, list[str | None]] = {}
     for address, format in wanted:
@@ -175,7 +191,7 @@ def _survey(
         for format in formats[address]:
             try:
                 requests = list(wanted[address, format].values())
-                found[address, format] = lane.survey(address, requests, format, timeout)
+                found[address, format] = lane.survey(address, requests, format, timeout, guesses=guesses)
             except CpbenchError as reason:
                 refused.append((address, str(reason)))
                 if isinstance(reason, Unread):
