@@ -19,6 +19,8 @@ from cpbench.verification import Status
 MISSING, LICENCE = "missing", "licence"
 AGAIN: Mapping[str, tuple[str, ...]] = {"failed": (LICENCE, MISSING), "all": (LICENCE, MISSING, "unsupported")}
 """What `--rerun` tries again of what was left out."""
+_ROUTE = re.compile(r"^no \w+ route from \w+ to \w+: ")
+"""How a reason begins that says of one node what its line says of the solvers."""
 _LACK = {MISSING: "not installed", LICENCE: "no licence"}
 NAMED, FEW = 6, 2
 """The most solvers that a line names, and where a reason follows."""
@@ -89,7 +91,7 @@ def lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
         count = sum(len(entry["keys"]) for entry in reasons)
         most = max(reasons, key=lambda entry: len(entry["keys"]))
         pairs = "1 pair" if count == 1 else f"{count} pairs"
-        told.append(f"no route from {node} to {_some(solvers, FEW)}, {pairs}: {most['reason']}")
+        told.append(f"no route from {node} to {_some(solvers, FEW)}, {pairs}: {_ROUTE.sub('', most['reason'])}")
     return told
 
 
