@@ -6,6 +6,7 @@ starts it, later.
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterator, Sequence
 
@@ -37,7 +38,7 @@ def begin(arguments: Sequence[str]) -> None:
 
 def _values(arguments: Sequence[str], *names: str) -> Iterator[str]:
     """What is given to these options, `--name value` or `--name=value`; what follows a flag is as good."""
-    for this, following in zip(arguments, [*arguments[1:], "-"], strict=True):
+    for this, following in itertools.pairwise([*arguments, "-"]):
         name, equals, value = this.partition("=")
         if name in names:
             yield value if equals else following

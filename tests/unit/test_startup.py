@@ -68,6 +68,7 @@ def test_a_plugin_may_not_take_the_name_of_a_solver_that_is_looked_for(tmp_path:
     [
         (["solve", "p.h5", "-s", "lemke"], True),
         (["run", "p.h5", "-s", "lemke", "--threads=1"], True),
+        (["run"], True),
         (["run", "--plan", "mine.toml"], False),
         (["run", "p.h5", "--plugin", "mine.py"], False),
         (["solve", "--help"], False),
