@@ -87,15 +87,23 @@ class Lane:
                 child.strike()
 
     def survey(
-        self, address: str, requests: Sequence[Request], format: str | None = None, timeout: float = 0.0
+        self,
+        address: str,
+        requests: Sequence[Request],
+        format: str | None = None,
+        timeout: float = 0.0,
+        *,
+        guesses: bool = False,
     ) -> dict[str, Any]:
-        """Facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve."""
+        """Facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether the
+        starting points of its file are counted, too."""
         reply, _ = self.referee.ask(
             REFEREE.limit(timeout),
             command="survey",
             address=address,
             format=format,
             requests=[r.header for r in requests],
+            guesses=guesses,
         )
         if reply["event"] == "refused":
             raise Refused(reply["message"])

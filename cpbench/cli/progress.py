@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shutil
 import sys
 import time
 from collections import Counter
@@ -14,15 +15,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cpbench.bench.planning.plan import Pair
+from cpbench.cli.standings import Standings
 from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations import Problem
 from cpbench.graph import Apply
+from cpbench.plain_text import printable
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Group
 
 MINUTE = 60.0
+ROOM = 4
+"""Lines of a terminal that no row of the live table may take: head and end of the table, and what is below it."""
 LARGE = 50e6
 """Bytes of a conversion's result from which on it is announced."""
 
@@ -41,6 +46,7 @@ class Display:
         self._live: Any = None
         self._total = self._done = self._before = 0
         self._counts: Counter[str] = Counter()
+        self._standings = Standings()
         self._now: dict[str, tuple[str, float, float]] = {}
         self._warming = ""
         self._began = self._told = time.monotonic()
@@ -79,6 +85,7 @@ class Display:
             self._now.pop(pair.key, None)
             self._done += 1
             self._counts[str(row["status"])] += 1
+            self._standings.note(pair.label, row)
             self._tell()
         if self._events is not None:
             self._events.info(line(event, pair, row))
@@ -87,8 +94,9 @@ class Display:
         if self._live is not None:
             self._live.stop()
 
-    def view(self) -> Table:
-        """The live table: how far, what is being solved, what came of the others, how long it will take."""
+    def view(self) -> Group:
+        """The live table: how far, how long it will take, what is being solved, and how the solvers stand."""
+        from rich.console import Group
         from rich.progress_bar import ProgressBar
         from rich.table import Table
 
@@ -102,8 +110,8 @@ class Display:
             table.add_row("solving", f"{text}  {now - since:.1f} s of {limit:g} s")
         if self._warming:
             table.add_row("warming", self._warming)
-        table.add_row("verdicts", self._summary())
-        return table
+        room = shutil.get_terminal_size().lines - table.row_count - ROOM
+        return Group(table, self._standings.table(max(room, 1)))
 
     def _tell(self) -> None:
         """A line a tenth of the way, and one a minute where that is rarer."""
@@ -146,12 +154,14 @@ def journal(verbose: bool, log: Path | None) -> logging.Logger | None:
     logger.setLevel(logging.INFO)
     logger.propagate = False
     try:
-        handlers = [logging.FileHandler(log, encoding="utf-8")] if log is not None else list[logging.Handler]()
+        handlers: list[logging.Handler] = []
+        if log is not None:
+            handlers.append(logging.FileHandler(log, encoding="utf-8", errors="backslashreplace"))
     except OSError as cause:
         raise CpbenchError(f"{log}: cannot be written ({cause.strerror}); name another file with --log") from None
     if verbose:
         handlers.append(logging.StreamHandler(sys.stderr))
-    logger.handlers = list(handlers)
+    logger.handlers = handlers
     for handler in handlers:
         handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%dT%H:%M:%S"))
     return logger
@@ -167,7 +177,7 @@ def line(event: str, pair: Pair | None, row: Mapping[str, Any]) -> str:
     took = f", solve {row['solve']:.3g} s" if row.get("solve") is not None else ""
     error = f", error {row['error']:.2e}" if row.get("error") is not None else ""
     message = f": {' '.join(str(row['message']).split())}" if row.get("message") else ""
-    return f"{row['status']:<12} {named}{error}{took}{message}"
+    return printable(f"{row['status']:<12} {named}{error}{took}{message}")
 
 
 def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:

@@ -31,6 +31,7 @@ from typing import Any
 from cpbench.bench.planning import features, grids, quantities, tunings, where
 from cpbench.bench.planning.plan import pinned
 from cpbench.bench.planning.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
+from cpbench.bench.planning.suites import SUITES
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
@@ -109,8 +110,8 @@ def _table(path: Path) -> dict[str, Any] | None:
     try:
         with path.open("rb") as file:
             found = tomllib.load(file)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as cause:
-        raise PlanError(f"{path}: is no TOML: {cause}") from None
+    except (ValueError, RecursionError) as cause:  # a number of 5000 digits is a ValueError of Python's own
+        raise PlanError(f"{path}: is no TOML: {str(cause).splitlines()[0]}") from None
     except OSError as cause:
         raise PlanError(f"{path}: cannot be read ({cause.strerror or cause})") from None
     if path.name != PROJECT:
@@ -216,6 +217,8 @@ def _whole(least: int) -> Callable[[Any], int]:
             raise _wrong(value, "a whole number")
         if value < least:
             raise CpbenchError(f"must be at least {least}")
+        if value > quantities.LARGEST:
+            raise CpbenchError(f"is too large, at most {quantities.LARGEST} is kept")
         return value
 
     return read
@@ -311,6 +314,7 @@ def _shard(value: Any) -> tuple[int, int]:
 READERS: Mapping[str, Callable[[Any], Any]] = {
     "name": _text,
     "problems": _some_texts,
+    "suite": _choice(*SUITES),
     "solvers": _solvers,
     "routes": _choice(*ROUTES),
     "facets": _facets,
