@@ -8,10 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.verification import Status
-
-REFUSED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE), str(Status.NOT_RUN))
-"""Statuses of pairs in which the solver never started."""
+from cpbench.verification import REFUSED, Status
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
 from cpbench.bench.runner import settings
 from cpbench.bench.staff import Setting
-from cpbench.cli.answer import print_answer
 from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
@@ -309,6 +308,9 @@ def _tell_refused(refused: Sequence[tuple[str, str]]) -> None:
 
 
 def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
+    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
+    from cpbench.cli.answer import print_answer
+
     _tell_refused(assembly.refused)
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
@@ -316,8 +318,6 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     print_answer(store)
     click.echo(f"\n{counted(sum(counts.values()), 'pair')}: {_summary(counts) or _nothing(asked)}")
     table = store.table()
-    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
-
     for remark in remarks(table):
         click.echo(printable(remark))
     click.echo(f"results: {asked.results}")
