@@ -109,10 +109,11 @@ def mean_time(matrix: pd.DataFrame, shift: float, charge: float) -> Statistic:
     return _statistic(matrix, top, np.ones_like(top), lambda x: unlogged(x, shift))
 
 
-def solve_rate(matrix: pd.DataFrame) -> Statistic:
-    """Fraction of the problems that a label solves."""
+def solve_rate(matrix: pd.DataFrame, started: pd.DataFrame | None = None) -> Statistic:
+    """Fraction of the problems that a label solves; of those that it was `started` on, where that is given."""
     top = np.isfinite(values(matrix)).astype(float)
-    return _statistic(matrix, top, np.ones_like(top), lambda x: x)
+    bottom = np.ones_like(top) if started is None else started.loc[matrix.index, matrix.columns].to_numpy(dtype=float)
+    return _statistic(matrix, top, bottom, lambda x: x)
 
 
 def ratio_to(matrix: pd.DataFrame, base: str | None = None, floor: float = FLOOR) -> Statistic:

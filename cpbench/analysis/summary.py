@@ -7,6 +7,7 @@ import pandas as pd
 
 from cpbench.analysis import best, means
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
 from cpbench.analysis.sizes import sizes_read
@@ -18,10 +19,10 @@ def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None
 
     Labels whose answers were made elsewhere (`table.ranked`) are not ranked: fastest is 0, slowdown and mean are NaN.
 
-    Columns: kind (weakest route), ranked, planned, solved, stationary (not among the solved), false (claimed and is
-    not, on the solver's own problem), fastest (problems where it shares the lead), median [s] and slowdown (median
-    ratio to the virtual best) over what it solved, mean [s] (shifted geometric over all problems of the group, failures
-    and problems that were not planned charged `penalty`).
+    Columns: kind (weakest route), ranked, planned, ran (the solver was started), solved, stationary (not among the
+    solved), false (claimed and is not, on the solver's own problem), fastest (problems where it shares the lead),
+    median [s] and slowdown (median ratio to the virtual best) over what it solved, mean [s] (shifted geometric over all
+    problems of the group, failures and problems that were not planned charged `penalty`).
     """
     every = rows_of.times(group)
     among = rows_of.ranked(group)
@@ -39,6 +40,7 @@ def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None
             "kind": pd.Series(rows_of.label_kinds(group), dtype=object).reindex(labels),
             "ranked": labels.isin(times.columns),
             "planned": count(group["label"]),
+            "ran": count(group["label"][~group["status"].isin(REFUSED)]),
             "solved": count(group["label"][rows_of.solved(group)]),
             "stationary": count(group["label"][group["status"] == str(Status.STATIONARY)]),
             "false": count(false_claims(group)["label"]),

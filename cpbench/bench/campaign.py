@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from cpbench.bench import machine, reference
+from cpbench.bench import left_out, machine, reference
 from cpbench.bench.block import befores
 from cpbench.bench.lane import FELL_BACK, Lane
 from cpbench.bench.planning.assembly import Assembly
@@ -19,7 +19,8 @@ from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
 from cpbench.errors import CpbenchError
-from cpbench.solvers.base import solvers
+from cpbench.plurals import counted
+from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
 
 
@@ -48,17 +49,19 @@ def require_answers(asked: RunPlan, planned: Sequence[Pair]) -> None:
         )
 
 
-def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> None:
-    """Put the plan into the results: its rows, its files, what is to be run again, and how it was asked for.
+def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> list[Pair]:
+    """Put the plan into the results: its rows, its files, what is to be run again, and how it was asked for. The pairs
+    that have a row: all but those that an earlier command had to leave out.
 
     Raises StoreError, with the rows as they were, when the file was made with other limits.
     """
     before = store.meta()
-    store.plan(assembly.pairs)
+    pairs = left_out.planned(store, assembly.pairs, asked.rerun)
+    store.plan(pairs)
     if asked.rerun:
-        store.reset(RERUN[asked.rerun], [pair.key for pair in assembly.pairs])
-        _reset_followers(store, assembly.pairs)
-    planned = {pair.fingerprint for pair in assembly.pairs}
+        store.reset(RERUN[asked.rerun], [pair.key for pair in pairs])
+        _reset_followers(store, pairs)
+    planned = {pair.fingerprint for pair in pairs}
     surveyed = {str(survey["fingerprint"]): survey["features"] for survey in reversed(assembly.surveys)}
     store.note_features({fingerprint: facts for fingerprint, facts in surveyed.items() if fingerprint in planned})
     store.note_files(assembly.read, assembly.refused)
@@ -75,10 +78,19 @@ def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> Non
         formats=_formats(before.get("formats", {}), assembly.read),
         plan=asked.effective(assembly.found),
     )
+    return pairs
 
 
-def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Sequence[Pair], watcher: Watcher) -> None:
-    """Run what is pending, then again what crashed or ran out of time, as often as the plan says.
+def work(
+    crew: Crew | Sequence[Lane],
+    store: Store,
+    asked: RunPlan,
+    planned: Sequence[Pair],
+    watcher: Watcher,
+    absent: Mapping[str, str] | None = None,
+) -> None:
+    """Run what is pending, then again what crashed or ran out of time, as often as the plan says. What cannot be run is
+    left out, with the solvers that are `absent` (`left_out.settle`).
 
     Raises SealError when, at the end, a row is not as this run wrote it.
     """
@@ -101,6 +113,7 @@ def work(crew: Crew | Sequence[Lane], store: Store, asked: RunPlan, planned: Seq
             finally:
                 watcher.end()
     finally:
+        left_out.settle(store, planned, absent or {})
         store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions, asked.tunings))
     store.require_unchanged()
 
@@ -122,17 +135,18 @@ def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
 
 
 def statuses(path: Path) -> dict[str, str]:
-    """Status of every row of a results file by key; of none where there is no such file."""
+    """Status of every row of a results file by key, and of the pairs that were left out; of none where there is no such
+    file."""
     if not path.exists():
         return {}
     with Store(path) as store:
-        return {str(row["key"]): str(row["status"]) for row in store.rows()}
+        return {**left_out.statuses(store), **{str(row["key"]): str(row["status"]) for row in store.rows()}}
 
 
 def gaps(store: Store, assembly: Assembly) -> list[str]:
     """What the plan asked for and the results lack: nothing after a run that was carried out to its end."""
     waiting = store.pending() & {pair.key for pair in assembly.pairs}
-    rows = [f"{len(waiting)} of {len(assembly.pairs)} pairs were not run"] if waiting else []
+    rows = [f"{len(waiting)} of {counted(len(assembly.pairs), 'pair')} not run"] if waiting else []
     files = [f"nobody could say what {address} holds" for address in assembly.unread[:1]]
     more = [f"nor what {len(assembly.unread) - 1} more files hold"] if len(assembly.unread) > 1 else []
     return [*rows, *files, *more]
@@ -143,7 +157,8 @@ def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[s
     if not asked.fail_on:
         return Counter()
     keys = {pair.key for pair in planned}
-    return Counter(row["status"] for row in store.rows() if row["key"] in keys and row["status"] in asked.fail_on)
+    ended = [*((row["key"], row["status"]) for row in store.rows()), *left_out.statuses(store).items()]
+    return Counter(status for key, status in ended if key in keys and status in asked.fail_on)
 
 
 def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[str, str]:
@@ -174,6 +189,8 @@ def _sheets(
         sheets[pair.label] = {
             "name": spec.name,
             "node": spec.node,
+            "method": spec.method,
+            "launches": Trait.LAUNCHES in spec.traits,
             "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
             "licence": spec.licence,
             "publishing": spec.publishing,

@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from cpbench import graph, verification
+from cpbench import graph, storage, verification
 from cpbench.bench import starts
 from cpbench.bench.desk import Case, Desk, Prepared
 from cpbench.bench.history import Trail, coarse_to_fine
@@ -59,7 +59,9 @@ class Referee:
         self._desk = Desk(scratch)
         self._attempts: tuple[str, dict[str, verification.Attempt]] = ("", {})
 
-    def survey(self, _: Any, address: str, format: str | None, requests: list[dict[str, Any]]) -> bytes:
+    def survey(
+        self, _: Any, address: str, format: str | None, requests: list[dict[str, Any]], guesses: bool = False
+    ) -> bytes:
         """What a plan needs to know of a problem, with the nodes whose first edge is open, by request."""
         problem = self._desk.open(address, format)
         open_nodes = {r["name"]: _open_nodes(problem, r) for r in requests}
@@ -76,6 +78,7 @@ class Referee:
                 "nodes": open_nodes,
                 "sequence": sequence.name if sequence else "",
                 "step": sequence.step if sequence else 0,
+                "guesses": len(storage.guesses(address)) if guesses else 0,
             }
         )
 

@@ -4,7 +4,8 @@ A start belongs to the source problem and is carried to the converted one by the
 way. Where there is none a run is unsupported (NotApplicable, with the reason): never cold in disguise.
 
     cold         no start
-    file         the first of the file's guesses, or the problem's own start; file:K the K-th
+    file         the first of the file's guesses, or the problem's own start; file:K the K-th; file:all each of them, a
+                 pair of the plan each
     previous     the solver's own answer to the step before, brought to this one by `formulations.transfer`
     perturbed:σ  x* + σ s ξ: x* the file's solution, if it is one at the tolerance of the run; ξ standard normal, from
                  the fingerprint and the seed alone; s = ‖x*_b‖₂/√n_b for every block b of n_b numbers, so that σ is
@@ -28,6 +29,9 @@ from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.transfer import BY_ID, BY_ORDER, BY_POSITION, transfer
 from cpbench.matrices import Vector, norm
 
+EVERY = 0
+"""The number that stands for every guess of a file."""
+
 
 class StartKind(StrEnum):
     COLD = "cold"
@@ -40,7 +44,7 @@ class StartKind(StrEnum):
 class StartPolicy:
     """What was asked for. `sigma` : relative size of the noise of `perturbed`, 0 for the solution itself.
 
-    `guess` : which of the file's guesses, counted from 1.
+    `guess` : which of the file's guesses, counted from 1; EVERY for each of them, which a plan makes pairs of.
     """
 
     kind: StartKind = StartKind.COLD
@@ -51,6 +55,8 @@ class StartPolicy:
         """One text for one policy: part of a row's key."""
         if self.kind is StartKind.PERTURBED:
             return f"{self.kind}:{self.sigma!r}"
+        if self.guess == EVERY:
+            return f"{self.kind}:all"
         return f"{self.kind}:{self.guess}" if self.guess != 1 else str(self.kind)
 
     @property
@@ -76,7 +82,8 @@ class Start:
 
 
 def parse_start(text: str) -> StartPolicy:
-    """`cold`, `file`, `file:2`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError on a wrong number.
+    """`cold`, `file`, `file:2`, `file:all`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError
+    on a wrong number.
 
     >>> str(parse_start("perturbed:1e-2"))
     'perturbed:0.01'
@@ -85,10 +92,12 @@ def parse_start(text: str) -> StartPolicy:
     known = [str(kind) for kind in StartKind if kind is not StartKind.PERTURBED]
     if name in known and not colon:
         return StartPolicy(StartKind(name))
+    if name == StartKind.FILE and number == "all":
+        return StartPolicy(StartKind.FILE, guess=EVERY)
     if name == StartKind.FILE and number:
         return StartPolicy(StartKind.FILE, guess=_counted(text, number))
     if name != StartKind.PERTURBED:
-        raise UnknownName("start", text, [*known, "file:K", "perturbed:σ"])
+        raise UnknownName("start", text, [*known, "file:K", "file:all", "perturbed:σ"])
     try:
         sigma = float(number)
     except ValueError:
@@ -96,6 +105,19 @@ def parse_start(text: str) -> StartPolicy:
     if not 0.0 <= sigma < math.inf:
         raise CpbenchError(f"start '{text}': the noise is '{number}', expected a number ≥ 0, as in perturbed:0.01")
     return StartPolicy(StartKind.PERTURBED, sigma)
+
+
+def each_start(asked: str, guesses: int) -> list[str]:
+    """The policies that one stands for, on a problem whose file has so many guesses; one that has none is asked for the
+    first, so that its row says that there is none.
+
+    >>> each_start("file:all", 3), each_start("cold", 3), each_start("file:all", 0)
+    (['file', 'file:2', 'file:3'], ['cold'], ['file'])
+    """
+    policy = parse_start(asked)
+    if policy.guess != EVERY:
+        return [asked]
+    return [str(StartPolicy(StartKind.FILE, guess=k)) for k in range(1, max(guesses, 1) + 1)]
 
 
 def step_before(address: str, format: str | None, fingerprint: str, answer: Vector) -> Before:
@@ -207,7 +229,9 @@ def _blocks(problem: Problem, part: str, size: int) -> list[np.ndarray[Any, np.d
 def _counted(text: str, number: str) -> int:
     """K of `file:K`."""
     if not (number.isascii() and number.isdigit() and int(number) >= 1):
-        raise CpbenchError(f"start '{text}': the guess is '{number}', expected its number from 1 on, as in file:2")
+        raise CpbenchError(
+            f"start '{text}': the guess is '{number}', expected its number from 1 on, as in file:2, or file:all"
+        )
     return int(number)
 
 

@@ -27,12 +27,12 @@ COMMANDS = {
     "info": "Show what is in a problem file, and facts measured of its matrices.",
     "show": "Show a problem in numbers or as block structure, with its law; also as LaTeX.",
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
-    "graph": "Draw the conversions between formulations, or check them all.",
+    "graph": "Show the conversions between formulations, as text or to be drawn, or check them all.",
     "route": "Show how a problem reaches a formulation, and why not.",
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
-    "compare": "Compare two results files, or two builds in one: what regressed, and what nobody can tell.",
+    "compare": "Compare two results files, or two builds: report regressions, and differences too small to call.",
     "baseline": "Keep the outcomes of a run as text for version control, and tell what a later run changes.",
     "recommend": "Say which solver suits a problem, by what was measured on problems like it.",
     "history": "Show how solvers did over time, from several results files.",
@@ -110,7 +110,7 @@ class LazyGroup(click.Group):
 def cli() -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 
-    `cpbench run` without arguments runs the built-in suite and writes its report to reports/.
+    `cpbench run` without arguments says within a minute how solvers compare on small built-in problems.
     """
 
 

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import sys
 from functools import partial
+from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
+from cpbench.cli import terminal
 from cpbench.cli.options import Command, ListOption, number
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
+from cpbench.plurals import counted
 from cpbench.report.graph_drawing import FORMATS, draw
 
 
 @click.command(cls=Command)
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Draw a map to this .svg, .png or .pdf instead.")
 @click.option("--check", is_flag=True, help="Send planted problems along every pair's equivalent routes and back.")
 @click.option("--node", "nodes", cls=ListOption, metavar="NODE", help="With --check: only pairs of these.")
 @click.option(
@@ -26,8 +31,10 @@ from cpbench.report.graph_drawing import FORMATS, draw
     help="With --check: the largest error on a source.",
 )
 @partial(kinds_option, default="all")
-def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]) -> None:
-    """Draw the formulations, the conversions between them and the solvers on each.
+def command(
+    form: str, output: Path | None, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]
+) -> None:
+    """Show the formulations, the conversions between them and the solvers on each, as text or in a drawing.
 
     With --check, print the matrix of residuals: for every ordered pair of formulations that equivalent conversions
     join, planted problems are converted, written to a file, solved, and lifted through the file; a cell is the worst
@@ -35,8 +42,20 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     """
     for node in nodes:
         formulations.get(node)
+    if output is not None:
+        if check or click.get_current_context().get_parameter_source("form") is not ParameterSource.DEFAULT:
+            raise click.UsageError("-o draws a map: leave --check and --format out")
+        from cpbench.report import canvas
+        from cpbench.report.graph_map import graph_drawing
+
+        with canvas.drawing():
+            canvas.write(graph_drawing(kinds), output)
+        click.echo(f"graph: {output}")
+        return
     if not check:
-        click.echo(draw(form, kinds))
+        for line in draw(form, kinds).splitlines():
+            for part in terminal.folded(line) if form == "text" else [line]:
+                click.echo(part)
         return
     from cpbench.testing.residual_matrix import measure, table
 
@@ -65,6 +84,6 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
     taken = sum(cell.error is not None for cell in found)
     within = taken - len(above) - len(rounded)
     more = f", {len(rounded)} more within rounding" if rounded else ""
-    click.echo(f"{within} of {taken} pairs within {number(tolerance)}{more}")
+    click.echo(f"{within} of {counted(taken, 'pair')} within {number(tolerance)}{more}")
     if above:
         sys.exit(1)

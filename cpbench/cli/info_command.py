@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,8 @@ import click
 import numpy as np
 
 from cpbench import facts, matrices, storage
+from cpbench.cli import info_summary
+from cpbench.cli.answer import is_results, print_results
 from cpbench.cli.options import Address, Command, format_option, number
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
@@ -26,10 +29,28 @@ LABELS = ("title", "description", "math_info", "family", "source", "licence", "c
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
+    Of more than three problems it shows a line each; one that cannot be read does not keep back the others. Of a
+    results file: which solver to use, as the run that wrote it ended.
+
     A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.
     """
+    if any(map(is_results, files)):
+        first, *others = files
+        if as_json or file_format or others:
+            raise click.UsageError("a results file stands alone, without options; its rows as JSON: cpbench export")
+        print_results(first)
+        return
     records: list[dict[str, Any]] = []
-    for address in storage.problem_files(files) or list(files):
+    addresses = storage.problem_files(files) or list(files)
+    if len(addresses) > info_summary.MANY and not as_json:
+        told, refused = info_summary.lines(addresses, file_format)
+        click.echo("\n".join(told))
+        for reason in refused:
+            click.echo(reason, err=True)
+        if refused:
+            sys.exit(2)
+        return
+    for address in addresses:
         problem = storage.load(address, format=file_format)
         measured = facts.of(problem) if measure else ()
         if as_json:

@@ -27,6 +27,25 @@ class Duration(click.ParamType):
             self.fail(str(cause), param, ctx)
 
 
+class Length(click.ParamType):
+    """`3.5in`, `89mm` or `8.9cm`, in inches."""
+
+    name = "length"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if isinstance(value, float):
+            return value
+        units = {"in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
+        number, unit = str(value).strip()[:-2], str(value).strip()[-2:]
+        try:
+            length = float(number) * units[unit]
+        except (ValueError, KeyError):
+            length = 0.0
+        if not 0 < length < 1000:
+            self.fail(f"'{value}' is no length: write 3.5in, 89mm or 8.9cm", param, ctx)
+        return length
+
+
 class Memory(click.ParamType):
     """`512M`, `4G`, or a number of bytes; `0` or `none` for no limit."""
 

@@ -11,10 +11,10 @@ from typing import Any
 import click
 
 from cpbench.bench import history
-from cpbench.cli.options import Command, Duration, ListOption
+from cpbench.cli.options import Command, Duration, Length, ListOption
 from cpbench.cli.outputs import replaced
 from cpbench.cli.sealed import sealed
-from cpbench.report import canvas, run_canvas
+from cpbench.report import arrangement, canvas, run_canvas
 from cpbench.report.chosen import Choice
 from cpbench.report.figure_kinds import FigureKind
 from cpbench.report.run import assembled
@@ -36,6 +36,9 @@ CHOICE: tuple[click.Option, ...] = (
 _ALWAYS = (
     click.Option(["--publishable"], is_flag=True, help="Leave out solvers that restrict the publishing of figures."),
     click.Option(["-o", "--output"], type=click.Path(path_type=Path), required=True, help="x.svg, .png or .pdf."),
+    click.Option(["--width"], type=Length(), default=math.nan, help="Of the figure, as 3.5in or 89mm."),
+    click.Option(["--height"], type=Length(), default=math.nan, help="Of what is between its title and its guide."),
+    click.Option(["--legend"], type=click.Choice(arrangement.PLACES), help="Where the legend stands."),
     click.Option(["--bare"], is_flag=True, help="Leave out the title and the words on how to read it."),
 )
 
@@ -47,6 +50,7 @@ def command_of(kind: FigureKind) -> click.Command:
     parameters += [*CHOICE, *_ALWAYS]
 
     def draw(results: Path, output: Path, bare: bool, publishable: bool, **given: Any) -> None:
+        size, place = (given.pop("width"), given.pop("height")), given.pop("legend") or ""
         canvas.require_suffix(output)
         before = [output] if output.exists() else []
         own = {name: given.pop(name) for name in kind.options}
@@ -57,6 +61,7 @@ def command_of(kind: FigureKind) -> click.Command:
             run = assembled(store.table(), store.meta(), Path(), told, publishable=publishable)
         with run_canvas.drawing():
             drawn = kind.draw(run, choice, **own)
+            arrangement.arrange(drawn.figure, *size, place)
         with canvas.drawing():
             canvas.write(drawn, output, bare=bare)
         click.echo(f"{kind.name}: {replaced(output, before)}")

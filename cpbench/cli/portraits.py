@@ -31,6 +31,7 @@ from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem, formulations
 from cpbench.formulations.contact import ContactProblem
 from cpbench.generators import generators
+from cpbench.report.text import cut
 from cpbench.storage.base import split_address
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ BYTES = 400_000
 """What the pictures of a page may take, compressed."""
 COLUMNS = ("address", "family", "tolerance", "node", "status", "error")
 """What is asked of the rows, beside what tells them apart."""
+ABOUT = 400
+"""Characters of a licence or a source."""
 MOST = 4000
 """Problems that are asked for."""
 
@@ -236,10 +239,18 @@ def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Portrait:
         problem = generated
     else:
         return {"why": ABSENT}
+    about = _about(problem)
     if not one.answer:
-        return portrait(problem)
+        return {**portrait(problem), **about}
     told = portrait(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
-    return {**told, "answer": {"label": one.label, "error": one.error}}
+    return {**told, **about, "answer": {"label": one.label, "error": one.error}}
+
+
+def _about(problem: Problem) -> Portrait:
+    """What the problem says of its licence and its source, cut to what a page has room for."""
+    info = problem.info
+    told = {"licence": info.licence, "source": info.source, "citation": info.citation}
+    return {name: cut(text, ABOUT) for name, text in told.items() if text}
 
 
 def _generated(family: str, made: dict[str, dict[str, Problem]]) -> dict[str, Problem]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shutil
 import sys
 import time
 from collections import Counter
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cpbench.bench.planning.plan import Pair
+from cpbench.cli.standings import Standings
 from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations import Problem
@@ -21,9 +23,11 @@ from cpbench.graph import Apply
 from cpbench.plain_text import printable
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Group
 
 MINUTE = 60.0
+ROOM = 4
+"""Lines of a terminal that no row of the live table may take: head and end of the table, and what is below it."""
 LARGE = 50e6
 """Bytes of a conversion's result from which on it is announced."""
 
@@ -42,6 +46,7 @@ class Display:
         self._live: Any = None
         self._total = self._done = self._before = 0
         self._counts: Counter[str] = Counter()
+        self._standings = Standings()
         self._now: dict[str, tuple[str, float, float]] = {}
         self._warming = ""
         self._began = self._told = time.monotonic()
@@ -80,6 +85,7 @@ class Display:
             self._now.pop(pair.key, None)
             self._done += 1
             self._counts[str(row["status"])] += 1
+            self._standings.note(pair.label, row)
             self._tell()
         if self._events is not None:
             self._events.info(line(event, pair, row))
@@ -88,8 +94,9 @@ class Display:
         if self._live is not None:
             self._live.stop()
 
-    def view(self) -> Table:
-        """The live table: how far, what is being solved, what came of the others, how long it will take."""
+    def view(self) -> Group:
+        """The live table: how far, how long it will take, what is being solved, and how the solvers stand."""
+        from rich.console import Group
         from rich.progress_bar import ProgressBar
         from rich.table import Table
 
@@ -103,8 +110,8 @@ class Display:
             table.add_row("solving", f"{text}  {now - since:.1f} s of {limit:g} s")
         if self._warming:
             table.add_row("warming", self._warming)
-        table.add_row("verdicts", self._summary())
-        return table
+        room = shutil.get_terminal_size().lines - table.row_count - ROOM
+        return Group(table, self._standings.table(max(room, 1)))
 
     def _tell(self) -> None:
         """A line a tenth of the way, and one a minute where that is rarer."""

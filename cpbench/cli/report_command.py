@@ -76,6 +76,7 @@ def command(
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     from cpbench.bench import history
     from cpbench.cli.portraits import Portraits
+    from cpbench.cli.start_answers import start_answers
     from cpbench.report import row_files
     from cpbench.report.folder import write_folder
 
@@ -93,11 +94,20 @@ def command(
             new = side_of(store)
             table, meta = new.table, new.meta
             comparison = compare(base(baseline, new), new)
-        portraits = Portraits(store, table)
+        portraits, answers = Portraits(store, table), start_answers(store, table)
     before = _there(folder)
     forms, told = row_files.chosen(len(table), data or None)
     made = write_folder(
-        table, meta, folder, name, iterates, comparison=comparison, data=forms, portraits=portraits, **chosen
+        table,
+        meta,
+        folder,
+        name,
+        iterates,
+        comparison=comparison,
+        data=forms,
+        portraits=portraits,
+        answers=answers,
+        **chosen,
     )
     for path in made:
         click.echo(f"report: {replaced(path, before)}")

@@ -12,20 +12,21 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from cpbench.analysis.remarks import remarks
 from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane
-from cpbench.bench.planning import dry_run, plan_file, run_plan
+from cpbench.bench.planning import dry_run, plan_file, quantities, run_plan, suites
 from cpbench.bench.planning.assembly import Assembly, assemble
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
 from cpbench.bench.runner import settings
 from cpbench.bench.staff import Setting
+from cpbench.cli.answer import print_answer
 from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError
 from cpbench.plain_text import printable
+from cpbench.report.text import counted
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 SECTIONS = {
     "Plan": ["plan_path", "only_sets"],
-    "Problems": ["keyword", "family", "where", "split", "max_problems", "shard", "file_format"],
+    "Problems": ["suite", "keyword", "family", "where", "split", "max_problems", "shard", "file_format"],
     "Solvers and routes": ["solvers", "routes", "facets", "via", "start", "plugin_files"],
     "Accuracy": ["tolerance", "measure", "history"],
     "Limits": ["timeout", "memory", "threads", "repeats", "isolate"],
@@ -41,13 +42,15 @@ SECTIONS = {
     "Results": ["output", "no_resume", "rerun", "retry", "keep", "report", "no_report", "fail_on"],
     "What is shown": ["dry_run", "quiet", "verbose", "log", "help"],
 }
+MANY = 100
+"""Pairs from which on it is said how long they may take."""
 ABSENT = 4
 """The most solvers of which the end of a run tells why they could not run."""
 EXAMPLES = (
     "cpbench run",
     "cpbench run scenes/ -s nsgs -s 'newton-*' -t 1e-4,1e-8 --timeout 1m",
     "cpbench run 'scenes/*.hdf5' -s 'nsgs[omega=0.8:1.4:0.2,shuffle=true|false]' --where 'nc > 100' --dry-run",
-    "cpbench run --shard 1/4 -o part1.sqlite",
+    "cpbench run --suite full --shard 1/4 -o part1.sqlite",
 )
 
 
@@ -64,13 +67,19 @@ EXAMPLES = (
     help="Only this [[set]] of the plan. Repeatable.",
 )
 @click.option(
+    "--suite",
+    type=click.Choice(suites.SUITES),
+    help="Built-in problems, where none are named. quick (default): few and small, 5 s each at most; standard: all, by "
+    "the same solvers; full: all, by all solvers and routes.",
+)
+@click.option(
     "-k", "--keyword", metavar="WORDS", help="Problems with these words in path, name, family or node: 'a and not b'."
 )
 @click.option("--family", cls=ListOption, metavar="NAME", help="Problems of this family (a glob).")
 @click.option(
     "--where",
     metavar="CONDITION",
-    help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. A fact that a problem lacks selects nothing.",
+    help="Problems whose facts fulfil it: 'nc > 100 and 3*nc/ndof > 1'. Problems without that fact are skipped.",
 )
 @click.option(
     "--split",
@@ -92,7 +101,7 @@ EXAMPLES = (
     "--routes",
     type=click.Choice(plan_file.ROUTES),
     help="Which conversions may be used; facets adds inner facets, all adds outer ones, relaxations and "
-    "merely necessary conversions. Default: exact; for the built-in suite: facets.",
+    "merely necessary conversions. Default: exact; for builtin: facets.",
 )
 @click.option(
     "--facets",
@@ -173,7 +182,7 @@ def command(
     """Run every reachable solver on every problem, judge every answer on the problem that was asked, and report.
 
     Problems are files, packs (FILE::NAME), folders, globs or the word builtin; without any, those of the plan file,
-    or the built-in suite. The same command after an interruption resumes. What is said here wins over the file.
+    or the quick suite. The same command after an interruption resumes. What is said here wins over the file.
 
     Ends with 0 when every pair has its row, whatever is in it; 1 for --fail-on, and when rows are missing because
     pairs were not run or nobody could say what a file holds, or are not as a run wrote them; 2 for bad input; 130 when
@@ -188,7 +197,7 @@ def command(
     if no_report:
         given["report"] = None
     said = (file.top, file.sets) if file is not None else ({}, [])
-    asked = run_plan.make(given, *said, only=only_sets, tunings=file.tunings if file is not None else ())
+    asked = run_plan.make(given, *said, only=only_sets, tunings=file.tunings if file is not None else (), suite=_suite)
     if "facets" in given and all(not part.via and part.allowed_routes == "exact" for part in asked.sets):
         raise click.UsageError("--facets: no route of this run has facets; add --routes facets")
     if no_resume and asked.results.exists():
@@ -201,6 +210,8 @@ def command(
             lanes = [stack.enter_context(Lane(s)) for s in settings(common, own, pin=asked.affinity)]
             assembly = assemble(asked, lanes[0], _builtin_folder, display.reading)
             _tell(assembly)
+            if not quiet:
+                _tell_estimate(asked, assembly)
             if dry_run:
                 _print_plan(asked, assembly)
                 return
@@ -211,8 +222,8 @@ def command(
             crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
             store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep, expel=True))
             _tell_removed(store)
-            campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))
-            campaign.work(crew, store, asked, assembly.pairs, display)
+            pairs = campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))
+            campaign.work(crew, store, asked, pairs, display, assembly.absent)
             _finish(store, asked, assembly)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if asked.rerun else "the same command"
@@ -254,6 +265,12 @@ def _given(context: click.Context) -> dict[str, Any]:
     return given
 
 
+def _suite(name: str) -> dict[str, Any]:
+    from cpbench.generators.collection import quick_problems
+
+    return suites.values(name, lambda: quick_problems(_builtin_folder()))
+
+
 def _builtin_folder() -> Path:
     from cpbench.generators.collection import builtin_folder
 
@@ -266,6 +283,16 @@ def _tell(assembly: Assembly) -> None:
         click.echo(f"same problem, run once: {address} is {twin}", err=True)
     if assembly.pairs and assembly.idle:
         click.echo(f"no route leads to {', '.join(assembly.idle)}: no row", err=True)
+
+
+def _tell_estimate(asked: RunPlan, assembly: Assembly) -> None:
+    """How long it will take, where that is not over before it is read."""
+    todo = dry_run.to_run(assembly.pairs, campaign.statuses(asked.results), asked.rerun)
+    if len(todo) >= MANY:
+        from cpbench.cli.estimate import estimate
+
+        longest = quantities.duration(dry_run.longest(todo, asked))
+        click.echo(f"{estimate(todo, asked)}; at most {longest}", err=True)
 
 
 def _tell_removed(store: Store) -> None:
@@ -292,19 +319,23 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
         _tell_absent(store)
-    click.echo(f"{sum(counts.values())} pairs: {_summary(counts) or 'none in this shard'}")
+    print_answer(store)
+    click.echo(f"\n{counted(sum(counts.values()), 'pair')}: {_summary(counts) or _nothing(asked)}")
     table = store.table()
+    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
+
     for remark in remarks(table):
         click.echo(printable(remark))
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
         from cpbench.cli.portraits import Portraits
+        from cpbench.cli.start_answers import start_answers
         from cpbench.report.folder import write_folder
 
-        title = "The built-in suite" if asked.builtin else asked.results.stem
+        title = _title(asked)
         iterates = history.table(store.histories())
-        portraits = Portraits(store, table)
-        for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, portraits=portraits):
+        more = {"portraits": Portraits(store, table), "answers": start_answers(store, table)}
+        for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, **more):
             click.echo(f"report: {path}")
     gaps = campaign.gaps(store, assembly)
     if gaps:
@@ -315,8 +346,14 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     removed = len(store.opened.broken)
     if removed:
         click.echo(f"cpbench: {asked.results}: {removed} rows could not be believed and were removed", err=True)
-    if gaps or failed or removed:
+    if gaps or failed or removed or not (counts or asked.shard != (1, 1)):
         sys.exit(1)
+
+
+def _title(asked: RunPlan) -> str:
+    if asked.builtin:
+        return "The built-in suite"
+    return f"The {asked.suite} suite" if asked.suite else asked.results.stem
 
 
 def _tell_absent(store: Store) -> None:
@@ -327,6 +364,10 @@ def _tell_absent(store: Store) -> None:
         click.echo(f"not available: {name}: {printable(reason)}", err=True)
     if len(reasons) > ABSENT:
         click.echo(f"and {len(reasons) - ABSENT} more solvers: cpbench doctor says what each lacks", err=True)
+
+
+def _nothing(asked: RunPlan) -> str:
+    return "none in this shard" if asked.shard != (1, 1) else "none could be run"
 
 
 def _summary(counts: Mapping[str, int]) -> str:

@@ -7,6 +7,7 @@ import click
 from cpbench import graph, storage
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import parse_request
+from cpbench.cli.answer import is_results, print_results
 from cpbench.cli.options import Address, Command, ListOption, facets_option, format_option, require_with_via
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
@@ -39,8 +40,14 @@ def command(
 ) -> None:
     """Show a problem: its law and its data, in numbers when small, as block structure when large.
 
-    With --as or --via it is converted first; what led there is shown with its equations.
+    With --as or --via it is converted first; what led there is shown with its equations. Of a results file it shows
+    which solver to use, as the run that wrote it ended.
     """
+    if is_results(source):
+        if node or via or tex or file_format:
+            raise click.UsageError("a results file is shown without options; its report: cpbench report")
+        print_results(source)
+        return
     if node is not None:
         formulations.get(node)
     problem = storage.load(source, format=file_format)

@@ -88,6 +88,8 @@ def command(
         raise CpbenchError(
             "--start previous: a problem by itself has no step before it; see cpbench run --start previous"
         )
+    if policy.guess == starts.EVERY:
+        raise CpbenchError("--start file:all: one solve has one start, as file:2; see cpbench run --start file:all")
     if via:
         asked = [plan.pinned(via, {"facets": facets})]
     else:

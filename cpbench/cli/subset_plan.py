@@ -155,7 +155,11 @@ def _settings(part: Mapping[str, Any]) -> dict[str, Any]:
     settings: dict[str, Any] = {"routes": asked.allowed_routes} if asked.allowed_routes != "exact" else {}
     for f in fields(ProblemSet):
         told = part.get(f.name, getattr(default, f.name))
-        if f.name in ("name", "routes", *SELECTING) or told is None or _tupled(told) == getattr(default, f.name):
+        if (
+            f.name in ("name", "routes", "suite", *SELECTING)
+            or told is None
+            or _tupled(told) == getattr(default, f.name)
+        ):
             continue
         settings[f.name] = list(told) if isinstance(told, list | tuple) else told
     return settings

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 
 from cpbench import storage
 from cpbench.errors import CpbenchError
 from cpbench.generators.base import Collection, Instance, generators
+
+SMALL, FEW = 40, 2
+"""The largest dimension of a problem of the quick suite, and how many of them a formulation has there."""
+UNKNOWN = ("nothing", "infeasible")
+"""What is known of a problem that has no known solution."""
 
 
 def builtin_folder() -> Path:
@@ -18,6 +25,29 @@ def builtin_folder() -> Path:
         if any(folder.glob("*/*.h5")):
             return folder
     raise CpbenchError("the built-in problems are not installed; write them with: cpbench generate FOLDER")
+
+
+def quick_problems(folder: Path) -> list[str]:
+    """Addresses of the small problems of every formulation whose solution is known: `builtin/NODE/COLLECTION.h5::NAME`.
+
+    FEW of a formulation, from its collections in turn: of each the largest first that has no dimension above SMALL.
+    """
+    found: dict[str, list[list[str]]] = {}
+    for sheet in sorted(folder.glob("*/*.toml")):
+        told = tomllib.loads(sheet.read_text("utf-8"))
+        sizes = {
+            str(problem["name"]): max(size for size in problem.values() if isinstance(size, int))
+            for problem in told["problem"]
+            if problem["known"] not in UNKNOWN
+        }
+        small = sorted((name for name in sizes if sizes[name] <= SMALL), key=lambda name: (-sizes[name], name))
+        pack = f"builtin/{told['node']}/{sheet.stem}.h5"
+        found.setdefault(str(told["node"]), []).append([f"{pack}::{name}" for name in small])
+    return [
+        address
+        for collections in found.values()
+        for address in [one for turn in zip_longest(*collections) for one in turn if one is not None][:FEW]
+    ]
 
 
 def write_collections(folder: str | Path, names: Sequence[str] = ()) -> Iterator[Path]:

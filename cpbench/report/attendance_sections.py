@@ -21,10 +21,10 @@ def publishing(run: Run) -> Iterator[str]:
     found = attendance.restricted(run.rows, run.meta.get("solvers") or {})
     if not found:
         return
-    yield "## Not to be published as it is"
     yield (
-        f"**Publishing these figures is restricted: {listed(list(found), 12)}.** Leave them out with "
-        f"{code('cpbench report RESULTS --publishable')}, or ask whoever gives the licence."
+        "**Not to be published as it is. Publishing these figures is restricted: "
+        f"{listed(list(found), 12)}.** Leave them out with {code('cpbench report RESULTS --publishable')}, "
+        "or ask whoever gives the licence."
     )
     terms: dict[str, list[str]] = {}
     for name, said in found.items():

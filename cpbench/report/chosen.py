@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
@@ -47,7 +47,7 @@ class Chosen:
     Attributes
     ----------
     kinds : route kind of each label. asked : the tolerance at which was solved, another where `tolerance` was applied
-    to the answers afterwards.
+    to the answers afterwards. looks : of every label of the file, whatever is shown (`analysis.looks`).
     """
 
     rows: pd.DataFrame
@@ -56,6 +56,7 @@ class Chosen:
     tolerance: float
     asked: float
     problems: int
+    looks: Mapping[str, int]
 
     @property
     def kinds(self) -> dict[str, str]:
@@ -115,7 +116,7 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
         solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
         wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
         rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
-    return Chosen(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems)
+    return Chosen(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems, run.looks)
 
 
 def leading(chosen: Chosen, values: pd.DataFrame, most: int) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -45,7 +45,7 @@ def section(run: Run, easel: Easel, rows: pd.DataFrame, title: str, name: str) -
         return
     problems = int(rows["fingerprint"].nunique())
     yield "### Error against time"
-    easel.draw(name, figure, found, problems, title)
+    easel.draw(name, figure, found, problems, title, run.looks)
     yield f"[![Error against time, {plain(title)}]({name}.png)]({name}.svg)"
     yield f"*{guide(problems)}*"
     wanted = [e for e in DECADES if (found["error"] <= e).any()]
@@ -60,7 +60,7 @@ def section(run: Run, easel: Easel, rows: pd.DataFrame, title: str, name: str) -
     )
 
 
-def figure(found: pd.DataFrame, problems: int, title: str) -> Figure:
+def figure(found: pd.DataFrame, problems: int, title: str, looks: Mapping[str, int]) -> Figure:
     """Work-precision curves, as `analysis.histories.work_precision` gives them, legend in the order of their ends."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -76,13 +76,13 @@ def figure(found: pd.DataFrame, problems: int, title: str) -> Figure:
         axes = made.add_axes((0.09, box[0], 0.535, box[1]))
         beside = made.add_axes((0.685, box[0], 0.31, box[1]))
         made.text(0.09, 1 - 0.24 / height, title, fontsize=10.5, fontweight="bold", va="center")
-        curves_axes(axes, beside, found, problems)
+        curves_axes(axes, beside, found, problems, looks)
         text = textwrap.fill(guide(problems), 136)
         made.text(0.065, 0.10 / height, text, fontsize=7.8, color="#444444", va="bottom", linespacing=1.35)
     return made
 
 
-def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int) -> None:
+def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, int]) -> None:
     """Curves of `analysis.histories.work_precision` into `axes` and their legend, lowest end first, into `beside`."""
     curves: dict[str, pd.DataFrame] = {
         str(label): own[own["seconds"] < math.inf] for label, own in found.groupby("label", sort=True)
@@ -91,7 +91,7 @@ def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int) ->
         (label for label, own in curves.items() if len(own)),
         key=lambda label: (float(curves[label]["error"].min()), float(curves[label]["seconds"].max()), label),
     )
-    places = {label: place for place, label in enumerate(drawn[: legend.EMPHASISED])}
+    places = {label: looks[label] for label in drawn[: legend.EMPHASISED]}
     for label in reversed(drawn):
         own, place = curves[label], places.get(label)
         marks: dict[str, Any] = {} if place is None else {"markevery": 8}

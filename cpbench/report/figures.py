@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MARKS = {str(Kind.APPROXIMATE): "≈", str(Kind.RELAXATION): "⊇", str(Kind.NECESSARY): "?"}
 """Sign of a route that promises less than an answer, behind the label."""
 INEXACT = tuple(str(kind) for kind in Kind if not kind.exact)
-ACROSS = "τ: time over the time of the fastest, log scale (failures are at ∞, beyond the right end)"
+ACROSS = "τ: time / fastest time (failures: ∞), log scale"
 LABEL_LENGTH = 30
 POINTS, GREY_POINTS = 1_000, 500
 """The most corners of a curve, in colour and in grey: none is off by more than this part of the axis, less than the
@@ -56,12 +56,13 @@ def profile_guide(problems: int, cost: str = "time", least: str = "the fastest")
     )
 
 
-def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Figure:
+def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks: Mapping[str, int]) -> Figure:
     """Performance profile of a group with an ordered legend beside it.
 
     Parameters
     ----------
     title : what, how many problems, tolerance and limit. kinds : route kind of each label; inexact ones are dashed.
+    looks : of each label (`analysis.looks`).
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -76,23 +77,29 @@ def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Fi
         axes = figure.add_axes((0.065, bottom, 0.56, 0.99 - bottom - 0.42 / height))
         beside = figure.add_axes((0.685, bottom, 0.31, 0.99 - bottom - 0.42 / height))
         figure.text(0.065, 1 - 0.24 / height, title, fontsize=10.5, fontweight="bold", va="center")
-        profile_axes(axes, beside, profile, kinds)
+        profile_axes(axes, beside, profile, kinds, looks)
         guide = textwrap.fill(profile_guide(profile.problems), 136)
         figure.text(0.065, 0.10 / height, guide, fontsize=7.8, color="#444444", va="bottom", linespacing=1.35)
     return figure
 
 
 def profile_axes(
-    axes: Axes, beside: Axes, profile: Profile, kinds: Mapping[str, str], across: str = "", most: int = LINES
+    axes: Axes,
+    beside: Axes,
+    profile: Profile,
+    kinds: Mapping[str, str],
+    looks: Mapping[str, int],
+    across: str = "",
+    most: int = LINES,
 ) -> dict[str, int]:
-    """Curves into `axes` and their legend into `beside`; gives the place in the palette of the labels in colour.
+    """Curves into `axes` and their legend into `beside`; gives the looks of the labels in colour, the leading first.
 
     Parameters
     ----------
     across : label of the axis of τ, where the cost is not the time. most : lines of the legend.
     """
     curves = [c for c in profile.by_height() if c.solved]
-    places = dict(zip(profile.leading(EMPHASISED), range(EMPHASISED), strict=False))
+    places = {label: looks[label] for label in profile.leading(EMPHASISED)}
     upto = right_end(profile)
     for curve in reversed(curves):
         place, dashed = places.get(curve.label), kinds.get(curve.label, "") in INEXACT
@@ -100,14 +107,14 @@ def profile_axes(
         layer = 2 if place is None else 5 if dashed else 4  # between its dashes, what lies under it shows
         marks: dict[str, Any] = {} if place is None else {"markevery": (0, max(1, len(tau) // 6)), "clip_on": False}
         axes.plot(tau, height, drawstyle="steps-post", **legend.look(place, dashed), **marks, zorder=layer)
-    _frame(axes, upto, 12)
+    frame(axes, upto, 12)
     axes.set_xlabel(across or ACROSS, fontsize=8.5)
     axes.set_ylabel(f"fraction of the {counted(profile.problems, 'problem')} solved")
     if not curves:
         nothing(axes, "no problem was solved")
     legend.beside(
         beside,
-        "solved   highest right end first",
+        "solved   sorted by problems solved",
         [line_of(curve, places, kinds) for curve in curves],
         notes(profile.curves, kinds),
         most=most,
@@ -174,7 +181,7 @@ def right_end(profile: Profile) -> float:
     return end
 
 
-def _frame(axes: Axes, upto: float, ticks: int) -> None:
+def frame(axes: Axes, upto: float, ticks: int) -> None:
     """Scales, ticks and grid that every profile has."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from cpbench.matrices import Vector
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
@@ -30,6 +31,7 @@ def write_folder(
     comparison: Comparison | None = None,
     data: Collection[str] = ("csv",),
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
+    answers: Mapping[str, Vector] | None = None,
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.
 
@@ -42,11 +44,12 @@ def write_folder(
     count_stationary : whether answers that are stationary only are among the solved.
     comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
     data : formats of the rows (`row_files.chosen`).
+    answers : those that `analysis.multi_start.wanted` asks for, by key of their rows.
     portraits : pictures of the problems by fingerprint, asked for when the page is made (`cli.portraits`).
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     chosen["count_stationary"] = count_stationary
-    run = assembled(table, meta, Path(folder), histories, portraits=portraits, **chosen)
+    run = assembled(table, meta, Path(folder), histories, portraits=portraits, answers=answers, **chosen)
     with markdown.rows_beside(run), markdown.easel_of(run) as easel:
         documents = (markdown.write_text(run, easel, title, comparison), page.write(run, title))
     files = [run.folder / f"results.{name}" for name in data if name != "csv"]

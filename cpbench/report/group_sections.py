@@ -15,20 +15,29 @@ from cpbench.report import convergence, figures, panels
 from cpbench.report.easel import Easel
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
-from cpbench.report.run import Run, each, group_name, tunings
+from cpbench.report.run import Run, each, tunings
 from cpbench.report.text import code, counted, listed, number, plain, seconds, table
 
 MATRIX_PROBLEMS = 60
 """The most problems of a formulation for which the matrix is printed."""
 
 
-def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, several: bool) -> Iterator[str]:
+def slug_of(run: Run, group: Group) -> str:
+    """The group's part of names of files: its formulation, with its settings where some formulation has several."""
+    slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
+    if len(run.parts) == run.rows["node"].nunique():
+        return slug
+    told = (f"{group.tolerance:g}", group.start, str(group.threads), group.set, group.measure)
+    return "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in told if part)])
+
+
+def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame) -> Iterator[str]:
+    """All of them, in order; the figures are drawn on the easel."""
     problems = rows["fingerprint"].nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
     most = rows_of.limit(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, most))
     labels = [str(label) for label in counts["label"]]
-    yield f"## {group_name(run, group)}"
     sizes = ", ".join(
         f"{plain(k)} {a}" if a == b else f"{plain(k)} {a} to {b}" for k, (a, b) in summary.size_ranges(rows).items()
     )
@@ -42,7 +51,7 @@ def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, sev
         leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
         yield from mean_section(times, bootstrap.families_of(rows), most, ranked, leading)
         yield from gap_section(times, ranked, leading)
-        yield from _figures(run, easel, group, rows, times, several)
+        yield from _figures(run, easel, group, rows, times)
     yield from _verdicts(rows, labels)
     yield from _matrix(run, rows, labels, problems)
     yield from _families(rows)
@@ -52,7 +61,7 @@ def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, sev
 def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[str]) -> Iterator[str]:
     floor, short = seconds(profiles.FLOOR), below_floor(times)
     yield "### Solved and times"
-    head = ["solver", "route", f"solved of {problems}", "stationary", "planned", "claimed, is not", "fastest"]
+    head = ["solver", "route", "solved", "stationary", "ran", "false claims", "fastest"]
     head += ["median of solved", "slowdown of solved", f"below {floor}"]
     yield table(
         head,
@@ -62,7 +71,7 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
                 f"**{r.kind}**" if r.kind in figures.INEXACT else r.kind or "—",
                 str(r.solved),
                 str(r.stationary),
-                str(r.planned),
+                str(r.ran),
                 str(r.false),
                 str(r.fastest) if r.ranked else "—",
                 seconds(r.median),
@@ -73,7 +82,11 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
         ),
         right=range(2, 10),
     )
-    yield f"Slowdown: median ratio to the fastest solver of each problem; times below {floor} count as that."
+    yield (
+        f"Ran: of the {counted(problems, 'problem')} those that the solver was started on; what it cannot take counts "
+        "against nobody."
+    )
+    yield f"Slowdown: median ratio to the fastest solver of each problem; times below {floor} are set to {floor}."
     if not counts["ranked"].all():
         yield (
             "Labels with `@imported` name answers that were made elsewhere: they are judged here, their times are of "
@@ -81,35 +94,28 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
         )
 
 
-def _figures(
-    run: Run, easel: Easel, group: Group, rows: pd.DataFrame, times: pd.DataFrame, several: bool
-) -> Iterator[str]:
+def _figures(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
     profile = profiles.performance_profile(times)
     kinds = rows_of.label_kinds(rows)
-    slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
-    if several:
-        told = (f"{group.tolerance:g}", group.start, str(group.threads), group.set, group.measure)
-        slug = "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in told if part)])
+    slug = slug_of(run, group)
     most = rows_of.limit(rows)
     limit = f"limit {most:g} s" if math.isfinite(most) else "no limit"
     title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}, {limit}"
     yield "### Performance profile"
     name = f"profile-{slug}"
-    easel.draw(name, figures.profile_figure, profile, title, kinds)
+    easel.draw(name, figures.profile_figure, profile, title, kinds, run.looks)
     yield f"[![Performance profile, {plain(title)}]({name}.png)]({name}.svg)"
     yield (
-        f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} count as that. "
+        f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} are set to that. "
         f"Dashed: routes that promise less than an answer ({', '.join(f'{m} {k}' for k, m in figures.MARKS.items())}).*"
     )
     swapped = pairwise.reversals(times, profile.leading(figures.EMPHASISED))
     if swapped:
-        yield (
-            "*Caution.* Other solvers decide the order of these at τ = 2; compared by themselves they change places:"
-        )
-        yield "\n".join(f"- {code(one)} lies above {code(other)} here, below it alone" for one, other in swapped)
+        yield "*Caution.* At τ = 2 these are in this order only because of the other solvers; pairwise, it reverses:"
+        yield "\n".join(f"- {code(one)} is above {code(other)} here, below it pairwise" for one, other in swapped)
     if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
         name = f"profile-{slug}-each"
-        easel.draw(name, panels.panels_figure, profile, f"{title}, each solver apart", kinds)
+        easel.draw(name, panels.panels_figure, profile, f"{title}, each solver apart", kinds, run.looks)
         yield f"[![Each solver's curve, {plain(title)}]({name}.png)]({name}.svg)"
         yield f"*{panels.panels_guide()}*"
     yield from convergence.section(run, easel, rows, title, f"errors-{slug}")
@@ -134,7 +140,7 @@ def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
     )
     yield "### Claims against verdicts"
     yield table(
-        ["solver", "claimed, is", "claimed, is not", "not claimed, is", "neither", "claims that hold"],
+        ["solver", "true claims", "false claims", "not claimed, solved", "neither", "claims that hold"],
         (
             [
                 code(label),

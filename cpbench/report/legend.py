@@ -10,22 +10,27 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9")
-"""Okabe and Ito's colours (told apart with every common colour blindness), without the yellow that white swallows."""
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+PALETTE = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288"
+)  # fmt: skip
+"""Okabe and Ito's colours (told apart with every common colour blindness), without the yellow that white swallows; then
+wine, olive and indigo of Tol's muted scheme."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
 GREY = "#A6A6A6"
-EMPHASISED = len(PALETTE)
+EMPHASISED = 7
 """Curves drawn in colour and with a marker; further ones are grey."""
 LINES = 32
 """The most curves that are named; the grey ones beyond are counted."""
 LINE = 0.19
 """Height of a line [in]."""
+LEGEND = "legend"
+"""Label of the axes that hold one."""
 DASHES: Any = (0, (4, 2))
 
 
 @dataclass(frozen=True)
 class Line:
-    """A curve's line: `place` in the palette (None: grey), `dashed`, and the number in front of its label."""
+    """A curve's line: the `place` of its look (None: grey), `dashed`, and the number in front of its label."""
 
     label: str
     number: str
@@ -34,12 +39,17 @@ class Line:
 
 
 def look(place: int | None, dashed: bool = False) -> dict[str, Any]:
-    """How a curve is drawn: colour and marker of its place, grey and thin without one."""
+    """How a curve is drawn: colour and marker of its place (`analysis.looks`), grey and thin without one."""
     dashes = DASHES if dashed else "-"
     if place is None:
         return {"color": GREY, "linewidth": 0.9, "linestyle": dashes}
-    marker = {"marker": MARKERS[place], "markersize": 4.2}
-    return {"color": PALETTE[place], "linewidth": 1.7, "linestyle": dashes, **marker}
+    marker = {"marker": MARKERS[(place + place // len(PALETTE)) % len(MARKERS)], "markersize": 4.2}
+    return {"color": colour(place), "linewidth": 1.7, "linestyle": dashes, **marker}
+
+
+def colour(place: int) -> str:
+    """The colour of a look."""
+    return PALETTE[place % len(PALETTE)]
 
 
 def height(curves: int, notes: int = 0, most: int = LINES) -> float:
@@ -57,6 +67,7 @@ def beside(
     indent : room for longer numbers, as a share of the width. most : lines that are named.
     """
     axes.set_axis_off()
+    axes.set_label(LEGEND)
     fit = axes.figure.get_figheight() * axes.get_position().height / LINE  # type: ignore[union-attr]
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(fit, 0.0)

@@ -32,7 +32,8 @@ def mean_section(
     shown = shown.reindex(pd.Index(labels, name="label")).reset_index()
     idle = shown["solved"] == 0
     yield "### Means"
-    head = ["solver", "solved", "charged", f"mean over all {every.problems}", "95 % interval"]
+    few = around.families < bootstrap.FEW  # an interval says nothing there
+    head = ["solver", "solved", "charged", f"mean over all {every.problems}", *([] if few else ["95 % interval"])]
     head += [f"mean over {common.problems} in common"]
     yield table(
         [*head, *(f"rank at {seconds(shift)}" for shift in ranks.columns)],
@@ -42,7 +43,7 @@ def mean_section(
                 str(r.solved),
                 str(r.charged),
                 seconds(r.mean),
-                "—" if math.isnan(r.low) else f"{seconds(r.low)} to {seconds(r.high)}",
+                *([] if few else ["—" if math.isnan(r.low) else f"{seconds(r.low)} to {seconds(r.high)}"]),
                 seconds(r.common),
                 *(str(ranks[shift].get(r.label, "—")) for shift in ranks.columns),
             ]
@@ -53,17 +54,14 @@ def mean_section(
     price = f"is charged {seconds(every.charge)}" if math.isfinite(every.charge) else "leaves none (no limit was set)"
     lines = [
         f"- mean: shifted geometric, shift {seconds(every.shift)} (median of all times); a problem not solved {price}",
-        f"- interval: bootstrap of {counted(around.families, 'family', 'families')}",
         f"- {common.problems} in common: the problems that the {counted(len(leading), 'solver')} with the highest "
         "profiles all solve",
     ]
     lines[0] += f" ({every.remark})" if every.remark else ""
-    if around.families < bootstrap.FEW:
-        lines[1] += (
-            ": **few, so a rough guess**" if around.families > 1 else ": **none, for it says nothing of others**"
-        )
+    if not few:
+        lines.append(f"- interval: bootstrap of {counted(around.families, 'family', 'families')}")
     if common.remark:
-        lines[2] += f": **{'few' if common.problems else 'none'}**"
+        lines[1] += f": **{'few' if common.problems else 'none'}**"
     lines += [f"- not listed: {counted(int(idle.sum()), 'solver')} without an answer"] if idle.any() else []
     yield "\n".join([*lines, *_order(tried, every.shift)])
 

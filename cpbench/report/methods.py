@@ -105,8 +105,8 @@ matters, with 2 and 10 times the limit as penalty (PAR2, PAR10): where ranks mov
 **Interval.** 95 % bootstrap, {REPLICATES} replicates: *families* of problems are drawn with replacement, since the
 problems of one family (the time steps of one scene) resemble each other and would make it too narrow one by one; a
 problem without a family is one by itself. Read at the percentiles widened as Student's t asks with so many families
-(Hesterberg, The American Statistician 69, 2015); with fewer than {FEW} it is a guess. Solvers are compared by the same
-problems, so that intervals that overlap do not say that two are alike.
+(Hesterberg, The American Statistician 69, 2015); with fewer than {FEW} families none is shown. Solvers are compared by
+the same problems, so that intervals that overlap do not say that two are alike.
 
 **Virtual best.** The least time of any solver on each problem. *Gap*: the geometric mean of a solver's ratio to it,
 over the problems that it solved and over those commonly solved; *within {WITHIN:g} times* is a fraction of all N. *Best

@@ -16,7 +16,6 @@ import numpy as np
 from cpbench.analysis.profiles import Curve, Profile, thinned
 from cpbench.report import legend
 from cpbench.report.figures import INEXACT, STYLE, marked, power_text, powers, right_end
-from cpbench.report.legend import PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,12 +62,13 @@ def panels_guide() -> str:
     )
 
 
-def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Figure:
+def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks: Mapping[str, int]) -> Figure:
     """The curves of a profile, highest right end first, a panel each.
 
     Parameters
     ----------
     title : what, how many problems, tolerance and limit. kinds : route kind of each label; inexact ones are dashed.
+    looks : of each label (`analysis.looks`).
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -83,7 +83,7 @@ def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str]) -> Fig
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, WIDTH), ylim=(0.0, height))
         axes.set_axis_off()
         axes.text(LEFT, height - 0.2, title, fontsize=10.5, fontweight="bold", va="center")
-        _draw(axes, list(_placed(curves, height)), profile, kinds)
+        _draw(axes, list(_placed(curves, height)), profile, kinds, looks)
     return figure
 
 
@@ -94,7 +94,9 @@ def _placed(curves: Sequence[Curve], height: float) -> Iterator[Panel]:
         yield Panel(curve, x, y, lowest=k + ACROSS >= len(curves))
 
 
-def _draw(axes: Axes, panels: Sequence[Panel], profile: Profile, kinds: Mapping[str, str]) -> None:
+def _draw(
+    axes: Axes, panels: Sequence[Panel], profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int]
+) -> None:
     """Layer by layer: grid, grey area, curves, frames, words."""
     upto = right_end(profile)
     marks = [WIDE * math.log2(tau) / math.log2(upto) for tau in powers(upto, TICKS)]
@@ -109,7 +111,8 @@ def _draw(axes: Axes, panels: Sequence[Panel], profile: Profile, kinds: Mapping[
         own = [p for p in panels if (kinds.get(p.curve.label, "") in INEXACT) == dashed]
         drawn = [p.holding(_corners(*p.curve.outline(upto, POINTS), upto)) for p in own]
         dashes: Any = legend.DASHES if dashed else "-"
-        _lines(axes, drawn, color=PALETTE[0], linewidths=1.4, linestyles=[dashes], zorder=3)
+        colours = [legend.colour(looks[p.curve.label]) for p in own]
+        _lines(axes, drawn, colors=colours, linewidths=1.4, linestyles=[dashes], zorder=3)
     _lines(axes, _everywhere(frame, panels), color="black", linewidths=0.8, capstyle="projecting", zorder=2.5)
     for panel in panels:
         _words(axes, panel, profile, kinds, dict(zip(powers(upto, TICKS), marks, strict=True)))

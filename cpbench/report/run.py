@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import failures, reliability, remarks, summary
+from cpbench.analysis import failures, multi_start, reliability, remarks, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended, restricted, without
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
+from cpbench.analysis.looks import looks
+from cpbench.analysis.ranking import Ranking, rankings
 from cpbench.analysis.table import Group
+from cpbench.matrices import Vector
+from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status
 
@@ -31,6 +35,9 @@ class Run:
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
     that are left out, what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made, and
     whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
+    `parted`: the rows before several starts of a problem were made cases of one formulation. `answers`: by key of the
+    row, of problems with several starts (`analysis.multi_start`).
+    `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
     """
 
     rows: pd.DataFrame
@@ -41,6 +48,9 @@ class Run:
     portraits: Callable[[], Mapping[str, Portrait]] = dict
     has_csv: bool = True
     count_stationary: bool = False
+    looks: Mapping[str, int] = field(default_factory=dict)
+    parted: pd.DataFrame | None = None
+    answers: Mapping[str, Vector] = field(default_factory=dict)
 
     @property
     def stationary(self) -> str:
@@ -50,15 +60,25 @@ class Run:
         count = int((self.rows["status"] == str(Status.STATIONARY)).sum())
         return f"{count} more stationary, not counted as solved" if count else ""
 
+    @property
+    def read(self) -> pd.DataFrame:
+        """The rows as they were read: a problem from several starts is one problem."""
+        return self.rows if self.parted is None else self.parted
+
     @cached_property
     def remarks(self) -> list[str]:
         """`remarks.remarks` of all rows: what the first lines say."""
-        return remarks.remarks(self.rows)
+        return remarks.remarks(self.read)
 
     @property
     def all_rows(self) -> str:
         """Where a reader finds every row."""
         return "`results.csv`" if self.has_csv else "the results file"
+
+    @cached_property
+    def rankings(self) -> list[Ranking]:
+        """The answer of every group in which a solver was started."""
+        return rankings(self.rows, self.meta.get("solvers") or {})
 
     # what several sections ask for is found once: in a million rows each takes seconds
 
@@ -70,7 +90,7 @@ class Run:
     @cached_property
     def timed(self) -> pd.DataFrame:
         """All rows with the `time` that figures and tables are of: what the files of rows hold."""
-        return rows_of.with_time(self.rows)
+        return rows_of.with_time(self.read)
 
     @cached_property
     def nodes(self) -> pd.DataFrame:
@@ -105,16 +125,20 @@ def assembled(
     portraits: Callable[[], Mapping[str, Portrait]] = dict,
     has_csv: bool = True,
     count_stationary: bool = False,
+    answers: Mapping[str, Vector] | None = None,
 ) -> Run:
     """The run that a report is about; the parameters are those of `folder.write_folder`."""
-    run = Run(_without_folders(rows_of.normalised(table)), meta, folder, portraits=portraits, has_csv=has_csv)
+    rows = _without_folders(rows_of.normalised(table))
+    run = Run(rows, meta, folder, portraits=portraits, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
+    run = replace(run, answers=answers or {})
     if histories is not None:
         run = replace(run, histories=histories)
     if with_imported:
         run = replace(run, rows=run.rows.assign(ranked=True))
     if count_stationary:
         run = replace(run, rows=rows_of.counting_stationary(run.rows), count_stationary=True)
-    return _publishable(run) if publishable else run
+    run = _publishable(run) if publishable else run
+    return replace(run, parted=run.rows, rows=multi_start.merged(run.rows))
 
 
 def _publishable(run: Run) -> Run:

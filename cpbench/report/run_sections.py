@@ -1,4 +1,4 @@
-"""The sections of a report about all rows together: false claims, failures, refusals, machine."""
+"""The sections about all rows together, whole: false claims, failures, refusals, solvers (`details.md`)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from cpbench.analysis import failures, reliability, starts
 from cpbench.report.attendance_sections import absent, tuned
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
+from cpbench.report.multi_start_section import multi_start
 from cpbench.report.run import Run, each
-from cpbench.report.text import code, counted, cut, listed, number, plain, seconds, solve_command, table
+from cpbench.report.text import code, cut, listed, number, plain, solve_command, table
 from cpbench.verification import Status
 
 DRIFT = 1.1
@@ -26,32 +27,34 @@ LISTED = 40
 def run_sections(run: Run) -> Iterator[str]:
     """All of them, in order."""
     sections: Sequence[Callable[[Run], Iterator[str]]] = (
-        _false_claims,
+        false_claims,
         _directions,
         _inexact,
         _losses,
-        _starts,
+        multi_start,
+        warm_against_cold,
         imported,
         _failures,
         absent,
         _not_started,
-        _refused,
+        refused,
         _solvers,
         tuned,
-        _machine,
     )
     for section in sections:
         yield from section(run)
 
 
-def _rest(run: Run, count: int) -> Iterator[str]:
-    if count > LISTED:
-        yield f"{count - LISTED} more are in {run.all_rows}."
+def rest(run: Run, count: int, most: int = LISTED) -> Iterator[str]:
+    """What is said of the rows that a list of `most` leaves out."""
+    if count > most:
+        yield f"{count - most} more are in {run.all_rows}."
 
 
-def _false_claims(run: Run) -> Iterator[str]:
+def false_claims(run: Run, most: int = LISTED) -> Iterator[str]:
+    """Answers that a solver called solved and that are not, at most so many of them."""
     found = run.false_claims
-    yield f"## Claimed, is not ({len(found)})"
+    yield f"## False claims: solver said solved, verification failed ({len(found)})"
     if not len(found):
         yield "Every claim of a solver held on the problem it was given."
         return
@@ -64,13 +67,13 @@ def _false_claims(run: Run) -> Iterator[str]:
                 plain(row["status"]),
                 number(row["error"]),
                 f"{row['tolerance']:g}",
-                code(_again(run, row)),
+                code(again(run, row)),
             ]
-            for _, row in found.head(LISTED).iterrows()
+            for _, row in found.head(most).iterrows()
         ),
         right=[3, 4],
     )
-    yield from _rest(run, len(found))
+    yield from rest(run, len(found), most)
 
 
 def _directions(run: Run) -> Iterator[str]:
@@ -88,13 +91,13 @@ def _directions(run: Run) -> Iterator[str]:
                 plain(row["status"]),
                 number(row["error"]),
                 number(_part(row["parts"], "slip_angle [deg]")),
-                code(_again(run, row)),
+                code(again(run, row)),
             ]
             for _, row in found.head(LISTED).iterrows()
         ),
         right=[3, 4],
     )
-    yield from _rest(run, len(found))
+    yield from rest(run, len(found))
 
 
 def _part(parts: str, name: str) -> float:
@@ -161,7 +164,8 @@ def _not_started(run: Run) -> Iterator[str]:
     yield _reasons(run, reasons)
 
 
-def _again(run: Run, row: Any) -> str:
+def again(run: Run, row: Any) -> str:
+    """The command that runs a row's pair again, without folders of this machine."""
     here = str(Path.cwd()) + os.sep
     return solve_command(row, (run.meta.get("solvers") or {}).get(row["label"])).replace(here, "")
 
@@ -175,7 +179,7 @@ def _reasons(run: Run, reasons: Sequence[failures.Reason]) -> str:
                 str(reason.count),
                 listed([f"{label} {count}" for label, count in reason.labels.items()], 4),
                 plain(cut(reason.message)) or "—",
-                code(_again(run, reason.example)),
+                code(again(run, reason.example)),
             ]
             for reason in reasons
         ),
@@ -183,16 +187,16 @@ def _reasons(run: Run, reasons: Sequence[failures.Reason]) -> str:
     )
 
 
-def _refused(run: Run) -> Iterator[str]:
-    refused = [(str(address), str(reason)) for address, reason in run.meta.get("refused") or []]
-    yield f"## Refused files ({len(refused)})"
-    if not refused:
-        yield "Every file was read."
+def refused(run: Run, most: int | None = None) -> Iterator[str]:
+    """Files that could not be read, with the reason; nothing when every file was."""
+    found = sorted((str(address), str(reason)) for address, reason in run.meta.get("refused") or [])
+    if not found:
         return
+    yield f"## Refused files ({len(found)})"
     here = str(Path.cwd()) + os.sep
     yield table(
         ["file", "reason"],
-        ([code(a.removeprefix(here)), plain(cut(r.replace(here, ""), 300))] for a, r in sorted(refused)),
+        ([code(a.removeprefix(here)), plain(cut(r.replace(here, ""), 300))] for a, r in found[:most]),
     )
 
 
@@ -222,8 +226,9 @@ def _solvers(run: Run) -> Iterator[str]:
     yield table(head, (rows[name] for name in sorted(rows)))
 
 
-def _starts(run: Run) -> Iterator[str]:
-    found = starts.paired(run.rows)
+def warm_against_cold(run: Run, most: int | None = None) -> Iterator[str]:
+    """What warm starts gain, a line a formulation, solver and start; at most so many lines."""
+    found = starts.paired(run.read)
     if not len(found):
         return
     yield "## Warm against cold"
@@ -245,45 +250,8 @@ def _starts(run: Run) -> Iterator[str]:
                 number(r.time),
                 number(r.iterations),
             ]
-            for r in each(found)
+            for r in each(found[:most])
         ),
         right=range(3, 9),
     )
     yield "Time and iterations: geometric mean of warm over cold, over the pairs that both solved."
-
-
-def _machine(run: Run) -> Iterator[str]:
-    yield "## Machine and versions"
-    facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
-    memory = sorted(run.rows["memory"].dropna().unique())
-    if memory:
-        facts["memory limit of a solve"] = ", ".join(f"{m / 2**30:.3g} GiB" if m else "none" for m in memory)
-    hosts = sorted(set(run.rows["host"].unique()) - {""})
-    if hosts:
-        facts["hosts"] = ", ".join(hosts)
-    facts |= {f"{name} (package)": version for name, version in sorted((run.meta.get("versions") or {}).items())}
-    yield "\n".join(f"- {plain(name)}: {plain(value)}" for name, value in facts.items()) or "Not recorded."
-    yield from _quiet(run)
-
-
-def _quiet(run: Run) -> Iterator[str]:
-    """Whether the machine was fit for measuring."""
-    jobs = run.rows["jobs"].dropna()
-    shared = int((jobs > 1).sum())
-    if shared:
-        side = f"while up to {jobs.max():.0f} solves ran side by side"
-        yield (
-            f"**{counted(shared, 'time was', 'times were')} taken {side}** (column `jobs`): they share caches and "
-            "memory, and are longer and less certain than times of one at a time."
-        )
-    took = [float(r["seconds"]) for r in run.meta.get("references") or [] if r["seconds"] == r["seconds"]]
-    if len(took) > 1:
-        spread = max(took) / min(took)
-        yield (
-            f"A solve that is always the same was repeated {len(took)} times during the run: it took "
-            f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}"
-            + (f". **Ratios of times nearer to 1 than {spread:.2g} are the machine's.**" if spread > DRIFT else ".")
-        )
-    loads = run.rows["loadavg"].dropna()
-    if len(loads):
-        yield f"Load of the machine during the run: median {loads.median():.2f}, at most {loads.max():.2f}."

@@ -8,6 +8,8 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from cpbench.plurals import counted as counted  # part of the words of a report
+
 _SPECIAL = re.compile(r"([\\`*\[\]#~$!|])|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _FACETS = re.compile(r"(inner|outer)(\d+)(?:-(\w+))?")
 _EDGE = re.compile(r"([^\[\]+]+)(?:\[([^\]]*)\])?")
@@ -92,15 +94,6 @@ def seconds(value: float) -> str:
     return f"{value / 1e-6:.3g} µs"
 
 
-def counted(value: int, noun: str, nouns: str = "") -> str:
-    """A number and its noun.
-
-    >>> counted(1, "problem"), counted(2, "problem"), counted(2, "family", "families")
-    ('1 problem', '2 problems', '2 families')
-    """
-    return f"{value} {noun}" if value == 1 else f"{value} {nouns or noun + 's'}"
-
-
 def listed(labels: Sequence[str], most: int = 6) -> str:
     """Labels as code, the rest counted.
 
@@ -140,11 +133,12 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):
         words += ["--timeout", f"{row['seconds']:g}s"]
-    if row["start"] == "previous":  # one step needs those before it
+    start = row.get("began") or row["start"]
+    if start == "previous":  # one step needs those before it
         file = one_line(row["address"]).partition("::")[0]
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
-    if row["start"] != "cold":
-        words += ["--start", row["start"]]
+    if start != "cold":
+        words += ["--start", start]
     for file in dict.fromkeys(filter(None, (told.get("variant_of"), told.get("plugin")))):
         words += ["--plugin", one_line(file)]
     return shlex.join(words)

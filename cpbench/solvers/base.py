@@ -31,6 +31,8 @@ class Trait(StrEnum):
     HISTORY = "history"
     """Hands its iterates to `Record`, the last of them being its answer where it claims to have solved."""
     DETERMINISTIC = "deterministic"
+    LAUNCHES = "launches"
+    """Starts a program for every solve, whose launch is in its time: tables and figures say so."""
 
 
 class Claim(StrEnum):
@@ -62,6 +64,7 @@ class SolverSpec:
     kind : EQUIVALENT, or RELAXATION where the solver drops a term of the law.
     options : frozen dataclass of typed options with defaults; `options.searched` says where values lie.
     by_default : whether a run that names no solver takes it; of a large family only the best known members do.
+    quick : whether the quick suite takes it: it comes with cpbench, and small problems are solved at once.
     known_failures : conformance check -> reason, strict (an unexpected pass fails).
     """
 
@@ -78,6 +81,7 @@ class SolverSpec:
     traits: frozenset[Trait] = frozenset()
     options: type = NoOptions
     by_default: bool = True
+    quick: bool = False
     known_failures: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -201,6 +205,16 @@ class Solver(ABC):
 
     def availability(self) -> Availability:
         return probe(self.spec.requires, self.spec.install)
+
+
+def missing(spec: SolverSpec) -> str:
+    """How to install a solver whose packages are not there, '' where they are; nothing is imported.
+
+    >>> missing(SolverSpec(name="s", node="lcp", summary="", method="", requires=("numpy", "no_such_package")))
+    'pip install no_such_package'
+    """
+    absent = (name for name in spec.requires if importlib.util.find_spec(name) is None)
+    return next((spec.install or f"pip install {name}" for name in absent), "")
 
 
 @cache

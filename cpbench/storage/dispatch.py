@@ -14,6 +14,10 @@ logger = logging.getLogger("cpbench.storage")
 _TEXT_NODES = frozenset({"lcp", "avi", "mlcp", "relay", "soclcp", "fc", "gfc", "rfc", "grfc"})
 
 
+_MATRICES = (".npy", ".npz", ".mtx", ".csv")
+"""Suffixes of files that hold a matrix or a vector, as `cpbench pack` takes them."""
+
+
 def load(path: str | Path, *, format: str | None = None) -> Problem:
     """The problem at `path`, which may be ``file::member``; `format` is a name in `formats`, None: by content.
 
@@ -137,7 +141,8 @@ def _candidates(file: Path) -> list[Format]:
     found = [f for f in formats if f.recognises(file, head)]
     if not found:
         known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
-        raise FormatError(file, "", f"is in no known format (suffixes {known}): name it with --format")
+        more = "; a matrix by itself is part of a problem: cpbench pack makes one" if file.suffix in _MATRICES else ""
+        raise FormatError(file, "", f"is in no known format (suffixes {known}): name it with --format{more}")
     return found
 
 

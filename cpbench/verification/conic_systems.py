@@ -14,41 +14,47 @@ import scipy.sparse as sp
 
 from cpbench.matrices import Vector
 from cpbench.verification import sets
-from cpbench.verification.backward_error import System, Terms, block_norms
-from cpbench.verification.parallel_rows import relief_of
-from cpbench.verification.systems import kept
+from cpbench.verification.frame import Frame, System, Terms, block_norms
+from cpbench.verification.parallel_rows import ParallelRows
+from cpbench.verification.systems import RowsFrame, beside_rows, kept
 
 
 def soclcp(P: Any, point: Any) -> System:
     """x in K beside Mx + q."""
-    block = P.K.blocks
-    terms = kept(P, lambda: Terms.of_blocks(P.M, block, block))
-    return System(point.x, P.M @ point.x + P.q, block, terms, _norms(P.q, block), sets.of_product(P.K))
+
+    def frame() -> Frame:
+        block = P.K.blocks
+        return Frame(Terms.of_blocks(P.M, block, block), _norms(P.q, block), sets.of_product(P.K), block)
+
+    return System(kept(P, frame), point.x, P.M @ point.x + P.q)
 
 
 def coneqp(P: Any, point: Any) -> System:
     """(x, y) beside Qx + p − Aᵀy and Ax + b, which is in K."""
     x, y = point.x, point.y
-    n, m = x.size, y.size
-    block = np.concatenate([np.arange(n), n + P.K.blocks])
-    last = int(block[-1]) + 1 if block.size else 0
 
-    def terms() -> Terms:
+    def frame() -> RowsFrame:
+        n, m = x.size, y.size
+        block = np.concatenate([np.arange(n), n + P.K.blocks])
+        last = int(block[-1]) + 1 if block.size else 0
         A = sp.csr_array(P.A)
-        return Terms.of_blocks(sp.block_array([[sp.csr_array(P.Q), A.T], [A, sp.csr_array((m, m))]]), block, block)
+        whole = sp.block_array([[sp.csr_array(P.Q), A.T], [A, sp.csr_array((m, m))]])
+        return RowsFrame(
+            terms=Terms.of_blocks(whole, block, block),
+            constants=_norms(np.concatenate([P.p, P.b]), block),
+            sets=[sets.Box.of(np.arange(n), -np.inf, np.inf), *sets.of_product(P.K, n, rows=True)],
+            block=block,
+            multiplier=np.arange(last) >= n,
+            parallel=ParallelRows(A),
+        )
 
-    product: list[sets.Set] = [sets.Box.of(np.arange(n), -np.inf, np.inf), *sets.of_product(P.K, n, rows=True)]
-    rest = np.abs(P.Q @ x) + np.abs(P.p)
-    relief = np.concatenate([relief_of(sp.csr_array(P.A), y, rest), np.zeros(last - n)])
+    whole, Qx = kept(P, frame), P.Q @ x
+    relief = whole.parallel.relief(y, np.abs(Qx) + np.abs(P.p))
     return System(
+        frame=whole,
         x=np.concatenate([x, y]),
-        f=np.concatenate([P.Q @ x + P.p - P.A.T @ y, P.A @ x + P.b]),
-        block=block,
-        terms=kept(P, terms),
-        constants=_norms(np.concatenate([P.p, P.b]), block),
-        sets=product,
-        relief=relief,
-        multiplier=np.arange(last) >= n,
+        f=np.concatenate([Qx + P.p - P.A.T @ y, P.A @ x + P.b]),
+        relief=beside_rows(relief, whole.k - x.size),
     )
 
 
@@ -135,7 +141,7 @@ def _with_rows(
         constant = _of_degree_0(P.F, z, slope, constant)
     load = _norms(constant, block)
     if multipliers is None:
-        return System(z, force, block, Terms.of_blocks(slope, block, block), load, own)
+        return System(Frame(Terms.of_blocks(slope, block, block), load, own, block), z, force)
     n, m = z.size, multipliers.size
     A = sp.csr_array(sp.vstack(rows)) if len(rows) else sp.csr_array((0, n))
     whole = np.concatenate([block, first + np.arange(m)])
@@ -143,18 +149,20 @@ def _with_rows(
     for lower, count in signs:
         boxes.append(sets.Box.of(np.arange(at, at + count), lower, np.inf))
         at += count
-    rest = np.abs(slope @ z) + np.abs(constant)
-    relief = np.concatenate([_norms(relief_of(A, multipliers, rest), block), np.zeros(m)])
+    relief = ParallelRows(A).relief(multipliers, np.abs(slope @ z) + np.abs(constant))
     balance = force - A.T @ multipliers
-    return System(
-        x=np.concatenate([z, multipliers]),
-        f=np.concatenate([balance, *values]),
-        block=whole,
+    frame = Frame(
         terms=Terms.of_blocks(sp.block_array([[slope, A.T], [A, sp.csr_array((m, m))]]), whole, whole),
         constants=np.concatenate([load, *(np.abs(c) for c in constants)]),
         sets=boxes,
-        relief=relief,
+        block=whole,
         multiplier=np.arange(first + m) >= first,
+    )
+    return System(
+        frame=frame,
+        x=np.concatenate([z, multipliers]),
+        f=np.concatenate([balance, *values]),
+        relief=beside_rows(None if relief is None else _norms(relief, block), m),
         also=None if nu is None else (balance - nu, block),
     )
 

@@ -15,21 +15,21 @@ import scipy.sparse as sp
 from cpbench.matrices import Dense, Vector, dense
 from cpbench.product_cones import Cone
 from cpbench.verification import sets
-from cpbench.verification.backward_error import System, Terms
+from cpbench.verification.frame import Frame, System, Terms
 from cpbench.verification.systems import kept, stack
 
 
 def local(P: Any, point: Any) -> System:
     """fc, rfc and afc: r beside û(Wr + q)."""
     unit = _units(P)
-    r, u, q = point.r / unit, (P.W @ point.r + P.q) * unit, P.q * unit
-    block = np.arange(r.size) // P.dimension
+    r, u = point.r / unit, (P.W @ point.r + P.q) * unit
 
-    def terms() -> Terms:
-        return Terms.of_blocks(_scaled(P.W, unit, unit), block, block)
+    def frame() -> Frame:
+        block = np.arange(r.size) // P.dimension
+        terms = Terms.of_blocks(_scaled(P.W, unit, unit), block, block)
+        return Frame(terms, _norms(P.q * unit, P.dimension), [contact_set(P)], block)
 
-    law = contact_set(P)
-    return System(r, shifted(P, u), block, kept(P, terms), _norms(q, P.dimension), [law])
+    return System(kept(P, frame), r, shifted(P, u))
 
 
 def mixed(P: Any, point: Any) -> System:
@@ -38,15 +38,15 @@ def mixed(P: Any, point: Any) -> System:
     u = (P.W @ point.r + P.V @ lam + P.q) * unit
     f = np.concatenate([shifted(P, u), P.V.T @ point.r + P.R @ lam + P.s])
     rows, joints = point.r.size, lam.size
-    block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(joints)])
 
-    def terms() -> Terms:
+    def frame() -> Frame:
+        block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(joints)])
         V = _scaled(P.V, unit, np.ones(joints))
-        return Terms.of_blocks(stack([[_scaled(P.W, unit, unit), V], [V.T, P.R]]), block, block)
+        terms = Terms.of_blocks(stack([[_scaled(P.W, unit, unit), V], [V.T, P.R]]), block, block)
+        constants = np.concatenate([_norms(P.q * unit, P.dimension), np.abs(P.s)])
+        return Frame(terms, constants, contact_and_free(P, joints), block)
 
-    constants = np.concatenate([_norms(P.q * unit, P.dimension), np.abs(P.s)])
-    free = sets.Box.of(np.arange(rows, rows + joints), -np.inf, np.inf)
-    return System(np.concatenate([point.r / unit, lam]), f, block, kept(P, terms), constants, [contact_set(P), free])
+    return System(kept(P, frame), np.concatenate([point.r / unit, lam]), f)
 
 
 def dynamic(P: Any, point: Any) -> System:
@@ -73,24 +73,25 @@ def _dynamics(
     unit = _units(P)
     u = (P.H.T @ v + P.w) * unit
     rows, n, p = r.size, v.size, lam.size
-    block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(n + p)])
 
-    def terms() -> Terms:
-        H = _scaled(P.H, np.ones(n), unit)
-        Gs = sp.csr_array(G)
+    def frame() -> Frame:
+        block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(n + p)])
+        at = np.arange(P.nc + n + p)
+        H, Gs = _scaled(P.H, np.ones(n), unit), sp.csr_array(G)
         empty = sp.csr_array((rows, rows)), sp.csr_array((rows, p)), sp.csr_array((p, p))
         whole = stack([[empty[0], H.T, empty[1]], [H, mass(), Gs], [empty[1].T, Gs.T, empty[2]]])
-        return Terms.of_blocks(whole, block, block)
+        return Frame(
+            terms=Terms.of_blocks(whole, block, block),
+            constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
+            sets=contact_and_free(P, n + p),
+            block=block,
+            multiplier=(at < P.nc) | (at >= P.nc + n),
+        )
 
-    free = sets.Box.of(np.arange(rows, rows + n + p), -np.inf, np.inf)
     return System(
+        kept(P, frame) if keep else frame(),
         x=np.concatenate([r / unit, v, lam]),
         f=np.concatenate([shifted(P, u), force, joints]),
-        block=block,
-        terms=kept(P, terms) if keep else terms(),
-        constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
-        sets=[contact_set(P), free],
-        multiplier=(np.arange(P.nc + n + p) < P.nc) | (np.arange(P.nc + n + p) >= P.nc + n),
     )
 
 
@@ -103,7 +104,7 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     law, d = contact_set(P), P.dimension
     r, u = system.x[: P.nc * d], system.f[: P.nc * d]
     rho = np.repeat(P.rho, d)
-    defect = _norms(law.defect(r, u, np.ones(r.size), rho), d)
+    defect = _norms(law.defect(r, u, np.ones(r.size), rho).ravel(), d)
     r_size, u_size = _norms(r, d), P.rho * _norms(u, d)
     free = P.q if hasattr(P, "q") else P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity
     energy = np.sqrt((P.rho * _norms(free * _units(P), d) ** 2).sum())
@@ -119,6 +120,12 @@ def contact_set(P: Any) -> sets.Factors:
     return sets.Factors(
         Cone.SECOND_ORDER if mu_r is None else Cone.ROLLING, at, mu, np.zeros(P.nc) if mu_r is None else mu_r
     )
+
+
+def contact_and_free(P: Any, free: int) -> list[sets.Set]:
+    """The cones of the reactions, and unknowns after them that may be anything."""
+    rows = P.nc * P.dimension
+    return [contact_set(P), sets.Box.of(np.arange(rows, rows + free), -np.inf, np.inf)]
 
 
 def coefficients(P: Any) -> tuple[Vector, Vector | None]:

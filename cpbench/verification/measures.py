@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from cpbench.verification import conic_systems, contact_systems, systems
-from cpbench.verification.backward_error import BackwardError, System, backward_error
-from cpbench.verification.part_error import Measure, part_error, parts_between, parts_of
+from cpbench.verification.backward_error import BackwardError, backward_error
+from cpbench.verification.frame import System
+from cpbench.verification.part_error import part_error, parts_between, parts_of
+from cpbench.verification.parts import Measure
 
 SYSTEMS: dict[str, Callable[[Any, Any], System]] = {
     "lcp": systems.lcp, "mlcp": systems.mlcp, "relay": systems.relay, "avi": systems.avi, "qp": systems.qp,
@@ -54,9 +56,9 @@ def measure(problem: Any, point: Any, system: System | None = None) -> BackwardE
             return backward_error(system)
         measure = BY_PARTS[problem.node]
         if problem.node not in AT_START:
-            return part_error(system, parts_of(problem, system, measure))
+            return part_error(system, parts_of(system.frame, measure))
         there = dataclasses.replace(point, **AT_START[problem.node](problem))
-        return part_error(system, parts_between(system, SYSTEMS[problem.node](problem, there), measure))
+        return part_error(system, parts_between(system.frame, SYSTEMS[problem.node](problem, there).frame, measure))
 
 
 def misses_the_law(problem: Any, system: System | None, tolerance: float) -> bool:

@@ -6,6 +6,8 @@ cancel. A row of the dual that counted them would be met by every answer.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,33 +22,46 @@ DIGITS = 40
 SAME = 1e-11
 
 
-def relief(problem: Any, lam: Vector, mu: Vector, rest: Vector) -> Vector:
-    """Σ|A_ji||λ_j| + Σ|C_ji||μ_j| less the same of the sums over parallel rows, for every unknown i; shape (n,).
+@dataclass(frozen=True, eq=False)
+class ParallelRows:
+    """The rows of a problem that have multipliers, as one CSR matrix."""
 
-    `rest` are the sizes of the other terms: where multipliers add little to them, nothing is looked for.
-    """
-    multipliers = np.concatenate([lam, mu])
-    if not multipliers.any():
-        return np.zeros(rest.size)
-    rows: Any = sp.vstack([sp.csr_array(problem.A), sp.csr_array(problem.C)], format="csr")
-    return relief_of(rows, multipliers, rest)
+    rows: Any
 
+    @cached_property
+    def transposed(self) -> Any:
+        """The same, by columns."""
+        return sp.csr_array(self.rows.T)
 
-def relief_of(rows: Any, multipliers: Vector, rest: Vector) -> Vector:
-    """The same for the rows of one CSR matrix."""
-    gross = abs(rows).T @ np.abs(multipliers)
-    if not (gross > LARGE * rest).any():
-        return np.zeros(rest.size)
-    rows = rows.copy()
-    rows.eliminate_zeros()  # a zero that is stored first is no length of its row
-    group, length = _groups(rows)
-    summed = np.bincount(group, multipliers * length)
-    # a representative of each group stands for all of it, with the sum of what they push
-    first = np.full(summed.size, -1)
-    first[group[::-1]] = np.arange(group.size)[::-1]
-    size = np.abs(summed) / np.abs(length[first])
-    net = abs(rows)[first].T @ size
-    return np.maximum(gross - net, 0.0)
+    @cached_property
+    def sizes(self) -> Any:
+        """The sizes of the entries, by columns."""
+        return abs(self.transposed)
+
+    @cached_property
+    def groups(self) -> tuple[Any, Vector, Any]:
+        """The number of the group of each row, its length along the group, and the sizes of the first of each group."""
+        rows = self.rows.copy()
+        rows.eliminate_zeros()  # a zero that is stored first is no length of its row
+        group, length = _groups(rows)
+        first = np.full(int(group.max(initial=-1)) + 1, -1)
+        first[group[::-1]] = np.arange(group.size)[::-1]
+        return group, length, (np.abs(length[first]), sp.csr_array(abs(rows)[first].T))
+
+    def relief(self, multipliers: Vector, rest: Vector) -> Vector | None:
+        """Σ|A_ji||λ_j| less the same of the sums over parallel rows, for every unknown i; None where that is 0.
+
+        `rest` are the sizes of the other terms: where multipliers add little to them, nothing is looked for.
+        """
+        if not multipliers.any():
+            return None
+        gross = self.sizes @ np.abs(multipliers)
+        if not (gross > LARGE * rest).any():
+            return None
+        # a representative of each group stands for all of it, with the sum of what they push
+        group, length, (lead, sizes) = self.groups
+        summed = np.bincount(group, multipliers * length)
+        return np.maximum(gross - sizes @ (np.abs(summed) / lead), 0.0)
 
 
 def _groups(rows: Any) -> tuple[Any, Vector]:

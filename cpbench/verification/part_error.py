@@ -21,210 +21,169 @@ The sum of products is the duality gap: a pair of which both are √ε is optima
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
-from cpbench.formulations.base import Problem, squared
-from cpbench.matrices import Vector, norm
-from cpbench.verification.backward_error import (
-    EPS,
-    ROUNDINGS,
-    BackwardError,
-    System,
-    beyond,
-    block_norms,
-    by_block,
-    extents,
-    inverse,
-    largest,
-)
-from cpbench.verification.equilibration import equilibrate
+from cpbench.formulations.base import squared
+from cpbench.matrices import Vector
+from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError
+from cpbench.verification.coupling import felt_parts
+from cpbench.verification.frame import Frame, System, inverse, largest
+from cpbench.verification.parts import Measure, Parts
+from cpbench.verification.sets import Flags, joined
 
-Flags = NDArray[np.bool_]
+_PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()
 
 
-class Measure(Enum):
-    """What is summed over a part: nothing, the energy of its contacts, or the gap of its pairs."""
-
-    PAIRS = "pairs"
-    ENERGY = "energy"
-    GAP = "gap"
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """The connected parts of a problem.
-
-    Attributes
-    ----------
-    D, C : (k,) equilibration of the rows and of the unknowns; the same where the matrix is symmetric but for signs.
-    part : (k,) number of the part of each block. count : how many there are.
-    curved : (count,) whether some z is in a row beside z. measure : what is summed over a part.
-    """
-
-    D: Vector
-    C: Vector
-    part: Any
-    count: int
-    curved: Flags
-    measure: Measure
-
-    @classmethod
-    def of(cls, sizes: Any, beside_z: Flags, measure: Measure) -> Parts:
-        """Of the sizes of a problem's terms; `beside_z` are the blocks of z."""
-        both, k = sizes + sizes.T, sizes.shape[0]
-        count, part = connected_components(both, directed=False)
-        curved = np.zeros(count, dtype=bool)
-        inner = sizes[np.flatnonzero(beside_z)][:, np.flatnonzero(beside_z)]
-        curved[part[beside_z][np.diff(inner.indptr) > 0]] = True
-        if measure is Measure.PAIRS:  # rows and unknowns may have units of their own
-            apart = equilibrate(sp.csr_array(sp.block_array([[None, sizes], [sizes.T, None]])))
-            return cls(apart[:k], apart[k:], part, count, curved, measure)
-        D = equilibrate(both)
-        return cls(D, D, part, count, curved, measure)
-
-    def size(self, values: Vector, some: Flags) -> Vector:
-        """Size of the values of `some` blocks, for every block that of its part; 0 where there is none."""
-        if self.count == 1:
-            whole = norm(values[some]) if self.measure is Measure.ENERGY else float(values.max(initial=0.0, where=some))
-            return np.full(values.size, whole)
-        result = np.zeros(self.count)
-        if self.measure is Measure.ENERGY:
-            result += np.sqrt(np.bincount(self.part[some], values[some] ** 2, self.count))
-        else:
-            np.maximum.at(result, self.part[some], values[some])
-        return result[self.part]
-
-    def any(self, flags: Flags) -> Flags:
-        """Whether any block of the part is flagged, for every block."""
-        if self.count == 1:
-            return np.full(flags.size, flags.any())
-        return (np.bincount(self.part, flags, self.count) > 0)[self.part]
-
-
-_PARTS: WeakKeyDictionary[Problem, Parts] = WeakKeyDictionary()
-
-
-def parts_of(problem: Problem, system: System, measure: Measure) -> Parts:
+def parts_of(frame: Frame, measure: Measure) -> Parts:
     """The parts of a problem whose matrix is the same for every answer, found once."""
-    if problem not in _PARTS:
-        _PARTS[problem] = Parts.of(system.terms.rows, beside_z(system), measure)
-    return _PARTS[problem]
+    if frame not in _PARTS:
+        _PARTS[frame] = Parts.of(frame, frame.terms.rows, measure)
+    return _PARTS[frame]
 
 
-def parts_between(system: System, other: System, measure: Measure) -> Parts:
+def parts_between(frame: Frame, other: Frame, measure: Measure) -> Parts:
     """The parts of a problem whose matrix depends on the point, by the larger of its entries at two of them.
 
     A derivative that vanishes at the answer says nothing of the units of its row and its unknown.
     """
-    here, there = system.terms.rows, other.terms.rows
+    here, there = frame.terms.rows, other.terms.rows
     sizes = here.maximum(there) if np.isfinite(there.data).all() else here
-    return Parts.of(sp.csr_array(sizes), beside_z(system), measure)
-
-
-def beside_z(system: System) -> Flags:
-    """The blocks of z, beside those of the multipliers."""
-    k = system.constants.size
-    return np.ones(k, dtype=bool) if system.multiplier is None else ~system.multiplier
+    return Parts.of(frame, sp.csr_array(sizes), measure)
 
 
 @dataclass(frozen=True, eq=False)
 class _Units:
-    """1/size of every block, of its unknowns and of its rows; sizes of rows by constants alone, and by all terms."""
+    """1/size of every block, of its unknowns and of its rows; 1/size of rows by constants alone."""
 
     x: Vector
     f: Vector
     data: Vector
-    gross: Vector
     quiet: Flags
     absolute: bool
 
 
 def part_error(system: System, parts: Parts) -> BackwardError:
     """Measure an answer. Rows beside multipliers are those of the primal."""
-    if not system.constants.size:
+    frame = system.frame
+    if not frame.k:
         return BackwardError(0.0, False, 0.0)
-    units = _units(system, parts)
-    x_units, f_units = units.x[system.block], units.f[system.block]
-    if not np.isfinite(units.gross).all():  # squares of such unknowns are no numbers any more
-        return BackwardError(np.inf, units.absolute, 0.0)
-    unbound = beyond(system, units.gross, units.data)
-    noise = ROUNDINGS * EPS * units.gross[system.block]
-    defect = np.where(units.quiet[system.block], 0.0, 1.0)
-    if parts.measure is not Measure.GAP:
-        defect = sum(part.defect(system.x, system.f, x_units, f_units) for part in system.sets)
-        norms = block_norms(defect, system.block, system.constants.size)
-        error = float(norms.max())
-        if parts.measure is Measure.ENERGY:
-            error = float(np.sqrt(np.bincount(parts.part, norms**2).max()))
+    sizes = system.sizes()
+    sums = frame.terms.sums(sizes)
+    if not np.isscalar(system.relief):
+        sums = np.maximum(sums - system.relief, 0.0)
+    gross = sums + frame.constants
+    if not np.isfinite(gross).all():  # squares of such unknowns are no numbers any more
+        return BackwardError(np.inf, False, 0.0)
+    fixed = system.fixed()
+    held = fixed if frame.multiplier is None else fixed & ~frame.multiplier
+    parts = felt_parts(parts, sizes, gross, held)
+    units = _units(system, parts, sizes, sums, held)
+    noise = (ROUNDINGS * EPS) * gross
+    if parts.measure is Measure.GAP:
+        error, wrong = _gap(system, parts, units), ~units.quiet
     else:
-        error, products = 0.0, np.zeros(system.x.size)
-        for part in system.sets:
-            worst, own = part.conditions(system.x, system.f, x_units, f_units)
-            error, products = largest(error, worst), products + own
-        error = largest(error, float(np.bincount(parts.part[system.block], products).max()))
-    error = largest(error, squared(unbound))
+        norms = frame.norms(system.defect(units.x, units.f))
+        error, wrong = float(norms.max()), norms != 0
+        if parts.measure is Measure.ENERGY:
+            error = float(parts.every.size(norms).max())
+    error = largest(error, squared(_beyond(system, noise, units.data)))
     if system.also is not None:
         value, rows = system.also
         error = largest(error, float(np.max(np.abs(value) * units.f[rows], initial=0.0)))
-    amplified = np.ones(system.x.size)
-    for part in system.sets:
-        amplified = np.maximum(amplified, part.amplification(system.x))
-    floor = float(np.max(noise * f_units * amplified * (defect != 0), initial=0.0))
+    floor = float(np.max(noise * units.f * frame.amplification * wrong, initial=0.0))
     return BackwardError(largest(error), units.absolute, floor)
 
 
-def _units(system: System, parts: Parts) -> _Units:
-    k, D, constants = system.constants.size, parts.D, system.constants
-    multipliers = np.zeros(k, dtype=bool) if system.multiplier is None else system.multiplier
-    z = ~multipliers
-    _, sizes, fixed = extents(system)
-    idle, own_unit = np.zeros(system.x.size, dtype=bool), np.zeros(k)
-    for part in system.sets:
-        idle |= part.idle(system.x, system.f)
-        np.maximum.at(own_unit, system.block, part.own_unit(system.x.size))
-    quiet = by_block(idle, system.block, k)
-    held = z & fixed
+def _gap(system: System, parts: Parts, units: _Units) -> float:
+    """The worst condition of a pair, and the sum of the products of a part."""
+    frame, worst, products = system.frame, 0.0, []
+    x_units, f_units = frame.spread(units.x), frame.spread(units.f)
+    for part in frame.sets:
+        own, product = part.conditions(system.x, system.f, x_units, f_units)
+        worst = largest(worst, own)
+        products.append((part.place, product))
+    if parts.count == 1:
+        return largest(worst, float(sum(product.sum() for _, product in products)))
+    every = np.empty(frame.count)
+    for place, product in products:
+        every[place] = product
+    return largest(worst, float(np.bincount(frame.spread(parts.part), every).max()))
+
+
+def _beyond(system: System, noise: Vector, data_unit: Vector) -> float:
+    """The largest row that no unknown may have, over the constants, less what rounding leaves of terms that cancel."""
+    frame = system.frame
+    f = np.abs(system.f) - frame.spread(noise)
+    f = np.copysign(np.maximum(f, 0.0, out=f), system.f)
+    unit = frame.spread(data_unit)
+    return largest(*(part.excess(f, unit) for part in frame.sets))
+
+
+def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flags) -> _Units:
+    """The sizes of the parts, as units of their blocks."""
+    frame, z, multipliers = system.frame, parts.z, parts.multipliers
+    constants, gap = frame.constants, parts.measure is Measure.GAP
+    quiet = frame.any(joined(frame.sets, frame.count, lambda part: part.idle(system.x, system.f), bool))
+    some_held = parts.every.any(held)
 
     # every z is as large as its part; without a side that is what the prices ask of a curved objective, else nothing
-    sided = parts.any(held | (multipliers & (constants > 0)))
-    prices = parts.size(constants * D, z)
-    curved = parts.curved[parts.part]
+    prices, sides, curved = parts.prices, parts.sides, parts.curved
+    sided = some_held | (sides > 0)
     unsized = ~sided & ~((prices > 0) & curved)
-    reach = parts.size(sizes / parts.C, z)
-    reach = np.where(sided, reach, np.maximum(reach, prices))
-    # where z = 0 balances all, idle sides are all that has a size
-    idle_only = sided & ~parts.any(~quiet & (constants > 0)) & ~parts.any(held)
-    reach = np.where(idle_only, np.maximum(reach, parts.size(constants * D, multipliers)), reach)
-    sums = np.maximum(system.terms.sums(sizes) - system.relief, 0.0)
+    reach = prices
+    if gap or frame.multiplier is not None:
+        reach = z.size((sizes * parts.per_unknown)[z.at])
+        reach = np.where(sided, reach, np.maximum(reach, prices))
+        # where z = 0 balances all, idle sides are all that has a size
+        if (sided & ~some_held).any():
+            balanced = sided & ~some_held & ~parts.every.any(~quiet & (constants > 0))
+            reach = np.where(balanced, np.maximum(reach, sides), reach)
+    felt = np.where(unsized, 0.0, reach)
+    data_unit = parts.data_unit
+    if some_held.any():
+        own = np.maximum(sides, z.size((np.where(held, sizes, 0.0) * parts.per_unknown)[z.at]))
+        data_unit = data_unit.copy()
+        data_unit[multipliers.at] = parts.per_row[multipliers.at] * multipliers.spread(inverse(own))
 
-    scale, data = np.zeros(k), np.zeros(k)
-    for rows, felt in ((z, curved & (parts.measure is Measure.GAP)), (multipliers, np.ones(k, dtype=bool))):
-        feeds = np.where(rows, sums, 0.0)
-        heard = parts.any(rows & (constants > 0) & (~quiet | (feeds > 0.1 * constants)))
-        counted = np.where(quiet & heard, np.minimum(constants, feeds), constants)
-        size = parts.size(np.maximum(feeds, counted) * D, rows)
+    weight, x_unit = np.zeros(frame.k), np.zeros(frame.k)
+    empty = False
+    for i, (group, least, plain) in enumerate(
+        ((z, np.where(curved & gap, felt, 0.0), unsized & (prices == 0)), (multipliers, felt, unsized))
+    ):
+        rows = group.at
+        D, constant, feeds = parts.per_row[rows], constants[rows], sums[rows]
+        if not D.size:
+            continue
+        counted = np.maximum(feeds, constant)
+        heard = group.any((constant > 0) & (~quiet[rows] | (feeds > 0.1 * constant)))
+        if heard.any():
+            counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
         # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row
-        size = np.maximum(size, np.where(felt & ~unsized, reach, 0.0))
-        scale = np.where(rows, size / D, scale)
-        own = parts.size(constants * D, rows)
-        if rows is multipliers:
-            own = np.maximum(own, parts.size(np.where(held, sizes, 0.0) / parts.C, z))
-        data = np.where(rows, own / D, data)
-    scale = np.where(unsized & (multipliers | (prices == 0)), 1.0, scale)
-
-    f_unit = np.where(scale > 0, inverse(scale), 1.0)
-    x_unit = system.terms.effects(inverse(scale), np.ones(k, dtype=bool))
+        size = np.maximum(group.size(counted * D), least)
+        empty = empty or not size.all()
+        weight[rows] = D * group.spread(inverse(size))
+        if plain.any():
+            weight[rows] = np.where(group.spread(plain), 1.0, weight[rows])
+        if not parts.split:
+            scaled, bare = parts.effects[i]
+            effect = scaled * parts.every.spread(inverse(size))
+            if plain.any():
+                effect = np.where(parts.every.spread(plain), bare, effect)
+            x_unit = np.maximum(x_unit, effect)
+    if parts.split:  # an unknown has effects on rows of other parts, too
+        x_unit = frame.terms.effects(weight, np.ones(frame.k, dtype=bool))
+    f_unit = np.where(weight > 0, weight, 1.0) if empty else weight
     # a set of finite size is data: an unknown beyond it is wrong even where no row feels that
-    x_unit = np.where(z, np.maximum(x_unit, own_unit), x_unit)
-    x_unit = np.where(z & ((x_unit == 0) | unsized), 1.0, x_unit)
+    own = np.maximum(x_unit[z.at], frame.own_unit[z.at])
+    if unsized.any():
+        own = np.where(z.spread(unsized), 1.0, own)
+    x_unit[z.at] = own if own.all() else np.where(own == 0, 1.0, own)
     moot = (prices == 0) & ~curved
-    f_unit = np.where(moot & z & multipliers.any(), 0.0, f_unit)
-    x_unit = np.where(moot & multipliers, 0.0, x_unit)
-    return _Units(x_unit, f_unit, data, sums + constants, quiet, bool((unsized & (sizes > 0) & z).any()))
+    if frame.multiplier is not None and moot.any():
+        f_unit[z.at] = np.where(z.spread(moot), 0.0, f_unit[z.at])
+        x_unit[multipliers.at] = np.where(multipliers.spread(moot), 0.0, x_unit[multipliers.at])
+    absolute = bool(unsized.any()) and bool((z.spread(unsized) & (sizes[z.at] > 0)).any())
+    return _Units(x_unit, f_unit, data_unit, quiet, absolute)

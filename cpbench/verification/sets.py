@@ -5,8 +5,11 @@ Nothing here is shared with what solves: a wrong projection there must not hide 
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,44 +18,85 @@ from cpbench.matrices import Dense, Vector
 from cpbench.product_cones import Cone, ProductCone
 
 Components = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 INFINITE = 1e19
 """Bounds and sides from here on stand for none, as in most file formats."""
 
 
-class Set(Protocol):
-    """What some of the unknowns are in, blocks of them by themselves."""
+class Set(ABC):
+    """What some of the unknowns are in, blocks of them by themselves; answers are values in their places."""
 
-    def nearest(self, x: Vector) -> Vector:
-        """P(x) in the places of this set, x elsewhere."""
+    @cached_property
+    @abstractmethod
+    def place(self) -> Any:
+        """Where the unknowns are: a slice or their numbers."""
         ...
 
-    def anchored(self, x: Vector) -> NDArray[np.bool_]:
+    @cached_property
+    @abstractmethod
+    def moored(self) -> bool:
+        """Whether a part of the boundary is not 0."""
+        ...
+
+    @cached_property
+    @abstractmethod
+    def has_0(self) -> bool:
+        """Whether 0 is in the set, so that the nearest point of it is never larger."""
+        ...
+
+    @abstractmethod
+    def nearest(self, x: Vector) -> Vector:
+        """P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
+        ...
+
+    @abstractmethod
+    def anchored(self, x: Vector) -> Flags:
         """Whether a component is at, or beyond, a part of the boundary that is not 0."""
         ...
 
-    def own_unit(self, count: int) -> Vector:
-        """1 over the size of the set where that is finite, 0 elsewhere; shape (count,)."""
+    @abstractmethod
+    def own_unit(self) -> Vector:
+        """1 over the size of the set where that is finite, 0 elsewhere."""
         ...
 
-    def idle(self, x: Vector, f: Vector) -> NDArray[np.bool_]:
+    @abstractmethod
+    def idle(self, x: Vector, f: Vector) -> Flags:
         """Whether f holds a component on the boundary that it is at: only its sign matters."""
         ...
 
+    @abstractmethod
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
         """Largest of the distances of x̂ from the set and of f̂ from the dual set; and the products of both."""
         ...
 
-    def amplification(self, x: Vector) -> Vector:
+    @abstractmethod
+    def excess(self, f: Vector, f_unit: Vector) -> float:
+        """The largest part of f̂ that no unknown may have beside it."""
+        ...
+
+    @abstractmethod
+    def amplification(self) -> Vector:
         """By how much a rounding error of a row is larger in f; 1 or less but for a law with a large coefficient."""
         ...
 
+    @abstractmethod
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        """x̂ − P(x̂ − f̂) in the places of this set, 0 elsewhere; the set is measured in the units of its part."""
+        """x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
         ...
 
 
+def joined(parts: Sequence[Set], count: int, values: Callable[[Any], Any], dtype: type = np.float64) -> Any:
+    """The values of all sets, each in its places."""
+    if len(parts) == 1:
+        return values(parts[0]).ravel()
+    result = np.empty(count, dtype=dtype)
+    for part in parts:
+        result[part.place] = values(part)
+    return result
+
+
 @dataclass(frozen=True, eq=False)
-class Box:
+class Box(Set):
     """lb ≤ x ≤ ub of the components `at`, each a block of its own."""
 
     at: Components
@@ -65,56 +109,116 @@ class Box:
         lower, upper = (np.broadcast_to(np.asarray(b, dtype=np.float64), at.shape) for b in (lb, ub))
         return cls(at, np.where(lower <= -INFINITE, -np.inf, lower), np.where(upper >= INFINITE, np.inf, upper))
 
+    @cached_property
+    def place(self) -> Any:
+        return slice_of(self.at)
+
+    @cached_property
+    def bounded(self) -> tuple[Flags, Flags]:
+        """Where the lower and the upper sides are finite."""
+        return np.isfinite(self.lb), np.isfinite(self.ub)
+
+    @cached_property
+    def kind(self) -> str:
+        """`free` without a side, `orthant` where all lower sides and no upper ones are finite, else `box`."""
+        lower, upper = self.bounded
+        if upper.any():
+            return "box"
+        return "orthant" if lower.all() else "box" if lower.any() else "free"
+
+    @cached_property
+    def moored(self) -> bool:
+        return any(((bound != 0) & some).any() for bound, some in zip((self.lb, self.ub), self.bounded, strict=True))
+
+    @cached_property
+    def has_0(self) -> bool:
+        return bool((self.lb <= 0).all() and (self.ub >= 0).all())
+
     def nearest(self, x: Vector) -> Vector:
+        own = x[self.place]
+        if self.kind == "free" or (self.kind == "orthant" and bool((own >= self.lb).all())):
+            return x
         result = x.copy()
-        result[self.at] = np.minimum(np.maximum(x[self.at], self.lb), self.ub)
+        result[self.place] = np.minimum(np.maximum(own, self.lb), self.ub)
         return result
 
-    def anchored(self, x: Vector) -> NDArray[np.bool_]:
-        result = np.zeros(x.size, dtype=bool)
-        own = x[self.at]
-        for bound, beyond in ((self.lb, own <= self.lb), (self.ub, own >= self.ub)):
-            some = np.isfinite(bound) & (bound != 0)
-            result[self.at] |= some & (beyond | (np.abs(own - bound) <= 0.5 * np.abs(bound)))
+    def anchored(self, x: Vector) -> Flags:
+        own = x[self.place]
+        result = np.zeros(own.size, dtype=bool)
+        if self.moored:
+            for bound, finite, beyond in zip(
+                (self.lb, self.ub), self.bounded, (own <= self.lb, own >= self.ub), strict=True
+            ):
+                some = finite & (bound != 0)
+                result |= some & (beyond | (np.abs(own - bound) <= 0.5 * np.abs(bound)))
         return result
 
-    def idle(self, x: Vector, f: Vector) -> NDArray[np.bool_]:
-        result = np.zeros(x.size, dtype=bool)
-        own, w = x[self.at], f[self.at]
-        low = np.isfinite(self.lb) & (np.abs(own - self.lb) <= np.abs(own - self.ub)) & (w > 0)
-        high = np.isfinite(self.ub) & (np.abs(own - self.ub) <= np.abs(own - self.lb)) & (w < 0)
-        result[self.at] = low | high
-        return result
+    def idle(self, x: Vector, f: Vector) -> Flags:
+        w = f[self.place]
+        match self.kind:
+            case "free":
+                return np.zeros(w.size, dtype=bool)
+            case "orthant":
+                return w > 0
+            case _:
+                pass
+        own, (lower, upper) = x[self.place], self.bounded
+        below, above = np.abs(own - self.lb), np.abs(own - self.ub)
+        return (lower & (below <= above) & (w > 0)) | (upper & (above <= below) & (w < 0))
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
-        own, unit, w = x[self.at], x_unit[self.at], f[self.at] * f_unit[self.at]
-        worst, products = 0.0, np.zeros(x.size)
-        for bound, gap, push in ((self.lb, own - self.lb, w), (self.ub, self.ub - own, -w)):
-            some = np.isfinite(bound)
+        w = f[self.place] * f_unit[self.place]
+        if self.kind == "free":
+            return float(np.max(np.abs(w), initial=0.0)), np.zeros(w.size)
+        own, unit = x[self.place], x_unit[self.place]
+        sides = [(self.bounded[0], own - self.lb, w), (self.bounded[1], self.ub - own, -w)]
+        if self.kind == "orthant":  # nothing may push towards the other side, and there is no room to measure
+            worst = float(np.max(-w, initial=0.0))
+            room, pushed = sides[0][1] * unit, np.maximum(w, 0.0)
+            worst = float(np.max(-room, initial=worst))
+            return worst, np.minimum(pushed, 1.0) * np.minimum(np.maximum(room, 0.0), 1.0)
+        worst, products = 0.0, np.zeros(w.size)
+        for some, gap, push in sides:
             room = np.where(some, gap, 0.0) * unit
             pushed = np.maximum(push, 0.0)  # towards this bound: it is reached, or nothing pushes
-            products[self.at] += np.minimum(pushed, 1.0) * np.clip(room, 0.0, 1.0)
+            products += np.minimum(pushed, 1.0) * np.minimum(np.maximum(room, 0.0), 1.0)
             worst = float(np.max(np.where(some, -room, pushed), initial=worst))
         return worst, products
 
-    def amplification(self, x: Vector) -> Vector:
-        return np.ones(x.size)
+    def excess(self, f: Vector, f_unit: Vector) -> float:
+        w = f[self.place] * f_unit[self.place]
+        match self.kind:
+            case "free":
+                return float(np.max(np.abs(w), initial=0.0))
+            case "orthant":
+                return float(np.max(-w, initial=0.0))
+            case _:
+                pass
+        lower, upper = self.bounded
+        return float(np.max(np.where(lower, 0.0, w), initial=np.max(np.where(upper, 0.0, -w), initial=0.0)))
 
-    def own_unit(self, count: int) -> Vector:
-        return _placed(self.at, np.maximum(np.abs(self.lb), np.abs(self.ub)), count)
+    def amplification(self) -> Vector:
+        return np.ones(self.at.size)
+
+    def own_unit(self) -> Vector:
+        return _inverse_size(np.maximum(np.abs(self.lb), np.abs(self.ub)))
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        result = np.zeros(x.size)
-        own, unit = x[self.at], x_unit[self.at]
-        # a bound times a unit of 0 is no bound: 0·∞ would be NaN
-        low, high = (np.where(np.isfinite(b), unit * b, b) for b in (self.lb, self.ub))
+        step = f[self.place] * f_unit[self.place]
+        if self.kind == "free":
+            at = x[self.place] * x_unit[self.place]
+            return at - (at - step)
+        own, unit = x[self.place], x_unit[self.place]
+        low, high = self.lb, self.ub
+        if self.moored:  # a bound times a unit of 0 is no bound: 0·∞ would be NaN
+            low, high = (np.where(some, unit * b, b) for b, some in zip((low, high), self.bounded, strict=True))
         at = own * unit
-        result[self.at] = at - np.minimum(np.maximum(at - f[self.at] * f_unit[self.at], low), high)
-        return result
+        moved = np.maximum(at - step, low)
+        return at - (moved if self.kind == "orthant" else np.minimum(moved, high))
 
 
 @dataclass(frozen=True, eq=False)
-class Factors:
+class Factors(Set):
     """Factors of one kind and size, each a block; `rows` says that their rows f are in them, and −x in the normal cone.
 
     Attributes
@@ -128,6 +232,18 @@ class Factors:
     mu_r: Vector
     rows: bool = False
 
+    @cached_property
+    def place(self) -> Any:
+        return self.at
+
+    @cached_property
+    def moored(self) -> bool:
+        return self.kind in (Cone.CYLINDER, Cone.BALL) and not self.rows
+
+    @cached_property
+    def has_0(self) -> bool:
+        return True
+
     def nearest(self, x: Vector) -> Vector:
         if self.rows:
             return x
@@ -135,37 +251,34 @@ class Factors:
         result[self.at] = project(self.kind, x[self.at], self.mu, self.mu_r)
         return result
 
-    def anchored(self, x: Vector) -> NDArray[np.bool_]:
-        result = np.zeros(x.size, dtype=bool)
-        if self.kind in (Cone.CYLINDER, Cone.BALL) and not self.rows:
-            part = x[self.at][:, 1:] if self.kind is Cone.CYLINDER else x[self.at]
-            near = (self.mu > 0) & (_norms(part) >= 0.5 * self.mu)
-            result[self.at] = near[:, None]
-        return result
+    def anchored(self, x: Vector) -> Flags:
+        if not self.moored:
+            return np.zeros(self.at.shape, dtype=bool)
+        part = x[self.at][:, 1:] if self.kind is Cone.CYLINDER else x[self.at]
+        near = (self.mu > 0) & (_norms(part) >= 0.5 * self.mu)
+        return np.broadcast_to(near[:, None], self.at.shape)
 
-    def amplification(self, x: Vector) -> Vector:
-        result = np.ones(x.size)
+    def amplification(self) -> Vector:
         if self.kind in (Cone.CYLINDER, Cone.BALL):  # their μ is a radius
-            return result
+            return np.ones(self.at.shape)
         finite = np.where(np.isfinite(self.mu), self.mu, 0.0)
-        result[self.at] = 1.0 + (finite + self.mu_r)[:, None]
-        return result
+        return np.broadcast_to(1.0 + (finite + self.mu_r)[:, None], self.at.shape)
 
-    def idle(self, x: Vector, f: Vector) -> NDArray[np.bool_]:
-        result = np.zeros(x.size, dtype=bool)
+    def idle(self, x: Vector, f: Vector) -> Flags:
         own, other = x[self.at], f[self.at]
         held = np.einsum("ij,ij->i", own, other) > 0
-        if self.rows:
-            inside = (other == project(self.kind, other, self.mu, self.mu_r)).all(axis=1)
-        else:  # Moreau: −f has no part in K where f is in the dual cone
-            inside = (project(self.kind, -other, self.mu, self.mu_r) == 0).all(axis=1)
-        open_ = (own == 0).all(axis=1) & (other != 0).any(axis=1) & inside
-        result[self.at] = (held | open_)[:, None]
-        return result
+        empty = (own == 0).all(axis=1) & (other != 0).any(axis=1)
+        if empty.any():
+            some, mu, mu_r = other[empty], self.mu[empty], self.mu_r[empty]
+            if self.rows:
+                held[empty] = (some == project(self.kind, some, mu, mu_r)).all(axis=1)
+            else:  # Moreau: −f has no part in K where f is in the dual cone
+                held[empty] = (project(self.kind, -some, mu, mu_r) == 0).all(axis=1)
+        return np.broadcast_to(held[:, None], self.at.shape)
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
         own, other = x[self.at] * x_unit[self.at], f[self.at] * f_unit[self.at]
-        unit, products = x_unit[self.at[:, 0]], np.zeros(x.size)
+        unit, products = x_unit[self.at[:, 0]], np.zeros(self.at.shape)
         if self.rows:
             own, other, unit = other, own, f_unit[self.at[:, 0]]
         if self.kind in (Cone.CYLINDER, Cone.BALL):
@@ -177,23 +290,32 @@ class Factors:
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
         negative = _norms(project(self.kind, -other, self.mu, self.mu_r))
         size = np.maximum(1.0, _norms(own)) * np.maximum(1.0, _norms(other))
-        products[self.at[:, 0]] = np.abs(np.einsum("ij,ij->i", own, other)) / size
+        products[:, 0] = np.abs(np.einsum("ij,ij->i", own, other)) / size
         return float(np.max(np.concatenate([outside, negative]), initial=0.0)), products
 
-    def own_unit(self, count: int) -> Vector:
+    def excess(self, f: Vector, f_unit: Vector) -> float:
+        if self.kind in (Cone.CYLINDER, Cone.BALL):
+            nothing = np.zeros(f.size)
+            return self.conditions(nothing, f, nothing, f_unit)[0]
+        own = f[self.at] * f_unit[self.at]
+        if self.rows:
+            beside = own - project(self.kind, own, self.mu, self.mu_r)
+        else:  # Moreau: the part of −y in K is what y lacks of being in the dual cone
+            beside = project(self.kind, -own, self.mu, self.mu_r)
+        return float(np.max(_norms(beside), initial=0.0))
+
+    def own_unit(self) -> Vector:
         if self.kind is not Cone.BALL:
-            return np.zeros(count)
-        return _placed(self.at, np.broadcast_to(self.mu[:, None], self.at.shape), count)
+            return np.zeros(self.at.shape)
+        return _inverse_size(np.broadcast_to(self.mu[:, None], self.at.shape))
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        result = np.zeros(x.size)
         own, other = x[self.at] * x_unit[self.at], f[self.at] * f_unit[self.at]
         unit = x_unit[self.at[:, 0]]
         if self.rows:
             own, other, unit = other, own, f_unit[self.at[:, 0]]
         radius = self.mu * unit if self.kind in (Cone.CYLINDER, Cone.BALL) else self.mu
-        result[self.at] = own - project(self.kind, own - other, radius, self.mu_r)
-        return result
+        return own - project(self.kind, own - other, radius, self.mu_r)
 
 
 def of_product(K: ProductCone, first: int = 0, *, rows: bool = False) -> list[Set]:
@@ -273,11 +395,16 @@ def _norms(y: Dense) -> Vector:
     return np.sqrt(np.einsum("ij,ij->i", y, y))
 
 
-def _placed(at: Components, size: Vector, count: int) -> Vector:
-    """1/size in the places `at`, 0 elsewhere and where the size is 0 or infinite."""
-    result = np.zeros(count)
-    result[at] = np.divide(1.0, size, out=np.zeros(size.shape), where=(size > 0) & np.isfinite(size))
-    return result
+def slice_of(at: Components) -> Any:
+    """The same places as a slice, where they are one run."""
+    if at.size and int(at[-1]) - int(at[0]) + 1 == at.size and (np.diff(at) == 1).all():
+        return slice(int(at[0]), int(at[-1]) + 1)
+    return at
+
+
+def _inverse_size(size: Vector) -> Vector:
+    """1/size, 0 where the size is 0 or infinite."""
+    return np.divide(1.0, size, out=np.zeros(size.shape), where=(size > 0) & np.isfinite(size))
 
 
 def _ratio(a: Vector, b: Vector) -> Vector:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic_results import row, table
+from synthetic_results import looks_of, row, table
 from written_reports import write_report
 
 from cpbench.analysis import histories, reliability
@@ -44,7 +44,7 @@ PATHS = pd.concat(
 
 
 def _run(folder: Path, paths: pd.DataFrame) -> Run:
-    return Run(ROWS, {}, folder, paths)
+    return Run(ROWS, {}, folder, paths, looks=looks_of(ROWS["label"]))
 
 
 def test_times_are_shares_of_the_timed_solve_with_what_comes_before_and_after() -> None:
@@ -85,15 +85,16 @@ def test_any_number_of_curves_can_be_drawn(tmp_path: Path, solvers: int) -> None
     rows = table(*(row("p", f"s{k}", "solved", 1.0 + k) for k in range(solvers)))
     paths = pd.concat([_path(f"p/s{k}", (0.1, 1.0), (1.0, 1e-3), (4.0, 1e-7)) for k in range(solvers)])
     found = histories.work_precision(rows, paths)
-    assert figures.save(convergence.figure(found, 1, "title"), tmp_path, "f")[0].exists()
+    assert figures.save(convergence.figure(found, 1, "title", looks_of(found["label"])), tmp_path, "f")[0].exists()
 
 
 def test_a_report_shows_the_histories_it_is_given(tmp_path: Path) -> None:
     with_figure = write_report(ROWS, {}, tmp_path / "with", "t", PATHS).read_text()
     without = write_report(ROWS, {}, tmp_path / "without", "t").read_text()
-    assert "[![Error against time" in with_figure
+    assert "(details-lcp.md)" in with_figure
+    assert "[![Error against time" in (tmp_path / "with" / "details-lcp.md").read_text()
     assert (tmp_path / "with" / "errors-lcp.svg").exists()
-    assert "Error against time" not in without
+    assert "Error against time" not in without + (tmp_path / "without" / "details-lcp.md").read_text()
 
 
 def test_a_row_read_off_a_history_claims_nothing() -> None:

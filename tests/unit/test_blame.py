@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import meta, row
-from written_reports import write_html, write_report
+from written_reports import whole, write_html, write_report
 
 from cpbench import storage
 from cpbench.analysis import reliability
@@ -197,7 +197,7 @@ def test_what_an_older_file_cannot_tell_is_said(schur: Bench, tmp_path: Path) ->
     older = {"target_error": None, "target_tolerance": None, "status": "wrong"}
     told = list(rejudge_file(results_of(schur, tmp_path, {"lemke": (lost, "solved")}, **older), None, None))
     assert "did not measure them on the solver's own problem" in told[0]
-    assert told[1] == "1 answers judged again: no change"
+    assert told[1] == "1 answer judged again: no change"
 
 
 def measured(tolerance: float, error: float, flags: Sequence[str]) -> Verdict:
@@ -313,10 +313,10 @@ def test_reports_name_the_conversions_that_lost_answers(tmp_path: Path) -> None:
             {**row("p-2", "pgs@inner8", "solved", 1.0), "claim": "solved"},
         ]
     )
-    written = write_report(rows, meta(), tmp_path, "lost").read_text()
+    written = whole(write_report(rows, meta(), tmp_path, "lost"))
     page = write_html(rows, meta(), tmp_path, "lost").read_text()
     assert "## Lost on the way back (2)" in written
     assert re.search(r"\| `mlcp-lcp-schur` *\| +2 \| +(2000|2e\+03) \|", written)
-    assert "## Claimed, is not (0)" in written
+    assert "## False claims: solver said solved, verification failed (0)" in written
     assert "Every claim of a solver held on the problem it was given." in written
     assert "Lost on the way back (2)" in page

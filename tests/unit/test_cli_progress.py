@@ -80,7 +80,8 @@ def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder
     assert code == 130, seen
     assert re.search(r"done\s+\d+ of 80 pairs", seen), seen
     assert re.search(r"solving\s+slow on p\d+\s+[\d.]+ s of 20 s", seen), seen
-    assert re.search(r"verdicts\s+\d+ solved", seen), seen
+    assert re.search(r"solver\s+solved\s+failed\s+time", seen), seen
+    assert re.search(r"lemke\s+[1-9]\d*\s+·\s+[\d.]+ s", seen), seen
     assert "left" in seen
     assert "interrupted; r.sqlite has what was done, the same command goes on" in " ".join(seen.split())
     with Store(folder / "r.sqlite") as store:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from synthetic_results import suite
+from synthetic_results import looks_of, suite
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
@@ -17,6 +17,7 @@ from cpbench.report import easel as easel_module
 from cpbench.report import figures
 from cpbench.report.easel import FEW, Easel
 
+LOOKS = looks_of(suite(problems=6, labels=4)["label"])
 NAMES = [f"figure-{k}" for k in range(FEW + 1)]
 
 
@@ -30,7 +31,7 @@ def drawn(folder: Path, profile: Profile, processes: int, names: list[str] = NAM
     folder.mkdir()
     with Easel(folder, processes) as easel:
         for name in names:
-            easel.draw(name, figures.profile_figure, profile, name, {})
+            easel.draw(name, figures.profile_figure, profile, name, {}, LOOKS)
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
@@ -93,7 +94,7 @@ def test_what_cannot_be_handed_over_is_drawn(tmp_path: Path, profile: Profile, h
     folder.mkdir()
     with Easel(folder, 2) as easel:
         for name in NAMES:
-            easel.draw(name, lambda title: figures.profile_figure(profile, title, {}), name)
+            easel.draw(name, lambda title: figures.profile_figure(profile, title, {}, LOOKS), name)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == here
 
 
@@ -101,8 +102,8 @@ def test_an_error_of_a_figure_is_raised(tmp_path: Path, profile: Profile) -> Non
     def draw_nothing() -> None:
         with Easel(tmp_path, 2) as easel:
             for name in NAMES:
-                easel.draw(name, figures.profile_figure, profile, name, {})
-            easel.draw("none", figures.profile_figure, None, "no profile", {})
+                easel.draw(name, figures.profile_figure, profile, name, {}, LOOKS)
+            easel.draw("none", figures.profile_figure, None, "no profile", {}, LOOKS)
 
     with pytest.raises(AttributeError, match="curves"):
         draw_nothing()
@@ -112,7 +113,7 @@ def test_an_error_elsewhere_ends_the_processes(tmp_path: Path, profile: Profile,
     def fail() -> None:
         with Easel(tmp_path, 2) as easel:
             for name in NAMES:
-                easel.draw(name, figures.profile_figure, profile, name, {})
+                easel.draw(name, figures.profile_figure, profile, name, {}, LOOKS)
             raise KeyError("a section")
 
     with pytest.raises(KeyError):

@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
-    "kernel_cache", "toml_text", "plain_text", "expressions",
+    "kernel_cache", "toml_text", "plain_text", "plurals", "expressions",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -23,6 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "kernel_cache": set(),
     "toml_text": set(),
     "plain_text": set(),
+    "plurals": set(),
     "expressions": {"errors", "matrices"},
     "formulations": BASE,
     "facts": BASE | {"formulations"},

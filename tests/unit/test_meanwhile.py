@@ -12,7 +12,7 @@ from typing import BinaryIO
 import pytest
 from synthetic_results import meta, suite
 
-from cpbench.report import markdown
+from cpbench.report import conditions
 from cpbench.report.folder import write_folder
 from cpbench.report.meanwhile import meanwhile
 from cpbench.storage.base import write_atomic
@@ -97,6 +97,7 @@ def test_a_report_of_many_rows_is_the_same_but_for_what_it_says_of_them(
     rows = suite(problems=8, labels=5)
     write_folder(rows, meta(), tmp_path / "few", "t")
     monkeypatch.setattr("cpbench.report.markdown.WHOLE", 10)
+    monkeypatch.setattr("cpbench.report.conditions.WHOLE", 10)
     monkeypatch.setattr("cpbench.report.markdown.cores", lambda: 2)
     monkeypatch.setattr("cpbench.report.easel.cores", lambda: 2)
     write_folder(rows, meta(), tmp_path / "many", "t")
@@ -104,4 +105,4 @@ def test_a_report_of_many_rows_is_the_same_but_for_what_it_says_of_them(
     assert few.keys() == many.keys()
     assert {name for name in few if few[name] != many[name]} == {"report.md"}
     told = many["report.md"].decode().splitlines()
-    assert [line for line in told if line not in few["report.md"].decode()] == [f"- many rows: {markdown.MANY}"]
+    assert [line for line in told if line not in few["report.md"].decode()] == [f"- many rows: {conditions.MANY}"]

@@ -47,8 +47,11 @@ def lines(drawn: Drawing, axes: int = 0) -> list[Any]:
 
 
 def of_colour(drawn: Drawing, place: int, axes: int = 0) -> Any:
-    """The data of the curve in a colour of the palette."""
-    (found,) = [line for line in lines(drawn, axes) if line.get_color() == legend.PALETTE[place]]
+    """The data of the curve with a look."""
+    look = legend.look(place)
+    (found,) = [
+        line for line in lines(drawn, axes) if (line.get_color(), line.get_marker()) == (look["color"], look["marker"])
+    ]
     return np.asarray(found.get_xdata(), dtype=float), np.asarray(found.get_ydata(), dtype=float)
 
 
@@ -63,9 +66,9 @@ def test_profile_draws_the_curves_of_the_analysis() -> None:
     profile = profiles.performance_profile(times)
     upto = figures.right_end(profile)
     curves = {curve.label: curve for curve in profile.curves}
-    for place, label in enumerate(profile.leading(3)):
+    for label in profile.leading(3):
         tau, height = curves[label].steps(upto)
-        assert np.array_equal(of_colour(drawn, place), (tau, height))
+        assert np.array_equal(of_colour(drawn, run_of(SUITE).looks[label]), (tau, height))
 
 
 def test_hidden_solvers_do_not_count_for_the_ratios_but_n_stays() -> None:
@@ -76,8 +79,19 @@ def test_hidden_solvers_do_not_count_for_the_ratios_but_n_stays() -> None:
     apart = profiles.performance_profile(times[others], 20)
     upto = figures.right_end(apart)
     first = {c.label: c for c in apart.curves}[apart.leading(1)[0]]
-    assert np.array_equal(of_colour(drawn, 0), first.steps(upto))
+    assert np.array_equal(of_colour(drawn, run_of(SUITE).looks[first.label]), first.steps(upto))
     assert "N = 20 problems of lcp" in drawn.guide
+
+
+def test_a_solver_has_one_look_in_all_figures_whatever_is_shown() -> None:
+    """The curve of a solver that is not the first of all is drawn alike beside all others, beside one, and alone."""
+    run = run_of(SUITE)
+    label = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(3)[2]
+    other = next(name for name in run.looks if name != label)
+    for kind in ("profile", "data-profile"):
+        for chosen in ((), (label, other), (label,)):
+            of_colour(draw(kind, run, Choice(solvers=chosen)), run.looks[label])
+    assert len(set(run.looks.values())) == len(run.looks)
 
 
 def test_bands_are_around_the_leading_curves() -> None:
@@ -90,7 +104,7 @@ def test_data_profile_steps_at_the_times() -> None:
     drawn = draw("data-profile", run_of(SUITE))
     times = rows_of.times(rows_of.normalised(SUITE))
     label = profiles.performance_profile(times).leading(1)[0]
-    x, y = of_colour(drawn, 0)
+    x, y = of_colour(drawn, run_of(SUITE).looks[label])
     own = np.sort(times[label][np.isfinite(times[label])])
     assert np.array_equal(x[1:-1], np.unique(own))
     assert y[-1] == len(own) / 20

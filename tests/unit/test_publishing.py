@@ -42,7 +42,7 @@ def sheets() -> dict[str, Any]:
 
 def test_a_restriction_is_said_before_any_figure(tmp_path: Path) -> None:
     told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T").read_text()
-    assert told.index("Publishing these figures is restricted: `vendor`") < told.index("## Solved, by formulation")
+    assert told.index("Publishing these figures is restricted: `vendor`") < told.index("[![Performance profiles]")
     assert TERMS in told
     assert "--publishable" in told
 
@@ -73,10 +73,13 @@ def test_a_restricted_solver_that_was_never_started_restricts_nothing() -> None:
 
 def test_absent_solvers_are_listed_once_with_the_reason(tmp_path: Path) -> None:
     told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T").read_text()
-    assert "| missing | pip install absent | `absent`, `twin` | 6 |" in told
-    assert "| licence | at most 1000 rows, found 1200 | `partly` | 1 |" in told
+    assert "- missing: `absent`, `twin`: pip install absent\n" in told
+    assert "- licence: `partly`: at most 1000 rows, found 1200\n" in told
     assert told.count("`absent`") == 1, "in no other table"
-    assert "Never started" not in told
+    whole = (tmp_path / "details.md").read_text()
+    assert "| missing | pip install absent | `absent`, `twin` | 6 |" in whole
+    assert "| licence | at most 1000 rows, found 1200 | `partly` | 1 |" in whole
+    assert "Never started" not in whole
 
 
 def test_the_number_of_problems_does_not_depend_on_who_is_installed() -> None:

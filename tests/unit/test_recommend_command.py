@@ -102,7 +102,7 @@ def test_by_the_shipped_table(monkeypatch, capsys, problems: list[Path]) -> None
     said = capsys.readouterr().out
     assert "run it     cpbench solve builtin/lcp/lcp-classics.h5::murty-10 -s " in said
     assert "this very problem" in said
-    assert "each origin left out, the advice solves" in said
+    assert "cross-validation by origin: the recommended solver solved" in said
 
 
 def test_a_problem_unlike_all_is_told_so(monkeypatch, capsys, tmp_path: Path, measured: Path) -> None:
@@ -198,7 +198,7 @@ def test_features_of_an_older_file_are_read_again(monkeypatch, capsys, tmp_path:
     assert changed.fingerprint not in found
     assert found[there.fingerprint] == features(there)
     remarks = told(monkeypatch, capsys, problems[0], "--results", path)["remarks"]
-    assert any("2 problems are not where they were" in remark for remark in remarks)
+    assert any("of 2 problems not where they were" in remark for remark in remarks)
 
 
 # ---------------------------------------------------------------------------------------------- bad input

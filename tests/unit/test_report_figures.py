@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.colors import to_hex
-from synthetic_results import suite
+from synthetic_results import looks_of, suite
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
@@ -26,6 +26,10 @@ def profile_of(problems: int, labels: int) -> tuple[Profile, dict[str, str]]:
     return performance_profile(rows_of.times(rows)), rows_of.label_kinds(rows)
 
 
+def looks(profile: Profile) -> dict[str, int]:
+    return looks_of(curve.label for curve in profile.curves)
+
+
 def texts(figure) -> list[str]:
     import matplotlib.text
 
@@ -34,7 +38,7 @@ def texts(figure) -> list[str]:
 
 def test_the_figure_says_what_it_shows() -> None:
     profile, kinds = profile_of(45, 22)
-    figure = figures.profile_figure(profile, "LCP: 45 problems, tolerance 1e-06, limit 10 s", kinds)
+    figure = figures.profile_figure(profile, "LCP: 45 problems, tolerance 1e-06, limit 10 s", kinds, looks(profile))
     said = " ".join(" ".join(texts(figure)).split())
     assert "45 problems, tolerance 1e-06, limit 10 s" in said
     assert figures.profile_guide(45) in said
@@ -47,7 +51,7 @@ def test_the_figure_says_what_it_shows() -> None:
 def test_axes_and_curves() -> None:
     """Every curve is drawn from τ = 1 to the right end, as steps that hold their value to the right."""
     profile, kinds = profile_of(45, 22)
-    axes = figures.profile_figure(profile, "t", kinds).axes[0]
+    axes = figures.profile_figure(profile, "t", kinds, looks(profile)).axes[0]
     assert axes.get_xscale() == "log"
     assert axes.get_ylim() == (0.0, 1.0)
     assert axes.get_xlim()[0] == 1.0
@@ -64,12 +68,10 @@ def test_axes_and_curves() -> None:
 
 def test_colours_markers_and_dashes_tell_curves_apart() -> None:
     profile, kinds = profile_of(45, 22)
-    lines = figures.profile_figure(profile, "t", kinds).axes[0].get_lines()
+    lines = figures.profile_figure(profile, "t", kinds, looks(profile)).axes[0].get_lines()
     coloured = [line for line in lines if line.get_color() != legend.GREY]
     assert len(coloured) == figures.EMPHASISED
-    assert (
-        len({line.get_color() for line in coloured}) == len({line.get_marker() for line in coloured}) == len(coloured)
-    )
+    assert len({(line.get_color(), line.get_marker()) for line in coloured}) == len(coloured)
     inexact = sum(1 for c in profile.curves if c.solved and kinds[c.label] == "approximate")
     assert inexact > 0
     assert sum(1 for line in lines if line.get_linestyle() != "-") == inexact
@@ -80,22 +82,28 @@ def test_one_panel_a_solver() -> None:
     from matplotlib.collections import LineCollection
 
     profile, kinds = profile_of(30, 20)
-    figure = panels.panels_figure(profile, "t", kinds)
+    figure = panels.panels_figure(profile, "t", kinds, looks(profile))
     told = {text.get_text(): text.get_position() for text in figure.axes[0].texts}
     ends: dict[Any, Any] = {}
     found: Any = figure.axes[0].findobj(LineCollection)
     for drawn in found:
-        if to_hex(drawn.get_colors()[0]).upper() == legend.PALETTE[0]:
+        colours = [to_hex(one).upper() for one in drawn.get_colors()]
+        if set(colours) <= set(legend.PALETTE) and drawn.get_zorder() == 3:
             dashed = drawn.get_linestyles()[0][1] is not None
-            ends |= {tuple(line.vertices[0].round(6)): (line.vertices, dashed) for line in drawn.get_paths()}
+            paths = drawn.get_paths()
+            assert len(colours) == len(paths)
+            ends |= {
+                tuple(p.vertices[0].round(6)): (p.vertices, dashed, c) for p, c in zip(paths, colours, strict=True)
+            }
     curves = [curve for curve in profile.curves if curve.solved]
     assert len(ends) == len(curves) > figures.EMPHASISED
     for curve in curves:
         x, above = told[f"{figures.marked(curve.label, kinds, 26)}  {curve.solved}/30"]
         low = above - 3 / 72 - panels.HIGH
-        corners, dashed = ends[tuple(np.round((x, low + panels.HIGH * curve.at(1.0)), 6))]
+        corners, dashed, colour = ends[tuple(np.round((x, low + panels.HIGH * curve.at(1.0)), 6))]
         assert corners[-1] == pytest.approx((x + panels.WIDE, low + panels.HIGH * curve.at(INF)))
         assert dashed == (kinds[curve.label] == "approximate")
+        assert colour == legend.colour(looks(profile)[curve.label])
         tau = 2.0 ** ((corners[:, 0] - x) / panels.WIDE * math.log2(figures.right_end(profile)))
         assert (corners[1::2, 1] - low) / panels.HIGH == pytest.approx([curve.at(t * (1 - 1e-9)) for t in tau[1::2]])
 
@@ -104,7 +112,7 @@ def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
     rng = np.random.default_rng(0)
     times = pd.DataFrame(np.exp(rng.normal(0, 2, (20_000, 2))), columns=["a", "b"])
     profile = performance_profile(times)
-    drawn: Any = figures.profile_figure(profile, "t", {}).axes[0].get_lines()
+    drawn: Any = figures.profile_figure(profile, "t", {}, looks(profile)).axes[0].get_lines()
     assert [len(line.get_xdata()) for line in drawn] == [figures.POINTS] * 2
     for curve in profile.curves:
         upto = figures.right_end(profile)
@@ -130,7 +138,7 @@ def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
 def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
     profile = performance_profile(times)
     for draw in (figures.profile_figure, panels.panels_figure):
-        png, svg, pdf = figures.save(draw(profile, "title", {}), tmp_path, "f")
+        png, svg, pdf = figures.save(draw(profile, "title", {}, looks(profile)), tmp_path, "f")
         assert png.read_bytes().startswith(b"\x89PNG")
         assert pdf.read_bytes().startswith(b"%PDF")
         assert b"</svg>" in svg.read_bytes()
@@ -138,8 +146,8 @@ def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
 
 def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
     profile, kinds = profile_of(5, 4)
-    png, svg, pdf = figures.save(figures.profile_figure(profile, "t", kinds), tmp_path, "one")
-    again = figures.save(figures.profile_figure(profile, "t", kinds), tmp_path, "two")
+    png, svg, pdf = figures.save(figures.profile_figure(profile, "t", kinds, looks(profile)), tmp_path, "one")
+    again = figures.save(figures.profile_figure(profile, "t", kinds, looks(profile)), tmp_path, "two")
     assert [p.read_bytes() for p in again] == [p.read_bytes() for p in (png, svg, pdf)]
     assert b"dc:date" not in svg.read_bytes()
     assert b"Software" not in png.read_bytes()
@@ -150,7 +158,7 @@ def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
 @pytest.mark.parametrize("ends", [(1.7e-3, 1.02e-2), (1e-3, 2.9e-3), (1e-3, 7.9e-3), (4e-3, 3.1e-2), (1e-6, 9.9e-5)])
 def test_labels_of_a_logarithmic_axis_do_not_touch(ends: tuple[float, float]) -> None:
     found = pd.DataFrame({"label": "s", "seconds": ends, "error": (1.0, 1e-6), "reached": 1})
-    made = convergence.figure(found, 1, "t")
+    made = convergence.figure(found, 1, "t", looks_of(["s"]))
     made.draw_without_rendering()
     axes = made.axes[0]
     low, high = axes.get_xlim()

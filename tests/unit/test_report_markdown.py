@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 from synthetic_results import meta, row, suite, table
-from written_reports import write_report
+from written_reports import whole, write_report
 
 from cpbench.report.text import code, fenced, plain, solve_command
 from cpbench.report.text import table as text_table
@@ -25,7 +25,7 @@ HOSTILE = [
 def report(rows: pd.DataFrame, folder: Path, **facts: object) -> str:
     path = write_report(rows, meta(**facts), folder, "A title")
     assert path == folder / "report.md"
-    return path.read_text(encoding="utf-8")
+    return whole(path)
 
 
 def check_whole(text: str, folder: Path) -> None:
@@ -45,21 +45,25 @@ def test_a_run_of_every_outcome(tmp_path: Path) -> None:
     text = report(suite(45, 20), tmp_path, refused=[["bad.h5", "bad.h5: W: is NaN at 3"]])
     check_whole(text, tmp_path)
     for heading in (
-        "## Solved, by formulation",
-        "## lcp",
+        "## Ranking",
+        "## Answers to be careful with",
+        "## Failures by kind",
+        "## Could not be run",
+        "## Limits and machine",
+        "## Where the details are",
+        "# A title: lcp",
         "### Solved and times",
         "### Performance profile",
         "### Verdicts",
         "### Claims against verdicts",
         "### Problem by solver",
         "### By family",
-        "## Claimed, is not",
+        "## False claims: solver said solved, verification failed",
         "## Accepted, but in a wrong direction",
         "## Routes that promise less than an answer",
         "## Failures by reason",
         "## Never started",
         "## Refused files (1)",
-        "## Machine and versions",
         "## Methods",
     ):
         assert f"\n{heading}" in text, heading
@@ -76,7 +80,7 @@ def test_the_same_data_give_the_same_bytes(tmp_path: Path) -> None:
     report(rows.sample(frac=1.0, random_state=1), two)
     names = sorted(p.name for p in one.iterdir())
     figures = [f"profile-lcp{part}.{kind}" for part in ("-each", "") for kind in ("pdf", "png", "svg")]
-    assert names == [*figures, "report.md", "results.csv"]
+    assert names == ["details-lcp.md", "details.md", *figures, "report.md", "results.csv"]
     for name in names:
         assert (one / name).read_bytes() == (two / name).read_bytes(), name
 
@@ -91,10 +95,9 @@ def test_counts_in_the_report_are_those_of_the_table(tmp_path: Path) -> None:
         ),
         tmp_path,
     )
-    assert text.splitlines()[2].startswith(
-        "**3 pairs of 4 solved** (2 problems, 2 solver configurations); 1 claim does"
-    )
-    assert "Most solved: lcp: `pgs` (2 of 2)." in text
+    assert text.splitlines()[2].startswith("- **lcp**: use pgs: it solves 2 of 2 problems")
+    assert "\n**3 of 4 pairs solved** (2 problems, 2 solver configurations); 1 false claim." in text
+    assert "| `pgs` | direct | 2 of 2 | 3.5 ms | 1.41 |" in text
     assert "| `pgs` | equivalent | 2 | 0 | 2 | 0 | 1 | 3.5 ms | 1.5 | " in text
     assert "| `lemke` | equivalent | 1 | 0 | 2 | 1 | 1 | 1 ms | 1 | " in text
     assert "| a-2 | `pgs` | solved | 1e-09 | 44.2 |" in text
@@ -183,7 +186,7 @@ def test_settings_are_reported_apart(tmp_path: Path) -> None:
         tmp_path,
     )
     check_whole(text, tmp_path)
-    for heading in ("## lcp, tolerance 1e-08", "## lcp, tolerance 1e-06", "## qp"):
+    for heading in ("# A title: lcp, tolerance 1e-08", "# A title: lcp, tolerance 1e-06", "# A title: qp"):
         assert f"\n{heading}\n" in text
     assert (tmp_path / "profile-lcp-1e-08-cold-1.png").exists()
 
@@ -215,7 +218,7 @@ def test_an_order_that_a_third_solver_decides_is_told(tmp_path: Path) -> None:
         "c": [6.0] * 3 + [2.0] * 4 + [2.5] * 3,
     }
     rows = [row(f"p-{i}", label, "solved", t) for label, times in seconds.items() for i, t in enumerate(times)]
-    assert "\n- `c` lies above `b` here, below it alone\n" in report(table(*rows), tmp_path)
+    assert "\n- `c` is above `b` here, below it pairwise\n" in report(table(*rows), tmp_path)
 
 
 def test_commands_load_the_file_that_a_solver_comes_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,7 +271,9 @@ def test_times_of_a_busy_or_drifting_machine_are_marked(tmp_path: Path) -> None:
     busy = report(rows.assign(jobs=2.0, loadavg=1.5), tmp_path, references=references)
     check_whole(busy, tmp_path)
     assert "taken while up to 2 solves ran side by side**" in busy
-    assert "it took 1 ms to 2 ms, a drift of the machine by a factor 2.00. **Ratios" in busy
+    assert (
+        "it took 1 ms to 2 ms, a drift of the machine by a factor 2.00. **Time ratios below 2 are within this" in busy
+    )
     assert "median 1.50, at most 1.50" in busy
 
 
@@ -286,10 +291,33 @@ def test_stationary_has_a_column_and_is_counted_where_that_is_asked_for(tmp_path
         row("a-2", "lemke", "stationary", 1e-3, claim="solved", flags="stationary"),
     )
     text = report(rows, tmp_path)
-    assert "**1 pair of 2 solved**" in text
+    assert "**1 of 2 pairs solved**" in text
     assert "1 more stationary, not counted as solved." in text
     assert re.search(r"\| `lemke` \| [^|]*\| 1 \| 1 \| 2 \| 0 \|", text)
     counted = write_report(rows, meta(), tmp_path, "A title", count_stationary=True).read_text(encoding="utf-8")
-    assert "**2 pairs of 2 solved**" in counted
+    assert "**2 of 2 pairs solved**" in counted
     assert "Stationary answers are counted as solved (--count-stationary)." in counted
-    assert re.search(r"\| `lemke` \| [^|]*\| 2 \| 0 \| 2 \| 0 \|", counted)
+    assert re.search(r"\| `lemke` \| [^|]*\| 2 \| 0 \| 2 \| 0 \|", whole(tmp_path / "report.md"))
+
+
+def test_a_report_of_a_large_run_is_short(tmp_path: Path) -> None:
+    """Of twenty formulations, each with failures of every kind: the answer and what must be known fit 300 lines."""
+    nodes = [f"node{k:02d}" for k in range(20)]
+    parts = [suite(9, 18, seed=k).assign(node=node) for k, node in enumerate(nodes)]
+    rows = pd.concat([part.assign(key=part["key"] + part["node"]) for part in parts], ignore_index=True)
+    text = write_report(rows, meta(), tmp_path, "A title").read_text(encoding="utf-8")
+    check_whole(text, tmp_path)
+    assert len(text.splitlines()) <= 300
+    for node in nodes:
+        assert f"- **{node}**: " in text
+        assert f"[{node}](details-{node}.md)" in text
+        assert (tmp_path / f"details-{node}.md").exists()
+
+
+def test_pairs_that_could_not_be_run_count_against_nobody(tmp_path: Path) -> None:
+    refused = [row(f"p-{k}", "flat", "unsupported", message="takes 2 dimensions") for k in range(7)]
+    text = report(table(row("p-0", "s", "solved", 1.0), row("p-9", "flat", "solved", 2.0), *refused), tmp_path)
+    assert "\n**2 of 2 pairs solved** (8 problems" in text
+    assert "\n7 more pairs could not be run, and count against nobody." in text
+    assert "| `flat` | direct | 1 of 1 |" in text
+    assert "| `flat` | equivalent | 1 | 0 | 1 | 0 |" in text, "one that it could run"

@@ -17,6 +17,7 @@ from cpbench.formulations import (
     AVI,
     LCP,
     MLCP,
+    QP,
     SOCLCP,
     AnisotropicFrictionContact,
     AVIPoint,
@@ -30,6 +31,7 @@ from cpbench.formulations import (
     LCPPoint,
     MixedFrictionContact,
     MLCPPoint,
+    QPPoint,
     Relay,
     SOCLCPPoint,
 )
@@ -352,14 +354,48 @@ def test_nothing_solves_what_has_no_solution(node: str, rng: np.random.Generator
             assert measure(case.problem, point).error > 1e-3, (case.name, parts)
 
 
-@pytest.mark.xfail(reason="a weak coupling joins two parts, and the large one gives the size of the small one")
-def test_a_large_a_and_a_weak_coupling_hide_no_v() -> None:
-    """a = 1e8 and C = 1e-8: v of size 1 has nothing to do with a/C = 1e16; v = 2 where 1 is right is 100 % wrong."""
-    problem = MLCP(A=1e8 * E(1), B=E(1), C=1e-8 * E(1), D=np.zeros((1, 1)), a=[1e8], b=[-1.0])
-    right = MLCPPoint(u=[-1.0 - 1e-16], v=[1.0])
-    wrong = MLCPPoint(u=[-1.0 - 2e-16], v=[2.0])
-    assert judge(problem, right, 1e-9).solved
-    assert judge(problem, wrong, 1e-3).error == pytest.approx(1.0 / 3.0)  # w = 1 of terms 2 and 1
+def _weakly_coupled(a: float, c: float) -> MLCP:
+    """au + cv + a = 0 beside v ≥ 0 with v − 1: the solution is v = 1, u = −1 − c/a."""
+    return MLCP(A=a * E(1), B=E(1), C=c * E(1), D=np.zeros((1, 1)), a=[a], b=[-1.0])
+
+
+@pytest.mark.parametrize("c", [1e-8, 1e-4, 1.0])
+def test_a_large_a_and_a_weak_coupling_hide_no_v(c: float) -> None:
+    """a = 1e8: v of size 1 has nothing to do with a/c; v = 2 where 1 is right is 100 % wrong."""
+    problem = _weakly_coupled(1e8, c)
+    assert judge(problem, MLCPPoint(u=[-1.0 - c / 1e8], v=[1.0]), 1e-9).solved
+    wrong = judge(problem, MLCPPoint(u=[-1.0 - 2.0 * c / 1e8], v=[2.0]), 1e-3)
+    assert wrong.error == pytest.approx(0.5)  # w = 1 beside a term of 2
+
+
+def test_no_size_of_v_makes_a_large_a_hide_it() -> None:
+    """Whatever v is said to be, and u then what solves its row: where v is not 1 within 1 %, a thousandth shows."""
+    problem = _weakly_coupled(1e8, 1e-8)
+    for exponent in range(-20, 21):
+        for v in (-(10.0**exponent), 10.0**exponent):
+            error = judge(problem, MLCPPoint(u=[-1.0 - 1e-16 * v], v=[v]), 1e-9).error
+            assert (error < 1e-9) if v == 1.0 else (error > 1e-4), v
+
+
+def test_a_weak_coupling_hides_no_part_of_a_program() -> None:
+    """½·1e8(z₁ − 1)² + ½(z₂ − 1)² + 1e-8 z₁z₂ over z ≥ 0: z₂ = 2 is as wrong beside z₁ as by itself."""
+    problem = QP.build(np.array([[1e8, 1e-8], [1e-8, 1.0]]), np.array([-1e8, -1.0]), lb=np.zeros(2))
+    alone = QP.build(np.eye(1), np.array([-1.0]), lb=np.zeros(1))
+    none = np.zeros(0)
+    error = judge(problem, QPPoint(z=[1.0, 2.0], lam=none, mu=none, nu=np.zeros(2)), 1e-3).error
+    assert error == pytest.approx(judge(alone, QPPoint(z=[2.0], lam=none, mu=none, nu=[0.0]), 1e-3).error)
+    assert error > 0.1
+    assert judge(problem, QPPoint(z=[1.0, 1.0], lam=none, mu=none, nu=np.zeros(2)), 1e-9).solved
+
+
+@pytest.mark.parametrize("decay", [0.5, 0.05, 0.005])
+def test_a_solution_that_decays_is_one_part(decay: float) -> None:
+    """Mz + q = 0 with z_k = decayᵏ, and each entry off by 1e-13 of the largest: as right as norms can say."""
+    n = 8
+    z = decay ** np.arange(n)
+    M = np.diag(np.full(n, 1.0)) - decay * np.diag(np.ones(n - 1), -1)
+    problem = LCP(M=M, q=-(M @ z))
+    assert judge(problem, LCPPoint(z=z + 1e-13), 1e-9).solved
 
 
 def test_speed_hides_a_reaction_and_the_reader_is_told() -> None:

@@ -27,6 +27,12 @@ def write_report(
         return markdown.write_text(run, easel, title)
 
 
+def whole(path: Path) -> str:
+    """The text of a report.md, and of the details beside it."""
+    parts = [path, *sorted(path.parent.glob("details*.md"))]
+    return "\n".join(part.read_text(encoding="utf-8") for part in parts)
+
+
 def write_html(
     table: pd.DataFrame,
     meta: Mapping[str, Any],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,9 @@ from cpbench.bench.lane import Lane, Unread
 from cpbench.bench.planning import grids, plan, selection, tunings
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
+from cpbench.bench.starts import EVERY, each_start, parse_start
 from cpbench.errors import CpbenchError, NoRoute
+from cpbench.solvers.base import missing, solvers
 
 Reading = Callable[[Sequence[str]], Iterable[str]]
 """Shows how far the reading of files has come."""
@@ -34,6 +36,7 @@ class Assembly:
 
     `read`, `refused` : addresses of files that are problems, and of those that are none, with the reason. `unread` :
     those among the latter of which nobody could say what they hold: the plan lacks their pairs, if they have any.
+    `absent` : how to install the solvers that are not there and that nobody asked for by name.
     `twins` : (address, address of the same problem before it). `surveys` : facts of problems, in their order.
     """
 
@@ -44,6 +47,7 @@ class Assembly:
     unread: Sequence[str]
     twins: Sequence[tuple[str, str]]
     surveys: Sequence[Mapping[str, Any]] = field(repr=False)
+    absent: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def found(self) -> dict[str, list[str]]:
@@ -54,7 +58,7 @@ class Assembly:
     def idle(self) -> list[str]:
         """Solvers that were asked for by name and that no route leads to from any problem."""
         busy = {pair.entry.solver for part in self.parts for pair in part.pairs}
-        asked = [entry.solver for part in self.parts if part.asked.solvers for entry in part.entries]
+        asked = [entry.solver for part in self.parts if part.asked.chosen for entry in part.entries]
         return [name for name in dict.fromkeys(asked) if name not in busy]
 
     def require_pairs(self) -> None:
@@ -81,22 +85,27 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
 
     Raises CpbenchError when the sets contradict each other, or name what is not there.
     """
-    entries = [_entries(part) for part in asked.sets]
+    named = [grids.named(part.solvers) if part.chosen else set[str]() for part in asked.sets]
+    every = [_entries(part) for part in asked.sets]
+    entries = [
+        [e for e in all_ if e.solver in said or not _missing(e)] for all_, said in zip(every, named, strict=True)
+    ]
     requests = [_requests(part) for part in asked.sets]
     places = [selection.addresses(part.problems, builtin) for part in asked.sets]
     wanted: dict[tuple[str, str | None], dict[str, Request]] = {}
     for part, asks, addresses in zip(asked.sets, requests, places, strict=True):
         for address in addresses:
             wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
-    surveys, refused, unread = _survey(lane, wanted, max(part.timeout for part in asked.sets), reading)
+    guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
+    surveys, refused, unread = _survey(lane, wanted, max(part.timeout for part in asked.sets), reading, guesses)
     parts: list[Part] = []
     planned: dict[str, Pair] = {}
-    for part, solvers_, asks, addresses in zip(asked.sets, entries, requests, places, strict=True):
+    for part, solvers_, said, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
         here = [surveys[a, part.format] for a in addresses if (a, part.format) in surveys]
         chosen = selection.select(part, here) if here else []
         meant = chosen or selection.select(replace(part, split=""), here) if here else []
         tunings.require_unseen(asked.tunings, solvers_, meant, part.split)
-        made = _pairs(part, chosen, solvers_, asks, asked.threads)
+        made = _pairs(part, chosen, solvers_, said, asks, asked.threads)
         for pair in made:
             _require_same(planned.setdefault(pair.key, pair), pair)
         parts.append(Part(part, {s["fingerprint"]: s["address"] for s in reversed(chosen)}, solvers_, made))
@@ -108,11 +117,16 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
         unread,
         _twins(surveys.values()),
         list(surveys.values()),
+        {e.solver: _missing(e) for all_, kept in zip(every, entries, strict=True) for e in all_ if e not in kept},
     )
 
 
 def _entries(part: ProblemSet) -> list[Entry]:
     return grids.entries(part.solvers) or grids.by_default()
+
+
+def _missing(entry: Entry) -> str:
+    return missing(solvers.get(entry.solver).spec)
 
 
 def _requests(part: ProblemSet) -> list[Request]:
@@ -126,30 +140,46 @@ def _pairs(
     part: ProblemSet,
     chosen: Sequence[Mapping[str, Any]],
     entries: Sequence[Entry],
+    named: Collection[str],
     requests: Sequence[Request],
     threads: int,
 ) -> list[Pair]:
     return [
         pair
         for tolerance in part.tolerance
-        for start in part.start
+        for start, surveys in _started(part, chosen).items()
         for pair in plan.pairs(
-            chosen,
+            surveys,
             entries,
             requests,
             tolerance,
             part.limits(threads),
             relaxations=part.allowed_routes == "all",
-            detours=bool(part.solvers or part.via),
+            detours=part.chosen or bool(part.via),
             start=start,
             set=part.name,
             measure=part.measure,
+            named=named,
         )
     ]
 
 
+def _started(part: ProblemSet, chosen: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+    """The problems by the start that is asked for: a file with three guesses is asked for three."""
+    found: dict[str, list[Mapping[str, Any]]] = {}
+    for asked in part.start:
+        for survey in chosen:
+            for start in each_start(asked, survey["guesses"]):
+                found.setdefault(start, []).append(survey)
+    return found
+
+
 def _survey(
-    lane: Lane, wanted: Mapping[tuple[str, str | None], Mapping[str, Request]], timeout: float, reading: Reading
+    lane: Lane,
+    wanted: Mapping[tuple[str, str | None], Mapping[str, Request]],
+    timeout: float,
+    reading: Reading,
+    guesses: bool,
 ) -> tuple[dict[tuple[str, str | None], dict[str, Any]], list[tuple[str, str]], list[str]]:
     formats: dict[str, list[str | None]] = {}
     for address, format in wanted:
@@ -161,7 +191,7 @@ def _survey(
         for format in formats[address]:
             try:
                 requests = list(wanted[address, format].values())
-                found[address, format] = lane.survey(address, requests, format, timeout)
+                found[address, format] = lane.survey(address, requests, format, timeout, guesses=guesses)
             except CpbenchError as reason:
                 refused.append((address, str(reason)))
                 if isinstance(reason, Unread):

@@ -25,21 +25,22 @@ def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str]) -> Iter
     yield from _matrix(assembly.pairs)
     yield ""
     yield from _sets(assembly)
-    skipped = _skipped(assembly.pairs, before, asked.rerun)
-    todo = [pair for pair in assembly.pairs if pair.key not in skipped]
+    todo = to_run(assembly.pairs, before, asked.rerun)
     if asked.shard != (1, 1):
         whole = len({pair.key for part in assembly.parts for pair in part.pairs})
         yield f"shard {asked.shard[0]} of {asked.shard[1]}: {len(assembly.pairs)} of {whole} pairs"
     if before:
-        yield f"{asked.results} has {len(skipped)} of the {len(assembly.pairs)} pairs; {len(todo)} are to be run"
+        done, every = len(assembly.pairs) - len(todo), len(assembly.pairs)
+        yield f"{asked.results} has {done} of the {every} pairs; {len(todo)} are to be run"
     yield f"{len(todo)} pairs to run: {_bound(todo, asked)}"
 
 
-def _skipped(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> set[str]:
-    """Keys of the pairs that are done and stay as they are."""
+def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list[Pair]:
+    """The pairs without those that are done and stay as they are."""
     again: Collection[str] | None = RERUN[rerun] if rerun else ()
     done = {pair.key: before[pair.key] for pair in pairs if before.get(pair.key, "not_run") != "not_run"}
-    return {key for key, status in done.items() if again is not None and status not in again}
+    skipped = {key for key, status in done.items() if again is not None and status not in again}
+    return [pair for pair in pairs if pair.key not in skipped]
 
 
 def _matrix(pairs: Sequence[Pair]) -> Iterator[str]:
@@ -94,13 +95,24 @@ def _sets(assembly: Assembly) -> Iterator[str]:
                 yield f"  {text}: {len(entries)} entries, {count} pairs"
 
 
+def longest(todo: Sequence[Pair], asked: RunPlan) -> float:
+    """The longest that the solves can take [s]."""
+    return sum(_shares(todo, asked)) * (1 + asked.retry)
+
+
+def _shares(todo: Sequence[Pair], asked: RunPlan) -> tuple[float, float, float]:
+    """What that is made of: first solves, repeats, solves whose history is kept."""
+    first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
+    more = sum(min(SHORT, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo) / asked.jobs
+    again = sum(pair.limits.seconds + GRACE for pair in todo if _recorded(pair)) / asked.jobs
+    return first, more, again
+
+
 def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
     """The longest that the solves can take, and what that is made of."""
     if not todo:
         return "nothing"
-    first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
-    more = sum(min(SHORT, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo) / asked.jobs
-    again = sum(pair.limits.seconds + GRACE for pair in todo if _recorded(pair)) / asked.jobs
+    first, more, again = _shares(todo, asked)
     limits = sorted({pair.limits.seconds for pair in todo})
     limit = duration(limits[0]) if len(limits) == 1 else f"{duration(limits[0])} to {duration(limits[-1])}"
     parts = [f"solves to their limit of {limit} and {GRACE:g} s {duration(first)}"]
@@ -111,8 +123,7 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
     if asked.retry:
         parts.append(f"{asked.retry} retries as much again each")
     lanes = f" on {asked.jobs} lanes" if asked.jobs > 1 else ""
-    total = (first + more + again) * (1 + asked.retry)
-    return f"at most {duration(total)}{lanes} ({'; '.join(parts)}); conversions and judging come on top"
+    return f"at most {duration(longest(todo, asked))}{lanes} ({'; '.join(parts)}); conversions and judging come on top"
 
 
 def _recorded(pair: Pair) -> bool:

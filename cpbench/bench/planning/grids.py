@@ -35,6 +35,12 @@ def by_default() -> list[Entry]:
     return [Entry(solver.spec.name) for solver in solvers if solver.spec.by_default]
 
 
+def named(texts: Iterable[str]) -> set[str]:
+    """The solvers that texts ask for by their names, not by a glob: who does wants to know why one cannot be run."""
+    exact = (text for text in texts if text.strip() != ALL and not set(text.partition("[")[0]) & set("*?"))
+    return {entry.solver for text in exact for entry in grid(text)}
+
+
 def entries(texts: Iterable[str]) -> list[Entry]:
     """All entries of the texts, each once, in their order; raises UnknownName and CpbenchError."""
     return list({entry.label: entry for text in texts for entry in grid(text)}.values())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -84,7 +84,8 @@ class Pair:
 
     `format` : how the file is read where that was said. `set` : the part of the plan it belongs to. `measure` : the
     number its answer is judged by, all of them for None. `start` : the start policy. `sequence`, `step` : place in
-    a recorded scene.
+    a recorded scene. `named` : whether its solver was asked for by its name; only then has it a row where it cannot be
+    run.
     """
 
     address: str
@@ -104,6 +105,7 @@ class Pair:
     measure: str | None = None
     sequence: str = ""
     step: int = 0
+    named: bool = True
 
     @property
     def scene(self) -> tuple[str, str] | None:
@@ -250,8 +252,10 @@ def pairs(
     start: str = "cold",
     set: str = "",
     measure: str | None = None,
+    named: Collection[str] | None = None,
 ) -> list[Pair]:
     """Every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
+    `named` : the solvers that were asked for by name, None for all.
 
     The requests of BEYOND take only the nodes that no exact route opens. Without `detours`, problems of matrices do not
     go to solvers of nonlinear maps.
@@ -287,6 +291,7 @@ def pairs(
                     measure=measure,
                     sequence=survey["sequence"],
                     step=survey["step"],
+                    named=named is None or entry.solver in named,
                 )
                 planned.setdefault(pair.key, pair)
     return list(planned.values())

@@ -31,6 +31,7 @@ from typing import Any
 from cpbench.bench.planning import features, grids, quantities, tunings, where
 from cpbench.bench.planning.plan import pinned
 from cpbench.bench.planning.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
+from cpbench.bench.planning.suites import SUITES
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
@@ -313,6 +314,7 @@ def _shard(value: Any) -> tuple[int, int]:
 READERS: Mapping[str, Callable[[Any], Any]] = {
     "name": _text,
     "problems": _some_texts,
+    "suite": _choice(*SUITES),
     "solvers": _solvers,
     "routes": _choice(*ROUTES),
     "facets": _facets,

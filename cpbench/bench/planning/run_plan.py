@@ -7,11 +7,12 @@ as it was written (globs, grids, conditions): `assembly` makes the pairs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from cpbench.bench.planning import suites
 from cpbench.bench.planning.plan import Limits
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.errors import CpbenchError, UnknownName
@@ -33,6 +34,8 @@ class ProblemSet:
     timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides, None: all.
     start : start policies, one pair each. format : of the files. family, where, keyword, split, max_problems, seed :
     the selection.
+    suite : the suite that its problems, and the other values that nobody said, are of; empty where problems were named.
+    chosen : whether somebody named the solvers, which a suite does not.
     """
 
     name: str = ""
@@ -55,6 +58,11 @@ class ProblemSet:
     split: str = ""
     max_problems: int | None = None
     seed: int = 0
+    suite: str = ""
+
+    @property
+    def chosen(self) -> bool:
+        return bool(self.solvers) and not (self.suite and self.solvers == suites.quick_solvers())
 
     @property
     def builtin(self) -> bool:
@@ -106,11 +114,21 @@ class RunPlan:
     @property
     def builtin(self) -> bool:
         """Whether it is the built-in suite, all of it and nothing else."""
-        return self.shard == (1, 1) and all(part.builtin and not part.selects for part in self.sets)
+        return self.shard == (1, 1) and all(
+            part.builtin and part.suite != suites.STANDARD and not part.selects for part in self.sets
+        )
+
+    @property
+    def suite(self) -> str:
+        """The suite that it is, as it stands and nothing else; '' of any other plan."""
+        part = self.sets[0]
+        whole = len(self.sets) == 1 and self.shard == (1, 1) and not part.selects
+        return part.suite if whole and (part.suite == suites.FULL or not part.chosen) else ""
 
     @property
     def results(self) -> Path:
-        return Path(self.output or ("builtin.sqlite" if self.builtin else "run.sqlite"))
+        """Where its rows are kept: named after the suite, and the full one after the built-in problems."""
+        return Path(self.output or ("builtin.sqlite" if self.builtin else f"{self.suite or 'run'}.sqlite"))
 
     @property
     def report_folder(self) -> Path | None:
@@ -145,15 +163,17 @@ def make(
     sets: Sequence[Mapping[str, Any]],
     only: Sequence[str] = (),
     tunings: Sequence[Tuning] = (),
+    suite: Callable[[str], Mapping[str, Any]] | None = None,
 ) -> RunPlan:
     """The plan of values that were read: `given` on the command line, at the `top` of a file and in its `sets`.
 
     The command line wins over a set, a set over the top of its file. `only` : names of the sets to take, all for
-    none. Raises UnknownName.
+    none. suite : the values of a suite by its name, for sets that name no problem; all built-in problems without it.
+    Raises UnknownName, and CpbenchError where problems and a suite are named.
     """
     common = {key: value for key, value in top.items() if key in SET_KEYS}
     mine = {key: value for key, value in given.items() if key in SET_KEYS}
-    parts = [ProblemSet(**{**common, **table, **mine}) for table in (sets or [{}])]
+    parts = [_part({**common, **table, **mine}, suite) for table in (sets or [{}])]
     if only and not sets:
         raise CpbenchError(f"no plan file has a set '{only[0]}'; name one with --plan")
     for name in only:
@@ -165,3 +185,14 @@ def make(
     if plan.dask and plan.cluster:
         raise CpbenchError(f"--dask {plan.dask} and --cluster {plan.cluster}: a run has one place; leave one out")
     return plan
+
+
+def _part(said: Mapping[str, Any], suite: Callable[[str], Mapping[str, Any]] | None) -> ProblemSet:
+    """A set, with the values of its suite where it names no problems."""
+    if said.get("suite") and "problems" in said:
+        raise CpbenchError(
+            f"suite {said['suite']}: has problems of its own, and {said['problems'][0]} is named too; leave one out"
+        )
+    if "problems" in said or suite is None:
+        return ProblemSet(**said)
+    return ProblemSet(**{**suite(said.get("suite") or suites.QUICK), **said})

@@ -333,6 +333,16 @@ class Store:
         self._kept -= freed
         return count
 
+    def withdraw(self, keys: Iterable[str]) -> None:
+        """Take rows out of the results, with all that is kept of them."""
+        assert self._written is not None, "only who writes a file seals"
+        gone = [(key,) for key in keys]
+        with self._database.transaction() as db:
+            for table in (*_KEPT, "seals", "rows"):
+                db.executemany(f"DELETE FROM {table} WHERE key = ?", gone)
+        for (key,) in gone:
+            self._written.pop(key, None)
+
     # -------------------------------------------------------------------------------------------- read
 
     def meta(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-r"""Performance profiles as pgfplots: a column wide, with marks and dashes that tell curves apart in grey."""
+r"""Performance profiles as pgfplots: a column wide, each solver with its own colour and mark in all of them."""
 
 from __future__ import annotations
 
@@ -14,14 +14,11 @@ CORNERS = 300
 STYLES = (
     "\n".join(f"\\definecolor{{cpbench{chr(65 + k)}}}{{HTML}}{{{colour[1:]}}}" for k, colour in enumerate(PALETTE))
     + r"""
-\pgfplotscreateplotcyclelist{cpbench}{
-  {cpbenchA, mark=*}, {cpbenchB, mark=square*}, {cpbenchC, mark=triangle*}, {cpbenchD, mark=diamond*},
-  {cpbenchE, mark=x}, {cpbenchF, mark=pentagon*}, {cpbenchG, mark=+}}
 \pgfplotsset{
   cpbench profile/.style={
     width=\columnwidth, height=0.72\columnwidth, log basis x=2, xmin=1, ymin=0, ymax=1,
     xlabel={$\tau$}, ylabel={fraction solved}, label style={font=\footnotesize}, tick label style={font=\scriptsize},
-    cycle list name=cpbench, axis lines=left, axis line style={-}, grid=major, grid style={black!10}, clip=false,
+    axis lines=left, axis line style={-}, grid=major, grid style={black!10}, clip=false,
     legend columns=2, legend style={at={(0.5,-0.22)}, anchor=north, draw=none, font=\scriptsize, cells={anchor=west},
       /tikz/every even column/.append style={column sep=2pt}},
     every axis plot/.append style={const plot, line width=0.8pt, mark size=1.5pt}},
@@ -29,13 +26,22 @@ STYLES = (
     title style={font=\scriptsize, yshift=-1ex}}}
 """
 )
-"""Colours, marks and sizes; marks differ for each of the seven curves, so that grey and a printer's black do."""
+"""Colours and sizes."""
+MARKS = ("*", "square*", "triangle*", "diamond*", "x", "pentagon*", "+", "o", "square", "triangle")
+"""Those of the looks; curves of one colour differ in them, and most others, so that grey and a printer's black do."""
 
 
-def figure(profile: Profile, labels: Sequence[str], kinds: Mapping[str, str], caption: str, key: str) -> str:
+def figure(
+    profile: Profile,
+    labels: Sequence[str],
+    kinds: Mapping[str, str],
+    looks: Mapping[str, int],
+    caption: str,
+    key: str,
+) -> str:
     """The curves of `labels` in one column, with their legend below."""
     upto = right_end(profile)
-    body = "\n".join(_plot(curve, upto, kinds, legend=True) for curve in _chosen(profile, labels))
+    body = "\n".join(_plot(curve, upto, kinds, looks, legend=True) for curve in _chosen(profile, labels))
     return (
         "\\begin{figure}[!htbp]\n\\centering\n\\begin{tikzpicture}\n"
         f"\\begin{{axis}}[xmode=log, cpbench profile, xmax={upto:g}]\n{body}\n\\end{{axis}}\n\\end{{tikzpicture}}\n"
@@ -44,7 +50,12 @@ def figure(profile: Profile, labels: Sequence[str], kinds: Mapping[str, str], ca
 
 
 def panels(
-    profiles: Mapping[str, Profile], labels: Sequence[str], kinds: Mapping[str, str], caption: str, key: str
+    profiles: Mapping[str, Profile],
+    labels: Sequence[str],
+    kinds: Mapping[str, str],
+    looks: Mapping[str, int],
+    caption: str,
+    key: str,
 ) -> str:
     """Small multiples two columns wide: a panel a profile, by its title in TeX, all with the same curves and axes."""
     upto = max((right_end(profile) for profile in profiles.values()), default=2.0)
@@ -58,7 +69,7 @@ def panels(
         ]
         named = ["legend to name=" + key.replace(":", ""), "legend columns=4"] if k == last else []
         parts.append(f"\\nextgroupplot[{', '.join([*style, *named])}]")
-        parts += [_plot(curve, upto, kinds, legend=k == last) for curve in _chosen(profile, labels)]
+        parts += [_plot(curve, upto, kinds, looks, legend=k == last) for curve in _chosen(profile, labels)]
     rows = -(-len(profiles) // 3)
     return (
         "\\begin{figure*}[!htbp]\n\\centering\n\\begin{tikzpicture}\n\\begin{groupplot}[xmode=log, cpbench panel, xmax="
@@ -70,15 +81,18 @@ def panels(
 
 
 def _chosen(profile: Profile, labels: Sequence[str]) -> list[Curve]:
-    """The curves in the order of the labels, which is that of their looks; flat ones at 0 among them."""
+    """The curves in the order of the labels; flat ones at 0 among them."""
     found = {curve.label: curve for curve in profile.curves}
     return [found[label] for label in labels]
 
 
-def _plot(curve: Curve, upto: float, kinds: Mapping[str, str], *, legend: bool) -> str:
+def _plot(curve: Curve, upto: float, kinds: Mapping[str, str], looks: Mapping[str, int], *, legend: bool) -> str:
+    place = looks[curve.label]
+    colour = f"cpbench{chr(65 + place % len(PALETTE))}"
+    mark = MARKS[(place + place // len(PALETTE)) % len(MARKS)]
     corners = list(zip(*curve.outline(upto, CORNERS), strict=True))
     points = "".join(f"({x:.5g},{y:.5g})" for x, y in corners)
     dashed = ", dashed" if kinds.get(curve.label, "") in INEXACT else ""
     marks = f"mark repeat={max(1, len(corners) // 6)}"
     entry = f"\n\\addlegendentry{{\\texttt{{{text(shorten(curve.label, 24))}}}}}" if legend else ""
-    return f"\\addplot+[{marks}{dashed}] coordinates {{{points}}};{entry}"
+    return f"\\addplot[{colour}, mark={mark}, {marks}{dashed}] coordinates {{{points}}};{entry}"

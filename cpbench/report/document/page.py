@@ -193,12 +193,12 @@ def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: C
         "fastest solver; at the left end where it was the fastest, at the right end at all."
         + (f" Of {rest + len(labels)} solvers those with the largest area; all count for $\\tau$." if rest else "")
     )
-    yield curves.figure(profile, labels, kinds, guide, key)
+    yield curves.figure(profile, labels, kinds, run.looks, guide, key)
     for facet in facets:
         found, told = _by_family(ranked) if facet == "family" else _by_tolerance(run, group, ranked)
         if len(found) > 1:
             caption = f"Performance profiles of {text(name)}, by {facet}, of the same solvers. {told}"
-            yield curves.panels(found, labels, kinds, caption, f"{key}{facet}")
+            yield curves.panels(found, labels, kinds, run.looks, caption, f"{key}{facet}")
 
 
 def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import histories, metrics
+from cpbench.analysis import histories, metrics, multi_start
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.bootstrap import families_of
@@ -166,6 +166,7 @@ def _commands(run: Run, rows: pd.DataFrame) -> list[str]:
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     here = str(Path.cwd()) + os.sep
     names = ["origin", "request", "label", "solver", "address", "tolerance", "seconds", "start"]
+    names += [multi_start.BEGAN] if multi_start.BEGAN in rows else []
     listed = rows[names].to_dict("records")
     return [solve_command(row, sheets.get(str(row["label"]))).replace(here, "") for row in listed]
 
@@ -189,7 +190,7 @@ def _portraits(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[P
     """Pictures of the problems; an answer by somebody who is left out of the report is nobody's."""
     made, told = run.portraits(), set(labels)
     found: list[Portrait | None] = []
-    for one in map(made.get, prints):
+    for one in (made.get(multi_start.original(print_)) for print_ in prints):
         known = one is None or one.get("answer", {}).get("label", "") in {"", *told}
         found.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
     return found
@@ -205,6 +206,7 @@ def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, li
     origin = (rows["origin"] != "").groupby(rows["label"]).any()
     return {
         "name": [one_line(label) for label in labels],
+        "look": [run.looks[label] for label in labels],
         "tuned": [int(label in tuned) for label in labels],
         "elsewhere": [int(bool(origin[label])) for label in labels],
         "ranked": [int(bool(elsewhere[label])) for label in labels],

@@ -1,4 +1,4 @@
-"""What did not go well: claims that do not hold, failures by reason, solvers that could not run."""
+"""What did not go well: false claims, failures by reason, solvers that could not run."""
 
 from __future__ import annotations
 
@@ -30,11 +30,14 @@ def false_claims(run: Run) -> Iterator[Markup]:
         for _, r in found.head(LISTED).iterrows()
     )
     head = ["problem", "solver", "verdict", "error", "tolerance", "again with"]
-    yield table("Claims that do not hold", head, lines, right=[3, 4])
+    yield table("False claims", head, lines, right=[3, 4])
 
 
 def reasons(run: Run) -> Iterator[Markup]:
-    """Outcomes and messages that are alike in one line, then what conversions lost, and who was absent."""
+    """Failed here and solved there; outcomes and messages that are alike in one line; lost answers; who was absent."""
+    if run.failures:
+        yield element("h3", "Failed here, solved there: ", element("span", data_group_name=""))
+        yield element("div", data_figure="failed")
     for title, found in (("Started, not solved", run.failures), ("Never started", run.refusals)):
         if not found:
             continue

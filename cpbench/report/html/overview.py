@@ -1,4 +1,4 @@
-"""The overview of the page: what was asked and what came of it, formulation by formulation."""
+"""The first screen of the page: the sentence that answers, the profile, the ranking; then what the run was."""
 
 from __future__ import annotations
 
@@ -9,58 +9,90 @@ from pathlib import Path
 
 from cpbench.analysis import attendance
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import REFUSED
+from cpbench.report.answer import sentence_of
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, code, element, table
-from cpbench.report.run import Run, each, group_name_text
+from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import counted
 from cpbench.verification import Status
 
 
 def overview(run: Run) -> Iterator[Markup]:
-    """Numbers of the whole run, its settings, and the place of the ranking."""
+    """The places of the answer, its figure and its ranking, then the answers of all formulations and the numbers of the
+    run."""
     rows = run.rows
     if not len(rows):
         yield element("p", "No pair was planned: no solver is reached from the problems that were read.")
         return
     yield from _publishing(run)
-    if len(rows) > WHOLE:
-        told = (
-            f"{len(rows)} rows are too many to keep every fact of every pair on this page. Costs and verdicts of all "
-            "of them are here, to seven digits, so that each figure is computed from all; messages, residuals and "
-            f"commands are those of at most {KEPT} failures, and the matrix is one of families."
-        )
-        yield element("p", told, class_="note")
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:
         told = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
         yield element("p", told, class_="note warning")
     for remark in run.remarks:
         yield element("p", f"{remark}.", class_="note warning")
+    yield from _choices(run)
+    yield element("p", class_="answer", data_answer="")
+    yield element("div", data_figure="profile")
+    yield element("h3", "Ranking: ", element("span", data_group_name=""))
+    yield element("div", data_figure="answer")
+    yield from _formulations(run)
+    yield from _numbers(run, waiting)
+    yield element("h3", "Problems solved: ", element("span", data_group_name=""))
+    yield element("div", data_figure="ranking")
+
+
+def _choices(run: Run) -> Iterator[Markup]:
+    """A button a group, where there are several."""
+    if len(run.parts) > 1:
+        names = [group_name_text(run, group) for group, _ in run.parts]
+        made = (
+            element("button", name, type="button", class_="choice", data_choose=str(place))
+            for place, name in enumerate(names)
+        )
+        yield element("div", *made, class_="choices", role="group", aria_label="Formulations", tabindex="0")
+
+
+def _formulations(run: Run) -> Iterator[Markup]:
+    """The answers of all groups, where there are several, each to be chosen."""
+    if len(run.parts) < 2:
+        return
+    places = {group: place for place, (group, _) in enumerate(run.parts)}
+    yield element("h3", "All formulations")
+    lines = []
+    for ranking in run.rankings:
+        name = ranking.formulation
+        chosen = {"type": "button", "class_": "link", "data_choose": str(places[ranking.group])}
+        open_it = element("button", name, **chosen, title=f"show {name} in all figures")
+        lines.append([open_it, ranking.problems, len(ranking.rows), sentence_of(ranking)])
+    yield table("Answers by formulation", ["formulation", "problems", "solvers", "answer"], lines, right=(1, 2))
+
+
+def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
+    """How much was run, and what came of it; what could not be run is told apart."""
+    rows = run.rows
+    never = int(rows["status"].isin(REFUSED).sum())
     facts = {
-        "pairs solved": f"{int(rows_of.solved(rows).sum())} of {len(rows)}",
+        "pairs solved": f"{int(rows_of.solved(rows).sum())} of {len(rows) - never}",
         **({"stationary": run.stationary} if run.stationary else {}),
+        **({"could not be run, counted against nobody": never - waiting} if never > waiting else {}),
         "problems": rows["fingerprint"].nunique(),
         "solver configurations": rows["label"].nunique(),
         "formulations": rows["node"].nunique(),
-        "claims that do not hold": len(run.false_claims),
+        "false claims": len(run.false_claims),
     }
+    yield element("h3", "The run")
     told = [element("div", element("dt", name), element("dd", value)) for name, value in facts.items()]
     yield element("dl", *told, class_="facts")
     yield _settings(run)
-    yield element("h3", "By formulation")
-    groups = [group for group, _ in run.parts]
-    lines = []
-    for r in each(run.nodes):
-        name, place = group_name_text(run, r.group), groups.index(r.group)
-        open_it = element(
-            "button", name, type="button", class_="link", data_choose=str(place), title=f"show {name} in all figures"
+    if len(rows) > WHOLE:
+        told_of_many = (
+            f"{len(rows)} rows are too many to keep every fact of every pair on this page. Costs and verdicts of all "
+            "of them are here, to seven digits, so that each figure is computed from all; messages, residuals and "
+            f"commands are those of at most {KEPT} failures, and the matrix is one of families."
         )
-        best = ", ".join(r.best[:3]) + (f" and {len(r.best) - 3} more" if len(r.best) > 3 else "")
-        lines.append([open_it, r.problems, r.labels, r.pairs, r.some, r.none, r.most, best or "—"])
-    head = ["formulation", "problems", "solvers", "pairs", "solved by some", "by none", "most solved", "by"]
-    yield table("Solved, by formulation", head, lines, right=range(1, 7))
-    yield element("h3", "Ranking: ", element("span", data_group_name=""))
-    yield element("div", data_figure="ranking")
+        yield element("p", told_of_many, class_="note")
 
 
 def _settings(run: Run) -> Markup:

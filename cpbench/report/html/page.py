@@ -26,7 +26,7 @@ NAME = "report.html"
 SCRIPTS = (
     "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
     "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
-    "app.js",
+    "answer.js", "address.js", "failed.js", "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""
 
@@ -45,14 +45,16 @@ def write(run: Run, title: str) -> Path:
 def page(run: Run, title: str) -> str:
     """The HTML of a run."""
     columns, facts = columns_of(run)
-    for told, (_, rows) in zip(facts["groups"], run.parts, strict=True):
+    rankings_of = {ranking.group: ranking for ranking in run.rankings}
+    for told, (group, rows) in zip(facts["groups"], run.parts, strict=True):
+        told["answer"] = rankings.answer(rankings_of.get(group))
         symbols = sorted({symbol for code in told["problems"] for symbol in facts["problems"]["sizes"][code]})
         told["ranking"] = rankings.ranking(rows)
         told["bands"] = rankings.bands(rows) if facts["whole"] else None
         told["growth"] = rankings.growth(rows, symbols)
-    solved = [(int(rows_of.solved(rows).sum()), len(rows)) for _, rows in run.parts]
-    facts["first"] = solved.index(max(solved)) if solved else 0
-    facts["warm"] = rankings.warm(run.rows)
+    problems = [(rows["fingerprint"].nunique(), int(rows_of.solved(rows).sum())) for _, rows in run.parts]
+    facts["first"] = problems.index(max(problems)) if problems else 0
+    facts["warm"] = rankings.warm(run.read)
     scripts = [vega.script(), *(_asset(name) for name in SCRIPTS)]
     inside, links = sections(run, title)
     return Template(_asset("page.html")).substitute(

@@ -13,7 +13,10 @@ import pandas as pd
 from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, means, metrics, scaling, starts, summary
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.profiles import performance_profile
+from cpbench.analysis.ranking import Ranking
+from cpbench.report.answer import sentence_of
 
 Records = dict[str, list[Any]]
 BANDED = 12
@@ -26,9 +29,12 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
     """One line a label, most solved first: what it solved with its interval over families, and its times."""
     times = rows_of.times(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, rows_of.limit(rows)))
-    around = bootstrap.intervals(bootstrap.solve_rate(times), bootstrap.families_of(rows))
+    started = rows_of.spread(rows, (~rows["status"].isin(REFUSED)).to_numpy(), False)
+    around = bootstrap.intervals(bootstrap.solve_rate(times, started), bootstrap.families_of(rows))
     told = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
-    columns = ["label", "kind", "ranked", "planned", "solved", "stationary", "false", "fastest", "median", "slowdown"]
+    if around.families < bootstrap.FEW:  # an interval says nothing there
+        told = told.assign(low=math.nan, high=math.nan)
+    columns = ["label", "kind", "ranked", "ran", "solved", "stationary", "false", "fastest", "median", "slowdown"]
     return {
         "families": around.families,
         "few": around.families < bootstrap.FEW,
@@ -36,9 +42,20 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
     }
 
 
+def answer(ranking: Ranking | None) -> dict[str, Any]:
+    """The sentence of a group, without its name in front, and the first lines of its ranking."""
+    if ranking is None:
+        return {"sentence": "no solver was started.", "rows": [], "more": 0}
+    lines = [
+        [r.solver, r.route, r.others, r.solved, r.started, _clean(r.median), _clean(r.factor), list(r.warnings)]
+        for r in ranking.shown
+    ]
+    return {"sentence": sentence_of(ranking), "rows": lines, "more": len(ranking.rows) - len(lines)}
+
+
 def bands(rows: pd.DataFrame) -> dict[str, Any]:
     """Bands around the leading curves of the performance profile of the times, nothing filtered: ends at each τ, in the
-    order of `labels`. No labels where nobody's times may be compared, or where no other family can be drawn."""
+    order of `labels`. No labels where nobody's times may be compared, or where families are too few for a band."""
     compared = rows_of.only_ranked(rows)
     time = metrics.METRICS["time"]
     found = metrics.measured(compared, time).values
@@ -47,7 +64,7 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
     # a problem for which nobody's time may be compared counts among those that are not solved, as in the curves
     everywhere = found.reindex(rows["fingerprint"].unique(), fill_value=math.inf)
     floor, families = time.floor or 0.0, bootstrap.families_of(rows)
-    if bootstrap.clusters(everywhere.index, families)[1] < 2:
+    if bootstrap.clusters(everywhere.index, families)[1] < bootstrap.FEW:
         return {"labels": []}
     leading = performance_profile(everywhere, len(everywhere), floor).leading(BANDED)
     made = around.profile_bands(everywhere, families, labels=leading, floor=floor)

@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterator, Mapping
 from cpbench.report.html.failing import false_claims, reasons
 from cpbench.report.html.markup import Markup, element, prose
 from cpbench.report.html.overview import overview
-from cpbench.report.html.sheets import machine, solvers
+from cpbench.report.html.several_starts import several_starts
+from cpbench.report.html.sheets import machine, problems, solvers
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run
 
 INTRODUCTIONS = {
-    "profile": "How far each solver is from the best of those shown. Choose problems, solvers, cost and tolerance in "
-    "the column of filters: ratios are computed again for what is left.",
     "budget": "What a solver solves within a given budget, whoever else there is.",
     "pairs": "Two solvers at a time: their order does not depend on a third.",
     "matrix": "What came of every pair that was planned.",
@@ -23,7 +22,6 @@ INTRODUCTIONS = {
     "deadlines": "How often an answer would have come too late.",
 }
 FIGURES = {
-    "profile": (("profile", "Performance profile"),),
     "budget": (("budget", "Data profile"),),
     "pairs": (("pairwise", "Who is ahead of whom"), ("scatter", "Two solvers, problem by problem")),
     "matrix": (("matrix", "Problems by solvers"),),
@@ -33,8 +31,7 @@ FIGURES = {
     "deadlines": (("deadlines", "Deadlines"),),
 }
 TITLES = {
-    "overview": "Overview",
-    "profile": "Performance profile",
+    "overview": "Answer",
     "budget": "Within a budget",
     "pairs": "Two by two",
     "matrix": "Problems by solvers",
@@ -42,16 +39,19 @@ TITLES = {
     "size": "Cost against size",
     "sequences": "Sequences",
     "deadlines": "Deadlines",
-    "claims": "Claimed, is not",
+    "starts": "Several starts",
+    "claims": "False claims",
     "failures": "Failures by reason",
     "solvers": "Solvers",
+    "problems": "Problems, their source and licence",
     "machine": "Machine and versions",
     "methods": "Methods",
 }
 LINKS = {
-    "overview": "Overview", "profile": "Profile", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
-    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "claims": "Claims",
-    "failures": "Failures", "solvers": "Solvers", "machine": "Machine", "methods": "Methods",
+    "overview": "Answer", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
+    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "starts": "Starts",
+    "claims": "False claims", "failures": "Failures", "solvers": "Solvers", "problems": "Problems",
+    "machine": "Machine", "methods": "Methods",
 }  # fmt: skip
 
 
@@ -75,9 +75,11 @@ def _present(run: Run) -> Iterator[tuple[str, list[Markup]]]:
         if name not in absent:
             yield name, list(_figures(name))
     parts: Mapping[str, Callable[[Run], Iterator[Markup]]] = {
+        "starts": several_starts,
         "claims": false_claims,
         "failures": reasons,
         "solvers": solvers,
+        "problems": problems,
         "machine": machine,
     }
     for name, part in parts.items():

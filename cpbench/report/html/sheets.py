@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from cpbench.analysis import multi_start
 from cpbench.report.html.markup import Markup, element, table
 from cpbench.report.run import Run, tunings
 from cpbench.report.run_sections import DRIFT
@@ -52,6 +53,25 @@ def solvers(run: Run) -> Iterator[Markup]:
         yield table("Tuned solvers", head, told, right=[2, 3])
 
 
+def problems(run: Run) -> Iterator[Markup]:
+    """Families of problems with their source and licence, as far as their files tell; nothing where none does."""
+    made = run.portraits()
+    first = run.rows.drop_duplicates("fingerprint")
+    found: dict[tuple[str, str, str, str], int] = {}
+    for fingerprint, node, family in zip(first["fingerprint"], first["node"], first["family"], strict=True):
+        told = made.get(multi_start.original(str(fingerprint)), {})
+        source = "; ".join(filter(None, (told.get("source", ""), told.get("citation", ""))))
+        key = (str(node), str(family) or "(none)", source, str(told.get("licence", "")))
+        found[key] = found.get(key, 0) + 1
+    if any(source or licence for _, _, source, licence in found):
+        yield element("p", "What the files of the problems say; the sheet of each pair says it of its problem.")
+        lines = (
+            [family, node, count, source or "not told", licence or "not told"]
+            for (node, family, source, licence), count in sorted(found.items())
+        )
+        yield table("Problems", ["family", "formulation", "problems", "source", "licence"], lines, right=[2])
+
+
 def machine(run: Run) -> Iterator[Markup]:
     """Facts of the machine, its drift during the run, files that were refused."""
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
@@ -68,7 +88,9 @@ def machine(run: Run) -> Iterator[Markup]:
             f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}."
         )
         if spread > DRIFT:
-            yield element("p", told, " Ratios of times nearer to 1 than that are the machine's.", class_="note warning")
+            yield element(
+                "p", told, f" Time ratios below {spread:.2g} are within this machine's noise.", class_="note warning"
+            )
         else:
             yield element("p", told)
     refused = [(str(address), str(reason)) for address, reason in run.meta.get("refused") or []]

@@ -40,14 +40,14 @@ def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Dra
     found = found[found["error"] < math.inf]
     paths = {str(label): path for label, path in found.groupby("label")}
     ends = sorted(paths, key=lambda label: (float(paths[label]["error"].min()), label))
-    places = {label: place for place, label in enumerate(ends[: legend.EMPHASISED])}
+    places = {label: chosen.looks[label] for label in ends[: legend.EMPHASISED]}
     figure, axes, beside = run_canvas.with_legend(len(ends), notes=2)
     for label in reversed(ends):
         path, place = paths[label], places.get(label)
         marks = {} if place is None else {"markevery": max(1, len(path) // 8)}
         axes.plot(path["seconds"], path["error"].clip(lower=FLOOR), **legend.look(place), **marks, zorder=3)
         if told and place is not None:
-            colour = legend.PALETTE[place]
+            colour = legend.colour(place)
             axes.plot(path["seconds"], path["told"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
     curves.dress(axes)

@@ -26,9 +26,11 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", per: str = "") -> Dr
     found, left_out = chosen.measured(metric)
     units = size_units(chosen.rows, per) if per else None
     profile = data_profile(found.values, chosen.problems, units)
-    places = {label: place for place, label in enumerate(leading(chosen, found.values, legend.EMPHASISED))}
+    leaders = leading(chosen, found.values, legend.EMPHASISED)
+    places = {label: chosen.looks[label] for label in leaders}
+    rank = {label: k for k, label in enumerate(leaders)}
     curves = sorted(
-        (c for c in profile.curves if c.solved), key=lambda c: (-c.solved, places.get(c.label, 99), c.label)
+        (c for c in profile.curves if c.solved), key=lambda c: (-c.solved, rank.get(c.label, len(rank)), c.label)
     )
     figure, axes, beside = run_canvas.with_legend(len(curves))
     first, last = (profile.least / 1.5, profile.widest * 1.5) if profile.least else (1.0, 10.0)

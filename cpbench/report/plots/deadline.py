@@ -64,7 +64,7 @@ def draw(run: Run, choice: Choice, *, deadline: float = math.nan) -> Drawing:
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    axes.set_xlabel("time, log scale; grey: never")
+    axes.set_xlabel("time, log scale; grey band: not solved within the limit")
     heads = ((1.36, "missed", "right"), (1.55, "in a row", "right"))
     for x, text, side in heads:
         axes.text(x, 1 + 0.1 / height, text, transform=axes.transAxes, fontsize=7, ha=side, va="bottom")

@@ -21,7 +21,7 @@ def draw(run: Run, choice: Choice) -> Drawing:
     require_histories(chosen)
     found = histories.work_precision(chosen.rows, chosen.histories)
     figure, axes, beside = run_canvas.with_legend(found["label"].nunique(), notes=1)
-    convergence.curves_axes(axes, beside, found, chosen.problems)
+    convergence.curves_axes(axes, beside, found, chosen.problems, chosen.looks)
     axes.set_xlabel("time, conversion and set-up included, log scale")
     without = sorted(set(chosen.rows["label"]) - set(found["label"]))
     left_out = f" No history of {listed_plainly(without)}." if without else ""

@@ -7,7 +7,7 @@ adds 95 % bootstrap bands that draw families again.
 from __future__ import annotations
 
 from cpbench.analysis import bands as around
-from cpbench.analysis import bootstrap, pairwise
+from cpbench.analysis import bootstrap, cautions, pairwise
 from cpbench.analysis.profiles import performance_profile
 from cpbench.report import figures, legend, run_canvas
 from cpbench.report.chosen import Choice, choose
@@ -33,8 +33,8 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     figure, axes, beside = run_canvas.with_legend(len(profile.curves))
     cost = run_canvas.word(found.metric)
     least = "the fastest" if found.metric.unit == "s" else "who needed least"
-    across = f"τ: {cost} over that of {least}; failures are at ∞"
-    places = figures.profile_axes(axes, beside, profile, chosen.kinds, across, run_canvas.LINES)
+    across = f"τ: {cost} / {'fastest time' if cost == 'time' else f'least {cost}'} (failures: ∞)"
+    places = figures.profile_axes(axes, beside, profile, chosen.kinds, chosen.looks, across, run_canvas.LINES)
     banded = ""
     if bands and places:
         families = bootstrap.families_of(chosen.rows)
@@ -44,7 +44,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
         for label, place in list(places.items())[:BANDS]:
             tau = [*made.low.index, upto]
             low, high = ([*end[label], end[label].iloc[-1]] for end in (made.low, made.high))
-            axes.fill_between(tau, low, high, step="post", color=legend.PALETTE[place], alpha=0.16, linewidth=0)
+            axes.fill_between(tau, low, high, step="post", color=legend.colour(place), alpha=0.16, linewidth=0)
         few = "; with so few a rough guess" if made.few else ""
         banded = (
             f" Bands: 95 % at each τ by itself, {counted(made.families, 'family', 'families')} drawn again "
@@ -53,8 +53,11 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     swapped = pairwise.reversals(found.values, profile.leading(legend.EMPHASISED), floor=found.metric.floor)
     caution = ""
     if swapped:
-        shown = listed_plainly([f"{one} above {other}" for one, other in swapped], 3)
-        caution = f" The order at τ = 2 is others' doing for {shown}: alone they change places."
-    floor_told = f" Less than {run_canvas.amount(profile.floor, found.metric)} counts as that." if profile.floor else ""
-    guide = figures.profile_guide(chosen.problems, cost, least) + floor_told + banded + caution + left_out
+        shown = listed_plainly([f"{one} is above {other}" for one, other in swapped], 3)
+        caution = f" At τ = 2 {shown} only because of the other solvers shown; pairwise, the order reverses."
+    told = cautions.caution(found.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
+    beware = f" {told}" if told else ""
+    least_told = run_canvas.amount(profile.floor, found.metric)
+    floor_told = f" Values below {least_told} are set to {least_told}." if profile.floor else ""
+    guide = figures.profile_guide(chosen.problems, cost, least) + floor_told + banded + caution + beware + left_out
     return run_canvas.drawn(figure, f"Performance profile of {chosen.scope()}", guide, chosen)

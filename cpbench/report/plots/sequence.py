@@ -36,7 +36,7 @@ def draw(run: Run, choice: Choice, *, sequence: str = "") -> Drawing:
         found[found["time"] < math.inf].groupby("label").size().sort_index().sort_values(ascending=False, kind="stable")
     )
     shown = [str(label) for label in solved.index[:SOLVERS]]
-    places = {label: place for place, label in enumerate(shown)}
+    places = {label: chosen.looks[label] for label in shown}
     warm = found[found["label"].isin(shown) & (found["start"] != COLD)]
     panels = ["time", "iterations", "error"] + (["ratio"] if warm["ratio"].notna().any() else [])
     counted_ones = found.loc[found["label"].isin(shown), "iterations"].replace(math.inf, math.nan).notna().any()

@@ -88,7 +88,7 @@ class CasadiNLP(Solver):
         return concluded(problem, point, budget, ended, told["return_status"], counters)
 
 
-def _spec(name: str, summary: str, method: str, citation: str, licence: str) -> SolverSpec:
+def _spec(name: str, summary: str, method: str, citation: str, licence: str, *, quick: bool = False) -> SolverSpec:
     return SolverSpec(
         name=name,
         node="nlp",
@@ -100,6 +100,7 @@ def _spec(name: str, summary: str, method: str, citation: str, licence: str) -> 
         licence=licence,
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
         options=NLPOptions,
+        quick=quick,
     )
 
 
@@ -115,6 +116,7 @@ class IpoptNLP(CasadiNLP):
         "interior point",
         "Wächter and Biegler, Math. Prog. 106 (2006)",
         "EPL-2.0 (Ipopt), LGPL-3.0-or-later (CasADi)",
+        quick=True,
     )
 
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:

@@ -38,6 +38,7 @@ class ClarabelCone(ConeSolver):
         install="pip install clarabel",
         licence="Apache-2.0",
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        quick=True,
         options=ClarabelConeOptions,
     )
 

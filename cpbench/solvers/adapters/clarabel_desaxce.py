@@ -30,6 +30,7 @@ class ClarabelDeSaxce(_Clarabel):
         install="pip install clarabel",
         licence="Apache-2.0",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        quick=True,
         options=DeSaxceOptions,
     )
 
@@ -51,6 +52,7 @@ class ClarabelDeSaxceRolling(_Clarabel):
         install="pip install clarabel",
         licence="Apache-2.0",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        quick=True,
         options=DeSaxceOptions,
     )
 

@@ -35,6 +35,7 @@ class Daqp(QPBackend):
         install="pip install daqp",
         licence="MIT",
         traits=frozenset({Trait.DETERMINISTIC}),
+        quick=True,
         known_failures={
             "tolerance-1e-08": "calls a degenerate LP infeasible when primal_tol is 1e-9; solves it at 1e-7",
             "case-z-unit-1e+08": "claims a QP with entries of Q of 1e-15 solved, error 0.57, whatever eps_prox",

@@ -2,7 +2,8 @@
 
 GAMS runs in a process of its own, which is started in the warm-up; the numbers
 reach it in `hand_over`, untimed, as those of a solver in this process are in its memory. What is timed is the solve
-statement: GAMS generates the model, runs the solver in yet another process and reads its answer.
+statement: GAMS generates the model, runs the solver in yet another process and reads its answer. The seconds that it
+reports are those of that process as GAMS counts them (resUsd), its launch included, and not the solver's own.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ class GamsMCP(Solver):
         with explained(self.spec.name):
             gams = workspace()
             gams.load(prepared)
-            gams.solve(self.guest, self.settings(prepared.tolerance(budget), budget), budget)
+            gams.solve(self.guest, self.settings(prepared.tolerance(budget), budget), budget, prepared.start(start))
             model, x = gams.model, gams.x.toDense()
             ended, found = model.solve_status.name, model.status.name
             if "LicenseError" in (ended, found):
@@ -116,8 +117,18 @@ class GamsMCP(Solver):
         return package_version("gamspy_base")
 
 
-def gams_spec(name: str, node: str, *, summary: str, method: str, citation: str, install: str, **more: Any) -> Any:
-    """What the specs of all of them share."""
+def gams_spec(
+    name: str,
+    node: str,
+    *,
+    summary: str,
+    method: str,
+    citation: str,
+    install: str,
+    starts: bool = False,
+    **more: Any,
+) -> Any:
+    """What the specs of all of them share; `starts`: it begins at the levels that its variables have."""
     return SolverSpec(
         name=name,
         node=node,
@@ -128,7 +139,9 @@ def gams_spec(name: str, node: str, *, summary: str, method: str, citation: str,
         install=install,
         licence="proprietary",
         publishing=gams_licence.PUBLISHING,
-        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        traits=frozenset(
+            {Trait.SPARSE, Trait.DETERMINISTIC, Trait.LAUNCHES} | ({Trait.WARM_START} if starts else set())
+        ),
         **more,
     )
 

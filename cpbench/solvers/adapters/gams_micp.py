@@ -147,8 +147,8 @@ def _read(word: str) -> float:
     return named[word] if word in named else float(word)
 
 
-def _spec(name: str, summary: str, method: str, citation: str, install: str) -> SolverSpec:
-    return gams_spec(name, "micp", summary=summary, method=method, citation=citation, install=install)
+def _spec(name: str, summary: str, method: str, citation: str, install: str, **more: Any) -> SolverSpec:
+    return gams_spec(name, "micp", summary=summary, method=method, citation=citation, install=install, **more)
 
 
 @register
@@ -162,6 +162,7 @@ class PathMiCP(GamsMiCP):
         "Newton with pivoting",
         "Dirkse and Ferris, Optim. Methods Softw. 5 (1995); Ferris and Munson, ibid. 12 (1999)",
         "pip install gamspy",
+        starts=True,
     )
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:

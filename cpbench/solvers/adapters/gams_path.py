@@ -27,6 +27,7 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
         method="Newton with pivoting",
         citation="Dirkse and Ferris, Optim. Methods Softw. 5 (1995); Ferris and Munson, ibid. 12 (1999)",
         install="pip install gamspy",
+        starts=True,
         **more,
     )
 

@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import Ended, Unavailable
+from cpbench.matrices import Vector
 from cpbench.solvers.adapters import gams_licence
 from cpbench.solvers.adapters.scaled_mcp import ScaledMCP
 from cpbench.solvers.base import Budget
@@ -65,14 +66,14 @@ class Workspace:
         self.k.setRecords(np.array(mcp.k))
         self._loaded = mcp
 
-    def solve(self, guest: str, settings: Mapping[str, Any], budget: Budget) -> None:
-        """Run a solver on what is loaded, from x = 0: the answer before is still there, and would be the start."""
+    def solve(self, guest: str, settings: Mapping[str, Any], budget: Budget, first: Vector) -> None:
+        """Run a solver on what is loaded, from the levels `first`: else it would start at the answer before."""
         import gamspy as gp
 
         assert self._loaded is not None
         n, free = self._loaded.k.size, self._loaded.free
         lower = np.where(np.arange(n) < free, -np.inf, 0.0)
-        self.x.setRecords({"level": np.zeros(n), "lower": lower, "upper": np.full(n, np.inf)})
+        self.x.setRecords({"level": np.maximum(first, lower), "lower": lower, "upper": np.full(n, np.inf)})
         limits: dict[str, Any] = {"threads": 1}
         if math.isfinite(budget.seconds):
             limits["time_limit"] = budget.seconds

@@ -27,6 +27,7 @@ class Clarabel(QPSolversBackend):
         install="pip install qpsolvers clarabel",
         licence="Apache-2.0",
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        quick=True,
     )
     bounds_as_rows = True
     needs_inequality = True  # qpsolvers answers an unconstrained QP with SciPy's LSQR in its name
@@ -182,6 +183,7 @@ class Piqp(QPSolversBackend):
         install="pip install qpsolvers piqp",
         licence="BSD-2-Clause",
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
+        quick=True,
     )
     sparse = None
     claims = {

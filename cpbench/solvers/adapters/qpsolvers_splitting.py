@@ -22,6 +22,7 @@ class Osqp(QPSolversBackend):
         install="pip install qpsolvers osqp",
         licence="Apache-2.0",
         traits=frozenset({Trait.SPARSE}),
+        quick=True,
     )
     claims = {
         "solved": Claim.SOLVED,

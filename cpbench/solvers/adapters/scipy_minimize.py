@@ -107,7 +107,9 @@ class ScipyMinimize(Solver):
         """SciPy's result and the answer that it is; `look` is called at every iterate."""
 
 
-def _spec(name: str, summary: str, method: str, citation: str, traits: set[Trait]) -> SolverSpec:
+def _spec(
+    name: str, summary: str, method: str, citation: str, traits: set[Trait], *, quick: bool = False
+) -> SolverSpec:
     return SolverSpec(
         name=name,
         node="nlp",
@@ -117,6 +119,7 @@ def _spec(name: str, summary: str, method: str, citation: str, traits: set[Trait
         licence="BSD-3-Clause",
         traits=frozenset(traits | {Trait.DETERMINISTIC}),
         options=MinimizeOptions,
+        quick=quick,
     )
 
 
@@ -131,6 +134,7 @@ class ScipySLSQP(ScipyMinimize):
         "sequential quadratic programming",
         "Kraft 1988, DFVLR-FB 88-28",
         set(),
+        quick=True,
     )
 
     def obstacle(self, problem: NLP) -> str | None:

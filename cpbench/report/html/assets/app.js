@@ -4,6 +4,7 @@ const App = (() => {
   const { h } = Dom;
   let data = null,
     state = null,
+    pair = null, // the row whose sheet is open
     slots = new Map();
   const tables = new Map();
 
@@ -48,7 +49,7 @@ const App = (() => {
     const byHeight = [...curves].sort(
       (a, b) => b.solved - a.solved || areas.get(b.label) - areas.get(a.label) || a.label - b.label,
     );
-    slots = keepSlots(table, new Set(chosen), Engine.leading(curves));
+    slots = slotsOf(table, Engine.leading(curves));
     const places = new Map();
     for (const [code, slot] of slots) places.set(table.labels.indexOf(code), slot);
     const names = facts.labels.name,
@@ -88,9 +89,9 @@ const App = (() => {
       solvedBy: new Map(curves.map((c) => [c.label, c.solved])),
       numbers: `${group.name}: N = ${problems.length}${problems.length < table.problems.length ? ` of ${table.problems.length}` : ""} problems, tolerance ${Dom.number(tolerance)}, ${limit}; solved: error at most the tolerance, as measured here.${judged}`,
       floorText:
-        metric.floor === null ? "" : ` A ${metricName} below ${Dom.cost(metric, metric.floor)} counts as that.`,
+        metric.floor === null ? "" : ` ${metricName === "time" ? "Times" : `Values of ${metricName}`} below ${Dom.cost(metric, metric.floor)} are set to ${Dom.cost(metric, metric.floor)}.`,
       leftOutText: leftOut.length
-        ? ` Left out, since they do not tell their ${metricName}: ${leftOut.slice(0, 6).join(", ")}${leftOut.length > 6 ? ` and ${leftOut.length - 6} more` : ""}.`
+        ? ` Not shown (no ${metricName === "reported" ? "self-reported time" : metricName}): ${leftOut.slice(0, 6).join(", ")}${leftOut.length > 6 ? ` and ${leftOut.length - 6} more` : ""}.`
         : "",
       marks: (place) => marksOf(table.labels[place], group.kinds[table.labels[place]]),
       marksOf: (label, kind) => marksOf(codeOf.get(label), kind),
@@ -108,17 +109,10 @@ const App = (() => {
     return status.names[Engine.outcome(columns, row, state.tolerance, status)];
   }
 
-  /* A solver keeps its colour while it is shown; free colours go to those that lead. */
-  function keepSlots(table, shown, leaders) {
-    const kept = new Map(),
-      codes = new Set([...shown].map((place) => table.labels[place]));
-    for (const [code, slot] of slots) if (codes.has(code)) kept.set(code, slot);
-    const free = Array.from({ length: Charts.SLOTS }, (_, k) => k).filter((k) => ![...kept.values()].includes(k));
-    for (const place of leaders) {
-      if (!free.length) break;
-      if (!kept.has(table.labels[place])) kept.set(table.labels[place], free.shift());
-    }
-    return kept;
+  /* Those that lead are in colour, each in the one that it has in every figure of these results. */
+  function slotsOf(table, leaders) {
+    const codes = leaders.slice(0, Charts.SLOTS).map((place) => table.labels[place]);
+    return new Map(codes.map((code) => [code, data.facts.labels.look[code] % Charts.COLOURS.length]));
   }
 
   let waiting = false;
@@ -137,14 +131,15 @@ const App = (() => {
     const left = `${context.group.name}: ${context.problems.length} of ${Dom.counted(context.table.problems.length, "problem")}, ${context.shown.size} of ${Dom.counted(context.table.labels.length, "solver")}`;
     document.getElementById("chosen").textContent = left;
     for (const place of document.querySelectorAll("[data-group-name]")) place.textContent = context.group.name;
+    Answer.say(context.group);
+    Address.write(data.facts, state, pair, data.columns);
     Figures.update(context);
     App.context = context;
   }
 
-  /* Another group: its own filters, nothing hidden. */
-  function choose(k) {
-    const keep = state ? { metric: state.metric, tolerance: null } : {};
-    state = { ...Filters.initial(k), ...keep };
+  /* Another group: its own filters, nothing hidden, unless a state is given. */
+  function choose(k, asked = null) {
+    state = asked ?? { ...Filters.initial(k), ...(state ? { metric: state.metric } : {}) };
     slots = new Map();
     const group = data.facts.groups[k],
       table = tableOf(k),
@@ -212,6 +207,30 @@ const App = (() => {
     dialog.addEventListener("click", (event) => {
       if (event.target === dialog) dialog.close();
     });
+    dialog.addEventListener("close", () => opened(null));
+    document.getElementById("reset").addEventListener("click", () => choose(data.facts.first, Filters.initial(data.facts.first)));
+    window.addEventListener("hashchange", () => {
+      const { query } = Address.parts();
+      if ([...query.keys()].length) follow();
+      else if (state) Address.write(data.facts, state, pair, data.columns); // a link to a section keeps what is chosen
+    });
+  }
+
+  /* The sheet of a row is open, or none. */
+  function opened(row) {
+    pair = row;
+    Address.write(data.facts, state, pair, data.columns);
+  }
+
+  /* Shows what the address asks for. */
+  function follow() {
+    const asked = Address.read(data.facts),
+      k = asked?.group ?? data.facts.first,
+      row = Address.pair(data, k),
+      { section } = Address.parts();
+    choose(k, asked);
+    if (section) document.getElementById(section)?.scrollIntoView();
+    if (row >= 0) Pair.open(App.context, row);
   }
 
   async function start() {
@@ -222,9 +241,9 @@ const App = (() => {
       for (const place of document.querySelectorAll("[data-choose]"))
         place.addEventListener("click", () => {
           choose(Number(place.dataset.choose));
-          document.getElementById("profile").scrollIntoView();
+          window.scrollTo(0, 0);
         });
-      choose(data.facts.first);
+      follow();
     }
     document.documentElement.dataset.ready = "true";
   }
@@ -233,6 +252,7 @@ const App = (() => {
     start,
     update,
     choose,
+    opened,
     context: null,
     get state() {
       return state;

@@ -1,9 +1,12 @@
 "use strict";
 /* Vega-Lite specifications. Text and axes have the colour of the page's text, curves the variables of its style. */
 const Charts = (() => {
-  const SLOTS = 7;
-  const COLOURS = Array.from({ length: SLOTS }, (_, k) => `var(--s${k})`);
-  const DASHES = [
+  const SLOTS = 7; // curves in colour
+  const PALETTE = 10,
+    LOOKS = 300; // looks beyond are those of the first again
+  const look = (made) => Array.from({ length: LOOKS }, (_, k) => made(k % PALETTE, Math.floor(k / PALETTE)));
+  const COLOURS = look((k) => `var(--s${k})`);
+  const PATTERNS = [
     [1, 0],
     [7, 3],
     [2, 2],
@@ -11,8 +14,17 @@ const Charts = (() => {
     [4, 2],
     [12, 4],
     [5, 2, 1, 2, 1, 2],
+    [1, 2],
+    [8, 2, 2, 2, 2, 2],
+    [3, 3],
   ];
-  const SHAPES = ["circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right"];
+  /* Two looks of one colour differ in dashes and in shape. */
+  const DASHES = look((k, round) => PATTERNS[(k + round) % PATTERNS.length]);
+  const FORMS = [
+    ...["circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right", "triangle-left"],
+    ...["stroke", "arrow"],
+  ];
+  const SHAPES = look((k, round) => FORMS[(k + round) % FORMS.length]);
   const SECONDS =
     "datum.value >= 1 ? format(datum.value, '~g') + ' s' : datum.value >= 1e-3 ? " +
     "format(datum.value * 1e3, '~g') + ' ms' : format(datum.value * 1e6, '~g') + ' µs'";

@@ -133,14 +133,15 @@ const Filters = (() => {
 
   function tolerance(group, state, changed) {
     const planned = `as planned, ${Dom.number(group.tolerance)}`;
-    const told = h("output", { class: "value", for: "filter-tolerance" }, planned);
+    const shown = state.tolerance === null ? planned : state.tolerance.toExponential();
+    const told = h("output", { class: "value", for: "filter-tolerance" }, shown);
     const input = h("input", {
       type: "range",
       id: "filter-tolerance",
       min: 0,
       max: 12,
       step: 1,
-      value: 0,
+      value: state.tolerance === null ? 0 : Math.round(-Math.log10(state.tolerance)),
       "aria-valuetext": planned,
       oninput: (e) => {
         state.tolerance = decade(Number(e.target.value));
@@ -184,11 +185,12 @@ const Filters = (() => {
 
   function sizes(varying, state, changed) {
     const ranges = new Map(varying);
-    state.symbol = state.symbol || varying[0][0];
+    if (!ranges.has(state.symbol)) state.symbol = varying[0][0];
     const value = (e) => (e.target.value === "" ? null : Number(e.target.value));
     const low = h("input", {
       type: "number",
       id: "filter-low",
+      value: state.low,
       "aria-label": "least size",
       oninput: (e) => {
         state.low = value(e);
@@ -198,6 +200,7 @@ const Filters = (() => {
     const high = h("input", {
       type: "number",
       id: "filter-high",
+      value: state.high,
       "aria-label": "largest size",
       oninput: (e) => {
         state.high = value(e);

@@ -31,6 +31,9 @@
     adjust(context) {
       const there = symbolsOf(context).map(([key]) => key);
       if (!there.includes(symbol)) symbol = ["nc", "n"].find((key) => there.includes(key)) ?? there[0] ?? null;
+      // nothing is said of sizes where they do not differ
+      for (const part of [document.getElementById("size"), document.querySelector(".top nav a[href='#size']")])
+        part.hidden = !there.length;
       chooser.replaceChildren(...there.map((key) => h("option", { value: key, selected: key === symbol }, key)));
     },
     build(context) {

@@ -51,6 +51,7 @@ const Pair = (() => {
     dialog.scrollTop = 0;
   }
 
+
   function numbers(title, text) {
     const entries = Object.entries(text ? JSON.parse(text) : {});
     return entries.length
@@ -74,7 +75,8 @@ const Pair = (() => {
     const at = columns.detail[row] - 1;
     const text = (name) => (at < 0 ? "" : facts.texts[name][columns[`detail.${name}`][at]]);
     const value = (name) => (at < 0 ? NaN : (columns[`detail.${name}`]?.[at] ?? NaN));
-    const kind = text("kind"),
+    const about = facts.problems.portrait[problem] ?? {},
+      kind = text("kind"),
       flags = text("flags").split(",").filter(Boolean);
     const facts1 = list([
       [
@@ -129,6 +131,8 @@ const Pair = (() => {
       ["made elsewhere", text("origin") ? `${text("origin")}: its times are of another machine` : ""],
       ["side by side", value("jobs") > 1 ? `with up to ${value("jobs") - 1} other solves` : ""],
       ["problem", h("span", {}, h("code", {}, facts.problems.address[problem]), sizes(facts.problems.sizes[problem]))],
+      ["its source", [about.source, about.citation].filter(Boolean).join("; ")],
+      ["its licence", about.licence ?? ""],
     ]);
     const parts = ["convert", "setup", "solve", "lift"]
       .map((name) => [name === "lift" ? "carry back" : name, value(name)])
@@ -156,6 +160,7 @@ const Pair = (() => {
         ]
       : [];
     const command = text("command");
+    App.opened(row);
     const copy = h(
       "button",
       {
@@ -173,11 +178,17 @@ const Pair = (() => {
       h("h3", {}, "The problem"),
       ...Portrait.draw(facts.problems.portrait[problem]),
       ...times,
-      ...(text("message") ? [h("h3", {}, "What it said"), h("pre", { tabindex: "0" }, text("message"))] : []),
+      ...(text("message") ? [h("h3", {}, "Its log: what it said"), h("pre", { tabindex: "0" }, text("message"))] : []),
       ...numbers("Residuals", text("parts")),
       ...numbers("Counters", text("counters")),
       ...(command
-        ? [h("h3", {}, "Again ", copy), h("pre", { tabindex: "0" }, command)]
+        ? [
+            h("h3", {}, "Again ", copy),
+            h("pre", { tabindex: "0" }, command),
+            ...(command.startsWith("cpbench solve ")
+              ? [h("h3", {}, "Its answer, written to a file"), h("pre", { tabindex: "0" }, `${command} -o answer.npy`)]
+              : []),
+          ]
         : [
             h(
               "p",

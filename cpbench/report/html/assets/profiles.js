@@ -7,7 +7,7 @@
     id: "ranking",
     title: "Problems solved",
     build(context) {
-      const { lines, few, families } = context.group.ranking,
+      const { lines, few } = context.group.ranking,
         count = lines.label.length;
       if (!count) return { empty: "No solver took part." };
       const total = context.group.problems.length,
@@ -15,15 +15,15 @@
       const values = Array.from({ length: shown }, (_, k) => ({
         label: lines.label[k],
         slot: context.slotOf(lines.label[k]),
-        v: lines.solved[k] / total,
+        v: lines.ran[k] ? lines.solved[k] / lines.ran[k] : 0,
         low: lines.low[k],
         high: lines.high[k],
-        told: `${lines.solved[k]} of ${total}`,
+        told: `${lines.solved[k]} of ${lines.ran[k]}`,
       }));
       const spec = Charts.dots({
         values,
         scale: { domain: [0, 1] },
-        axis: { title: "fraction of problems solved", format: "%", tickCount: 5 },
+        axis: { title: "fraction solved of the problems that it ran on", format: "%", tickCount: 5 },
         tooltip: [{ field: "told", title: "solved" }],
       });
       const rows = () =>
@@ -31,7 +31,7 @@
           h("span", {}, name, ...context.marksOf(name, lines.kind[k])),
           String(lines.solved[k]),
           String(lines.stationary[k]),
-          String(lines.planned[k]),
+          String(lines.ran[k]),
           lines.low[k] === null ? "—" : `${Dom.percent(lines.low[k])} to ${Dom.percent(lines.high[k])}`,
           Filters.INEXACT.has(lines.kind[k]) ? "see routes" : String(lines.false[k]),
           lines.ranked[k] ? String(lines.fastest[k]) : "—",
@@ -39,20 +39,20 @@
           Dom.number(lines.slowdown[k]),
           Dom.seconds(lines.mean[k]),
         ]);
-      const doubt = few ? ` There are only ${families} families, so that the intervals are a guess.` : "";
+      const bars = few ? "" : " Bar: 95 % bootstrap interval over problem families.";
       return {
         spec,
-        summary: `${lines.label[0]} solves most, ${lines.solved[0]} of ${total}.`,
+        summary: `${lines.label[0]} solves most, ${lines.solved[0]} of ${lines.ran[0]}.`,
         numbers: `N = ${Dom.counted(total, "problem")}, nothing filtered${shown < count ? `, first ${shown} of ${count} solvers` : ""}.`,
-        guide: `A dot is the fraction of the problems that a solver solved, the bar its 95 % interval if other families of problems had been chosen.${doubt}`,
+        guide: `Dot: fraction solved of the problems that the solver was started on; what it cannot take counts against nobody.${bars}`,
         table: () => ({
           head: [
             "solver",
-            `solved of ${total}`,
+            "solved",
             "stationary",
-            "planned",
+            "ran",
             "95 % interval",
-            "claimed, is not",
+            "false claims",
             "fastest",
             "median of solved",
             "slowdown",
@@ -94,7 +94,7 @@
   function bandsTold({ group: { bands }, whole, data }) {
     if (!banded) return "";
     if (!bands) return ` There are no bands: ${data.facts.rows} rows are too many for them.`;
-    if (!bands.labels.length) return " There are no bands: all problems are of one family, and no other can be drawn.";
+    if (!bands.labels.length) return " There are no bands: with fewer than 5 families of problems they would say nothing.";
     if (!whole)
       return " Bands were computed for all problems and solvers of the formulation, their times and the planned tolerance: they do not hold for what is chosen now, and are not drawn.";
     const few = bands.few ? "; with so few a rough guess" : "";
@@ -106,6 +106,9 @@
   Figures.register({
     id: "profile",
     title: "Performance profile",
+    adjust(context) {
+      this.box.hidden = Boolean(context.group.bands && !context.group.bands.labels.length);
+    },
     controls(changed) {
       const box = h("input", {
         type: "checkbox",
@@ -115,11 +118,12 @@
           changed();
         },
       });
-      return h(
+      this.box = h(
         "div",
-        { class: "controls" },
-        h("label", { class: "check" }, box, h("span", {}, "bands: how far curves would move with other families")),
+        { class: "controls below" },
+        h("label", { class: "check" }, box, h("span", {}, "95 % bands over problem families")),
       );
+      return this.box;
     },
     build(context) {
       const { curves, metric } = context;
@@ -136,7 +140,7 @@
             y,
           })),
         );
-      const title = `τ: ${context.metricName} over the least of any shown solver`;
+      const title = `τ: ${context.metricName} / least ${context.metricName} (failures: ∞)`;
       const axis = { title, values: binary ? Charts.powers(upto) : Charts.logTicks(1, upto), labelExpr: Charts.TINY };
       const bands = bandsOf(context, upto);
       const spec = Charts.lines({
@@ -151,7 +155,7 @@
         labels: order.filter((c) => c.solved).map((c) => c.label),
         numbers: context.numbers,
         summary: `${context.name(order[0].label)} solves most, ${Dom.percent(Engine.height(order[0], Infinity))}.`,
-        guide: `The height of a curve at τ is the fraction of the problems that the solver solved within τ times the ${context.metricName} of the best solver shown: at the left end where it was the best, at the right end what it solved at all.${context.floorText}${context.leftOutText}${bandsTold(context)}`,
+        guide: `Height at τ: fraction of the problems solved within τ times the ${context.metricName} of the best solver shown (left end: it was the best; right end: solved at all).${context.floorText}${context.leftOutText}${bandsTold(context)}`,
         table: () => ({
           head: ["solver", "τ = 1", "τ = 2", "τ = 5", "τ = 10", "τ = 100", "solved", "of"],
           right: [1, 2, 3, 4, 5, 6, 7],

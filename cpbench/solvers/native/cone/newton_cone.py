@@ -39,6 +39,7 @@ class NewtonCone(Solver):
         method="semismooth Newton",
         citation="Qi and Sun 1993, Math. Program. 58:353; He 1997, Appl. Math. Optim. 35:69",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        quick=True,
         options=NewtonOptions,
     )
 

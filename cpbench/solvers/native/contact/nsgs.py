@@ -60,6 +60,7 @@ class NSGS(Relaxation):
         method="splitting",
         citation="Jean and Moreau 1987; Jourdan, Alart and Jean 1998, CMAME 155:31",
         traits=TRAITS,
+        quick=True,
         options=NSGSOptions,
     )
 

@@ -62,6 +62,7 @@ class Lemke(Solver):
         method="pivoting",
         citation="Lemke 1965; Cottle, Pang and Stone 1992, algorithm 4.4.5, sections 2.3 and 4.9",
         traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
+        quick=True,
         options=LemkeOptions,
     )
 

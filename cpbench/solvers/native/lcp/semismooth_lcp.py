@@ -107,7 +107,7 @@ class _NewtonLCP(Solver):
         return run(method, budget, limit, options.restarts, first, record)
 
 
-def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
     return SolverSpec(
         name=f"newton-{name}",
         node="lcp",
@@ -117,6 +117,7 @@ def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) ->
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=NewtonLCPOptions,
         by_default=by_default,
+        quick=quick,
     )
 
 
@@ -131,6 +132,7 @@ class NewtonMin(_NewtonLCP):
         "min",
         "min(z, w), merit of Fischer-Burmeister",
         "Kummer 1988; Harker and Pang 1990; De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16:173",
+        quick=True,
     )
 
 

@@ -60,6 +60,7 @@ class PathSearch(BoxNewton):
         citation="Ralph 1994, Math. Oper. Res. 19:352; Dirkse and Ferris 1995, Optim. Methods Softw. 5:123; Ferris, "
         "Kanzow and Munson 1999, Math. Program. 86:475",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        quick=True,
         options=PathSearchOptions,
     )
 

@@ -91,7 +91,7 @@ class SemismoothMethod(Method):
         return self._descent.search(at, d, slope if slope <= -STEEP * norm(d) ** POWER else 0.0)
 
 
-def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
     return SolverSpec(
         name=f"semismooth-newton-{name}",
         node="micp",
@@ -101,6 +101,7 @@ def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) ->
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=SemismoothOptions,
         by_default=by_default,
+        quick=quick,
     )
 
 
@@ -121,7 +122,10 @@ class SemismoothNewtonFB(SemismoothNewton):
 
     psi = merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
-        "fb", "the Fischer-Burmeister equation", "De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995"
+        "fb",
+        "the Fischer-Burmeister equation",
+        "De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995",
+        quick=True,
     )
 
 

@@ -44,7 +44,7 @@ class NaturalMapSolver(ProjectionSolver):
         return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)
 
 
-def _spec(name: str, node: str, summary: str, citation: str) -> SolverSpec:
+def _spec(name: str, node: str, summary: str, citation: str, *, quick: bool = False) -> SolverSpec:
     return SolverSpec(
         name=name,
         node=node,
@@ -53,6 +53,7 @@ def _spec(name: str, node: str, summary: str, citation: str) -> SolverSpec:
         citation=citation,
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=NaturalNewtonOptions,
+        quick=quick,
     )
 
 
@@ -65,6 +66,7 @@ class VINewton(NaturalMapSolver):
         "vi",
         "semismooth Newton on the natural map, extragradient steps where it does not descend",
         "Facchinei and Pang 2003, sections 9.1 and 12.1",
+        quick=True,
     )
 
 

@@ -1,0 +1,248 @@
+"""What a run says to who asked it which solver to use: of every group a ranking, and one sentence.
+
+The order is by problems solved, then by stationary points found, then by the geometric mean of the time over that of
+the fastest, then by name. A solver is measured on what it was started on: pairs that no route reaches, that are not
+installed or were not run count against nobody, and neither do problems that were proved to have no solution.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis import best, multi_start
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.profiles import FLOOR
+from cpbench.analysis.reliability import false_claims
+from cpbench.analysis.starts import COLD
+from cpbench.analysis.table import Group
+from cpbench.formulations.base import Kind
+from cpbench.verification import PROVEN, Status
+
+LINES = 10
+"""The most rows of a ranking that are shown."""
+FASTER = 2.0
+"""Another solver is named when it is so many times faster, where both solve."""
+FIRST_STEP = "cold: first step"
+"""What a row tells of its start where there was no step before to start from: no failure of the start policy."""
+LAUNCHES = "launches a program"
+ENDINGS = {
+    str(Status.TIMEOUT): "timeouts",
+    str(Status.CRASH): "crashes",
+    str(Status.MEMOUT): "out of memory",
+    str(Status.ERROR): "errors",
+    str(Status.STATIONARY): "stationary only",
+}
+"""What is said of rows that ended so, before their number."""
+
+
+@dataclass(frozen=True)
+class RankedSolver:
+    """A solver of a ranking, with its options and how it was reached (`solver` is the label of the rows).
+
+    Attributes
+    ----------
+    route : by which most of its problems reached it, `others` more routes were taken. started, solved : problems;
+    stationary : those on which it found a point that meets the conditions of a minimum and may be none.
+    fastest : problems on which it shares the lead. median : of its times where it solved [s]. factor : geometric mean
+    of its time over that of the fastest there (NaN, as median, without a time that may be compared). warnings : what
+    a reader must know.
+    """
+
+    solver: str
+    route: str
+    others: int
+    started: int
+    solved: int
+    stationary: int
+    fastest: int
+    median: float
+    factor: float
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """The answer of one group: its solvers, the best first, and what to use.
+
+    Attributes
+    ----------
+    formulation : its name, with what tells the group from others of the same node. problems : those that some
+    solver was started on, without those that have no solution. rows : all solvers that were started.
+    """
+
+    group: Group
+    formulation: str
+    problems: int
+    rows: tuple[RankedSolver, ...]
+    sentence: str
+
+    @property
+    def shown(self) -> tuple[RankedSolver, ...]:
+        """The rows for a reader."""
+        return self.rows[:LINES]
+
+
+def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None = None) -> list[Ranking]:
+    """The ranking of every group in which a solver was started, in order of the groups.
+
+    `sheets` : what the results say of each label (`meta["solvers"]`); one with a true `launches` is marked.
+
+    >>> rows = pd.DataFrame({"problem": ["a", "b"] * 2, "label": ["s", "s", "t", "t"], "node": "lcp", "solve": 1.0,
+    ...                      "status": ["solved", "solved", "solved", "timeout"], "tolerance": 1e-6, "threads": 1})
+    >>> [found] = rankings(rows_of.normalised(rows))
+    >>> found.sentence, [(row.solver, row.solved, row.started) for row in found.rows]
+    ('lcp: use s: it solves 2 of 2 problems, fastest on 2.', [('s', 2, 2), ('t', 1, 2)])
+    """
+    parts = rows_of.groups(multi_start.merged(table))
+    groups = [group for group, _ in parts]
+    launching = {label for label, sheet in (sheets or {}).items() if sheet.get("launches")}
+    found: list[Ranking] = []
+    for group, rows in parts:
+        started = rows[~rows["status"].isin(REFUSED)]
+        if len(started):
+            found.append(_ranking(group, formulation(group, groups), started, launching))
+    return found
+
+
+def formulation(group: Group, groups: Sequence[Group]) -> str:
+    """The node of a group, and what tells it from the other groups of the node.
+
+    >>> one, two = Group("fc", 1e-4, "cold", 1), Group("fc", 1e-8, "cold", 1)
+    >>> formulation(one, [one]), formulation(one, [one, two])
+    ('fc', 'fc, tolerance 0.0001')
+    """
+    others = [g for g in groups if g.node == group.node]
+    told = (
+        (f"set {group.set}" if group.set else "", {g.set for g in others}),
+        (f"tolerance {group.tolerance:g}", {g.tolerance for g in others}),
+        (f"{group.start} start", {g.start for g in others}),
+        (f"threads {group.threads}", {g.threads for g in others}),
+        (f"judged by {group.measure or 'all measures'}", {g.measure for g in others}),
+    )
+    return ", ".join([group.node, *(text for text, values in told if text and len(values) > 1)])
+
+
+def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
+    hopeless = started["fingerprint"].isin(started.loc[started["status"].isin(PROVEN), "fingerprint"].unique())
+    rows = started[~hopeless]
+    problems = rows["fingerprint"].nunique()
+    times = rows_of.times(rows_of.only_ranked(rows))
+    gap = best.gaps(times)
+    leads, factors = gap["fastest"].to_dict(), gap["mean"].to_dict()
+    medians = times.where(np.isfinite(times)).median().to_dict()
+    count, solved = _count(rows), _count(rows[rows_of.solved(rows)])
+    stationary = _count(rows[rows["status"] == str(Status.STATIONARY)])
+    warnings, routes = _warnings(started, launching), _routes(rows)
+    ranked = [
+        RankedSolver(
+            solver=label,
+            route=routes.get(label, ("", 0))[0],
+            others=routes.get(label, ("", 0))[1],
+            started=count[label],
+            solved=solved.get(label, 0),
+            stationary=stationary.get(label, 0),
+            fastest=int(leads.get(label, 0)),
+            median=float(medians.get(label, math.nan)),
+            factor=float(factors.get(label, math.nan)),
+            warnings=tuple(warnings.get(label, ())),
+        )
+        for label in sorted(count)
+    ]
+    ranked.sort(key=lambda r: (-r.solved, -r.stationary, r.factor if r.factor == r.factor else math.inf, r.solver))
+    sentence = _sentence(name, problems, ranked, times)
+    left = int(started.loc[hopeless, "fingerprint"].nunique())
+    if left:
+        sentence += f" {left} more {'was' if left == 1 else 'were'} proved to have no solution."
+    return Ranking(group, name, problems, tuple(ranked), sentence)
+
+
+def _count(rows: pd.DataFrame) -> dict[str, int]:
+    """Rows by label."""
+    return {str(label): int(n) for label, n in rows["label"].value_counts().items()}
+
+
+def _routes(rows: pd.DataFrame) -> dict[str, tuple[str, int]]:
+    """The route that most rows of a label took, the first by name of equally many, and how many others there are."""
+    taken = rows.loc[rows["route"] != "", ["label", "route"]].value_counts()
+    found: dict[str, list[tuple[int, str]]] = {}
+    for (label, route), count in taken.items():  # type: ignore[misc]
+        found.setdefault(str(label), []).append((-int(count), str(route)))
+    return {label: (min(routes)[1], len(routes) - 1) for label, routes in found.items()}
+
+
+def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[str]]:
+    """What a reader must know of each label."""
+    found: dict[str, list[str]] = {}
+
+    def warn(counts: Mapping[str, int], text: str) -> None:
+        for label, count in counts.items():
+            found.setdefault(label, []).append(f"{text} {count}")
+
+    for label in sorted(set(launching) & set(rows["label"])):
+        found.setdefault(label, []).append(LAUNCHES)
+    inexact = {str(kind) for kind in Kind if not kind.exact}
+    for label, kind in rows_of.label_kinds(rows).items():
+        if kind in inexact:
+            found.setdefault(label, []).append(f"{kind} route")
+    warn(_count(false_claims(rows)), "claims that fail")
+    cold = rows["started"].str.startswith(COLD) & (rows["started"] != FIRST_STEP) & (rows["start"] != COLD)
+    warn(_count(rows[cold]), "fell back to cold")
+    for status, text in ENDINGS.items():
+        warn(_count(rows[rows["status"] == status]), text)
+    for label in sorted(set(rows["label"][~rows_of.ranked(rows)])):
+        found.setdefault(label, []).append("times of another machine")
+    return found
+
+
+def _sentence(name: str, problems: int, ranked: Sequence[RankedSolver], times: pd.DataFrame) -> str:
+    """What to use, and what that rests on."""
+    if not problems:
+        return f"{name}: no problem that has a solution."
+    if not ranked or not ranked[0].solved + ranked[0].stationary:
+        return f"{name}: nobody solves any of {_counted(problems)}."
+    first = ranked[0]
+    reach = "" if first.started == problems else f" ({_counted(problems)} in all)"
+    told = f"it solves {first.solved} of {_counted(first.started)}{reach}"
+    if first.stationary:
+        told += f" and finds a stationary point of {first.stationary}"
+    if len(ranked) == 1:
+        return f"{name}: only {first.solver} ran: {told}."
+    parts = [f"{name}: use {first.solver}: {told}"]
+    if first.factor == first.factor:
+        parts.append(f"fastest on {first.fastest}" if first.fastest else f"{first.factor:.2g} times the fastest")
+    text = ", ".join(parts)
+    faster = _faster(first.solver, times)
+    if faster:
+        other, ratio, both = faster
+        text += f"; {other} is {ratio:.2g} times faster on the {both} that both solve"
+    if false := [w for w in first.warnings if w.startswith("claims that fail")]:
+        text += f"; {false[0]}, so check its answers"
+    return f"{text}."
+
+
+def _faster(first: str, times: pd.DataFrame) -> tuple[str, float, int] | None:
+    """Who is most times faster than the first (geometric mean where both solve), of those that solve at least half of
+    what it solves; None where that is not much."""
+    if first not in times.columns:
+        return None
+    logs = np.log(np.maximum(times, FLOOR))
+    mine = logs[first]
+    solved = np.isfinite(mine)
+    found: list[tuple[float, str, int]] = []
+    for label in times.columns:
+        both = solved & np.isfinite(logs[label])
+        if label != first and 2 * int(both.sum()) >= int(solved.sum()):
+            found.append((-float(np.exp((mine - logs[label])[both].mean())), str(label), int(both.sum())))
+    ratio, label, both = min(found, default=(0.0, "", 0))
+    return (label, -ratio, both) if -ratio >= FASTER else None
+
+
+def _counted(problems: int) -> str:
+    return "1 problem" if problems == 1 else f"{problems} problems"

@@ -1,0 +1,125 @@
+"""What a run leaves out: solvers that are not installed, and pairs whose route turned out to be closed.
+
+A row is for what somebody can learn from: a pair that cannot be run says nothing of a solver. Unless the solver was
+asked for by its name, such a pair has no row but is counted under its reason, in the results' `left_out`: a list of
+`status` (missing, licence, unsupported), `node` (of the problems), `reason`, `solvers` (name: pairs) and the `keys` of
+the pairs, which a later command does not try again unless it is told to.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.results.store import Store
+from cpbench.verification import Status
+
+MISSING, LICENCE = "missing", "licence"
+AGAIN: Mapping[str, tuple[str, ...]] = {"failed": (LICENCE, MISSING), "all": (LICENCE, MISSING, "unsupported")}
+"""What `--rerun` tries again of what was left out."""
+_LACK = {MISSING: "not installed", LICENCE: "no licence"}
+NAMED, FEW = 6, 2
+"""The most solvers that a line names, and where a reason follows."""
+
+
+def planned(store: Store, pairs: Sequence[Pair], rerun: str) -> list[Pair]:
+    """The pairs without those that an earlier command has left out and that nobody asks for by name now."""
+    again = AGAIN.get(rerun, ())
+    out = {key for entry in _entries(store) if entry["status"] not in again for key in entry["keys"]}
+    return [pair for pair in pairs if pair.named or pair.key not in out]
+
+
+def statuses(store: Store) -> dict[str, str]:
+    """What became of the pairs that were left out, by key, in the words of rows."""
+    absent = str(Status.UNAVAILABLE)
+    return {
+        key: absent if entry["status"] in _LACK else entry["status"]
+        for entry in _entries(store)
+        for key in entry["keys"]
+    }
+
+
+def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> None:
+    """Take the rows of `pairs` that could not be run, of solvers that nobody named, out of the results, and note why.
+
+    absent : how to install the solvers for which no pair was planned, by name.
+    """
+    mine = {pair.key for pair in pairs}
+    unnamed = {pair.key for pair in pairs if not pair.named}
+    found: dict[tuple[str, str, str], dict[str, Any]] = {}
+
+    def note(status: str, node: str, reason: str, solver: str, keys: Sequence[str], count: int = 1) -> None:
+        entry = found.setdefault((status, node, _pattern(reason)), _entry(status, node, reason))
+        entry["solvers"][solver] = entry["solvers"].get(solver, 0) + count
+        entry["keys"] += keys
+
+    for entry in _entries(store):
+        kept = [key for key in entry["keys"] if key not in mine]
+        if kept:
+            found[entry["status"], entry["node"], _pattern(entry["reason"])] = {**entry, "keys": kept}
+    for solver, hint in absent.items():
+        note(MISSING, "", hint, solver, [], 0)
+    gone: list[str] = []
+    for row in store.rows() if unnamed else ():
+        status = _status(row) if row["key"] in unnamed else ""
+        if status:
+            _, _, reason = str(row["message"] or "").partition(": ")
+            note(status, str(row["node"]) if status == Status.UNSUPPORTED else "", reason, row["solver"], [row["key"]])
+            gone.append(row["key"])
+    store.withdraw(gone)
+    store.set_meta(left_out=[found[key] for key in sorted(found)])
+
+
+def lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """A line for each way to install what is not there, for each licence, and for each formulation without a route."""
+    entries = list(entries)
+    told = [
+        f"{_LACK[entry['status']]}: {_some(entry['solvers'])} ({entry['reason']})"
+        for entry in entries
+        if entry["status"] in _LACK
+    ]
+    by_node: dict[str, list[Mapping[str, Any]]] = {}
+    for entry in entries:
+        if entry["status"] == Status.UNSUPPORTED:
+            by_node.setdefault(entry["node"], []).append(entry)
+    for node, reasons in by_node.items():
+        solvers = {name: 0 for entry in reasons for name in entry["solvers"]}
+        count = sum(len(entry["keys"]) for entry in reasons)
+        most = max(reasons, key=lambda entry: len(entry["keys"]))
+        pairs = "1 pair" if count == 1 else f"{count} pairs"
+        told.append(f"no route from {node} to {_some(solvers, FEW)}, {pairs}: {most['reason']}")
+    return told
+
+
+def _entries(store: Store) -> list[Any]:
+    return list(store.meta().get("left_out", []))
+
+
+def _entry(status: str, node: str, reason: str) -> dict[str, Any]:
+    return {"status": status, "node": node, "reason": reason, "solvers": {}, "keys": []}
+
+
+def _status(row: Mapping[str, Any]) -> str:
+    """Why a row cannot be: '' where it can. A solver that is broken is no one's choice, and keeps its rows."""
+    if row["status"] == Status.UNSUPPORTED:
+        return str(Status.UNSUPPORTED)
+    state = str(row["message"] or "").partition(":")[0]
+    return state if row["status"] == Status.UNAVAILABLE and state in (MISSING, LICENCE) else ""
+
+
+def _pattern(reason: str) -> str:
+    """A reason without its numbers, so that the same cause is one entry."""
+    return re.sub(r"\d[\d.e+-]*", "#", reason)
+
+
+def _some(solvers: Iterable[str], most: int = NAMED) -> str:
+    """Some names, and how many more there are.
+
+    >>> _some("abc"), _some("abcdefghi")
+    ('a, b, c', 'a, b, c, d, e, f and 3 more')
+    """
+    names = sorted(solvers)
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

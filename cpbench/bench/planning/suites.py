@@ -1,0 +1,39 @@
+"""Suites of the built-in problems: what a run takes that names no problem.
+
+    quick       small problems of every formulation, by the solvers of `SolverSpec.quick`: an answer within a minute
+    standard    all built-in problems, by the same solvers
+    full        all built-in problems, by every solver that is installed, approximate routes too
+
+A suite is nothing but values of a set: what is said on the command line or in a plan wins over them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from cpbench.solvers.base import solvers
+
+QUICK, STANDARD, FULL = "quick", "standard", "full"
+SUITES = (QUICK, STANDARD, FULL)
+QUICK_SECONDS = 5.0
+"""Limit of a solve of the quick suite [s]: what takes longer there is no answer for who waits for it."""
+
+
+def values(suite: str, problems: Callable[[], Sequence[str]]) -> dict[str, Any]:
+    """The values that a suite gives a set; `problems` finds the addresses of the small ones.
+
+    >>> values("full", list)
+    {'suite': 'full', 'problems': ('builtin',), 'routes': 'facets'}
+    """
+    if suite == QUICK:
+        few = {"problems": tuple(problems()), "solvers": quick_solvers(), "timeout": QUICK_SECONDS}
+        return {"suite": suite, "routes": "exact", **few}
+    if suite == STANDARD:
+        return {"suite": suite, "problems": ("builtin",), "solvers": quick_solvers(), "routes": "exact"}
+    return {"suite": suite, "problems": ("builtin",), "routes": "facets"}
+
+
+def quick_solvers() -> tuple[str, ...]:
+    """Names of the solvers that the quick suite takes."""
+    return tuple(solver.spec.name for solver in solvers if solver.spec.quick)

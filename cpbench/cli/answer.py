@@ -1,0 +1,105 @@
+"""The answer of a run on the terminal: a ranking of every formulation, and at the end what to use."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
+from cpbench.bench import left_out
+from cpbench.bench.results.store import Store
+from cpbench.cli.sealed import sealed
+from cpbench.report.text import counted, seconds
+
+LINES = 30
+"""The most lines on what could not be run."""
+PLAIN_WIDTH = 100
+"""Columns where nobody sees a terminal."""
+MAGIC = b"SQLite format 3\x00"
+
+
+def is_results(path: str) -> bool:
+    """Whether a file is one of results, by its first bytes."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
+
+
+def print_results(path: str) -> None:
+    """The answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
+    with sealed(Path(path)) as store:
+        print_answer(store)
+
+
+def print_answer(store: Store) -> None:
+    """Rankings of all formulations, then a sentence each."""
+    table, meta = rows_of.normalised(store.table()), store.meta()
+    found = rankings(table, meta.get("solvers"))
+    for ranking in found:
+        _print_ranking(ranking)
+    told = left_out.lines(meta.get("left_out", []))
+    for line in told[:LINES]:
+        click.echo(_fitted(line))
+    if len(told) > LINES:
+        click.echo(f"and {len(told) - LINES} more reasons why pairs could not be run")
+    click.echo("\n".join(["", *(ranking.sentence for ranking in found)]))
+
+
+def _print_ranking(ranking: Ranking) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    head = f"{ranking.formulation}: {counted(ranking.problems, 'problem')}"
+    table = Table(
+        title=Text(head), title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0)
+    )
+    table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=28)
+    for name in ("solved", "median", "× fastest"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("route", no_wrap=True, overflow="ellipsis", max_width=28)
+    table.add_column("", overflow="fold")
+    for row in ranking.shown:
+        table.add_row(*map(Text, _cells(row)))
+    console = _console()
+    with console.capture() as captured:
+        console.print(table)
+    for line in captured.get().splitlines():
+        click.echo(line.rstrip())
+    left = len(ranking.rows) - len(ranking.shown)
+    click.echo(f"and {counted(left, 'more solver')}\n" if left else "")
+
+
+def _cells(row: RankedSolver) -> Sequence[str]:
+    timed = math.isfinite(row.median)
+    more = f" (+{row.others})" if row.others else ""
+    return (
+        row.solver,
+        f"{row.solved} of {row.started}",
+        seconds(row.median) if timed else "—",
+        f"{row.factor:.3g}" if timed else "—",
+        f"{row.route}{more}",
+        ", ".join(row.warnings),
+    )
+
+
+def _fitted(line: str) -> str:
+    """A line in the width of the terminal."""
+    width = _console().width
+    return line if len(line) <= width else f"{line[: width - 1]}…"
+
+
+def _console() -> Any:
+    """Plain text where nobody looks at a terminal, as wide as the terminal elsewhere."""
+    from rich.console import Console
+
+    width = shutil.get_terminal_size((PLAIN_WIDTH, 24)).columns
+    return Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)

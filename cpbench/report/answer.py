@@ -1,0 +1,67 @@
+"""What a run answers, first of all: a sentence a formulation, one figure, and the ranking."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from cpbench.analysis.ranking import RankedSolver, Ranking
+from cpbench.report import overview_figure
+from cpbench.report.details import file_of
+from cpbench.report.easel import Easel
+from cpbench.report.run import Run, tunings
+from cpbench.report.text import code, number, plain, seconds, table
+
+SENTENCES = 24
+"""The most sentences: those of the formulations with most problems."""
+ROWS = 96
+"""The most rows of the table of rankings, shared by the formulations."""
+
+
+def answer(run: Run, easel: Easel) -> Iterator[str]:
+    """The sentences, the figure of the formulations with most problems, and the rankings as one table."""
+    told = [ranking for ranking in run.rankings if ranking.rows]
+    if not told:
+        return
+    most = set(sorted(told, key=lambda r: -r.problems)[:SENTENCES])
+    shown = [ranking for ranking in told if ranking in most]
+    yield "\n".join(f"- **{plain(r.formulation)}**: {plain(sentence_of(r))}" for r in shown)
+    if len(told) > len(shown):
+        yield f"{len(told) - len(shown)} more groups with fewer problems are in `report.html` and `results.csv`."
+    name, guide = overview_figure.draw(run, easel, shown)
+    if name:
+        yield f"[![Performance profiles]({name}.png)]({name}.svg)"
+        yield f"*{plain(guide)}*"
+    yield "## Ranking"
+    lines = max(1, min(10, ROWS // len(shown)))
+    head = ["formulation", "solver", "route", "solved", "median", "× fastest", "remarks"]
+    rows = [cells for ranking in shown for cells in _lines(run, ranking, lines)]
+    yield table(head, rows, right=(3, 4, 5))
+    yield (
+        "Solved: of the problems that the solver was started on; what it cannot take counts against nobody. Median: of "
+        "its times where it solved. × fastest: geometric mean of its time over that of the fastest solver there."
+    )
+
+
+def sentence_of(ranking: Ranking) -> str:
+    """The sentence of a ranking without the name of the formulation that it begins with."""
+    return ranking.sentence.removeprefix(f"{ranking.formulation}: ")
+
+
+def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
+    """The first of its solvers; the first line names the formulation and links to its details."""
+    for k, row in enumerate(ranking.rows[:most]):
+        name = f"[{plain(ranking.formulation)}]({file_of(run, ranking.group)})" if k == 0 else ""
+        yield [name, *cells_of(row, row.solver in tunings(run))]
+
+
+def cells_of(row: RankedSolver, tuned: bool) -> Sequence[str]:
+    """Solver, route, solved, median, factor and remarks as Markdown."""
+    route = row.route + (f" and {row.others} more" if row.others else "")
+    return (
+        code(row.solver) + (" (tuned)" if tuned else ""),
+        plain(route) or "—",
+        f"{row.solved} of {row.started}",
+        seconds(row.median),
+        number(row.factor),
+        plain(", ".join(row.warnings)),
+    )

@@ -1,0 +1,79 @@
+"""The map: formulations as boxes, the conversions between them as arrows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+from cpbench.formulations import Kind, formulations
+from cpbench.graph import best_kind, edges
+from cpbench.report import canvas
+from cpbench.report.figure_kinds import Drawing
+from cpbench.report.text import counted
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PLACES = {
+    "grfc": (0.0, 5.0), "nfc": (0.0, 3.2), "gfc": (0.0, 1.6), "rfc": (1.0, 4.5), "fcm": (1.0, 2.6), "afc": (1.0, 0.0),
+    "fc": (2.0, 1.55), "coneqp": (2.0, 5.0), "soclcp": (3.2, 4.5), "cp": (3.1, 3.5), "qvi": (1.6, 3.3),
+    "mlcp": (3.15, 0.0), "micp": (3.9, 1.05), "lcp": (4.72, 1.95), "ncp": (3.25, 2.3), "qp": (4.6, 5.0),
+    "nlp": (5.5, 5.0), "relay": (6.6, 1.0), "avi": (6.45, 2.2), "vi": (3.95, 4.0), "ge": (5.2, 3.3),
+    "equation": (5.9, 0.4),
+}  # fmt: skip
+"""Columns from the mechanics to the mathematics."""
+UNIT = (65.0, 62.0)
+"""Points of a unit of the places."""
+GUIDE = "Blue: exact for every problem, or for some. Dashed: approximations and relaxations only."
+"""How to read the map."""
+
+
+def graph_drawing(kinds: Collection[Kind]) -> Drawing:
+    """The map with the conversions that may be of one of `kinds`."""
+    with canvas.drawing():
+        figure, roads = graph_map(kinds)
+    title = f"{counted(len(formulations), 'formulation')} and {counted(roads, 'conversion')} between them"
+    return Drawing(figure, title, GUIDE)
+
+
+def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
+    """Boxes and arrows, and how many conversions these are; made within `canvas.drawing`."""
+    pairs: dict[tuple[str, str], bool] = {}
+    roads = [edge for edge in edges() if edge.source != edge.target and best_kind(edge) in kinds]
+    for edge in roads:
+        pair = (edge.source, edge.target)
+        if {*pair} <= set(PLACES):
+            pairs[pair] = pairs.get(pair, False) or best_kind(edge).exact
+    figure = canvas.page(6.8, 4.9)
+    axes = figure.add_axes((0.01, 0.01, 0.98, 0.98))
+    for (source, target), exact in pairs.items():
+        both = (target, source) in pairs
+        axes.annotate(
+            "", PLACES[target], PLACES[source],
+            arrowprops={
+                "arrowstyle": "-|>", "color": canvas.BLUE if exact else canvas.RED, "linewidth": 1.1,
+                "linestyle": "-" if exact else (0, (3, 2)),
+                "shrinkA": _border(source, target), "shrinkB": _border(target, source),
+                "connectionstyle": f"arc3,rad={0.14 if both else 0.0}",
+            },
+        )  # fmt: skip
+    for name, (x, y) in PLACES.items():
+        axes.text(
+            x, y, name, ha="center", va="center", fontsize=9, zorder=5,
+            bbox={"boxstyle": "round,pad=0.42", "facecolor": "#ffffff", "edgecolor": canvas.GREY, "linewidth": 0.8},
+        )  # fmt: skip
+    axes.set_xlim(-0.4, 6.95)
+    axes.set_ylim(-0.3, 5.3)
+    axes.set_axis_off()
+    return figure, len(roads)
+
+
+def _border(name: str, other: str) -> float:
+    """Points from the middle of a box to a little beyond its border, towards another box."""
+    across, up = (b - a for a, b in zip(PLACES[name], PLACES[other], strict=True))
+    length = math.hypot(across * UNIT[0], up * UNIT[1])
+    half = (6.0 + 2.9 * len(name), 11.0)
+    return 2.0 + min(
+        half[k] * length / abs(part * UNIT[k]) if part else math.inf for k, part in enumerate((across, up))
+    )

@@ -1,0 +1,44 @@
+"use strict";
+/* The answer of the formulation that is chosen: its sentence, and the first lines of its ranking. Both are of all its
+   problems and solvers, whatever is filtered. */
+const Answer = (() => {
+  const { h } = Dom;
+
+  function say(group) {
+    const place = document.querySelector("[data-answer]");
+    for (const button of document.querySelectorAll(".choice"))
+      button.setAttribute("aria-pressed", button.textContent === group.name);
+    place.replaceChildren(h("strong", {}, group.name), `: ${group.answer.sentence}`);
+  }
+
+  Figures.register({
+    id: "answer",
+    title: "Ranking",
+    build(context) {
+      const { rows, more } = context.group.answer;
+      if (!rows.length) return { empty: "No solver was started." };
+      const lines = rows.map(([solver, route, others, solved, started, median, factor, remarks]) => [
+        h("span", {}, Figures.swatch(context.slotOf(solver)), " ", solver, ...context.marksOf(solver, "")),
+        others ? `${route} and ${others} more` : route || "—",
+        `${solved} of ${started}`,
+        Dom.seconds(median),
+        Dom.number(factor),
+        remarks.join(", "),
+      ]);
+      const content = Dom.table({
+        caption: "Ranking",
+        head: ["solver", "route", "solved", "median", "× fastest", "remarks"],
+        rows: lines,
+        right: [2, 3, 4],
+      });
+      return {
+        content,
+        numbers: more ? `The first ${rows.length} of ${rows.length + more} solvers.` : "",
+        guide:
+          "Solved: of the problems that the solver was started on; what it cannot take counts against nobody. Median: of its times where it solved. × fastest: geometric mean of its time over that of the fastest solver there.",
+      };
+    },
+  });
+
+  return Object.freeze({ say });
+})();

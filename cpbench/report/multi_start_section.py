@@ -1,0 +1,72 @@
+"""The section about problems that were started from several points: which solver finds which solution from where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cpbench.analysis.multi_start import SAME, Found, solutions
+from cpbench.matrices import Vector
+from cpbench.report.run import Run
+from cpbench.report.text import code, counted, listed, plain, table
+
+NUMBERS = 6
+"""The most numbers of a solution that are printed."""
+SOLVERS = 12
+"""The most solvers that are named in a cell."""
+
+GUIDE = (
+    f"Answers that differ by at most {SAME:g} of their size are one solution; the one found most often is number 1. "
+    "Every answer was verified."
+)
+
+
+def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
+    """A table a problem, start by solution; nothing where no problem was started from several points of its file."""
+    found = list(solutions(run.read, run.answers))
+    if not found:
+        return
+    yield f"## Several starts ({counted(len(found), 'problem')})"
+    yield GUIDE
+    for one in found[:most]:
+        yield f"**{plain(one.problem)}**: {summary(one)}."
+        head = ["start", *(f"solution {k}: {rounded(x)}" for k, x in enumerate(one.solutions, start=1)), "not solved"]
+        yield table(head, (_line(one, start) for start in one.starts))
+    if most is not None and len(found) > most:
+        yield f"{len(found) - most} more problems are in the details and on the page."
+
+
+def summary(one: Found) -> str:
+    """How many solutions were found, and who found all of them.
+
+    A solver that finds each from some start shows them all to whoever tries all starts.
+    """
+    told = f"{counted(len(one.solutions), 'solution')} found from {counted(len(one.starts), 'start')}"
+    if len(one.solutions) < 2:
+        return told
+    reached = {label: {n for (_, of), n in one.place.items() if of == label} for label in one.labels}
+    all_of_them = [label for label in one.labels if len(reached[label]) == len(one.solutions)]
+    return f"{told}; all of them by {listed(all_of_them, 4)}" if all_of_them else f"{told}; no solver finds all"
+
+
+def rounded(x: Vector) -> str:
+    """A solution in a few numbers.
+
+    >>> rounded(np.array([1.0, 0.0, 1.2247448]))
+    '(1, 0, 1.22)'
+    """
+    shown = ", ".join(f"{value:.3g}" for value in np.round(x[:NUMBERS], 9) + 0.0)
+    return f"({shown}{', …' if x.size > NUMBERS else ''})"
+
+
+def _line(one: Found, start: str) -> list[str]:
+    """The solvers that found each solution from a start, and those that found none."""
+    reached = one.reached(start)
+    idle = [label for label in one.labels if (start, label) in one.status and not one.place.get((start, label))]
+    cells = [_who(reached.get(k, [])) for k in range(1, len(one.solutions) + 1)]
+    return [code(start), *cells, _who(idle)]
+
+
+def _who(labels: list[str]) -> str:
+    return f"{len(labels)}: {listed(labels, SOLVERS)}" if labels else "—"

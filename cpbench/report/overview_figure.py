@@ -1,0 +1,124 @@
+"""The figure of a whole run: a performance profile a formulation, the leading solvers named below each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.profiles import Profile, performance_profile
+from cpbench.analysis.ranking import Ranking
+from cpbench.report import legend
+from cpbench.report.easel import Easel
+from cpbench.report.figures import INEXACT, STYLE, frame, marked, profile_guide, right_end
+from cpbench.report.group_sections import slug_of
+from cpbench.report.run import Run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NAME = "answer"
+"""Name of its files, without a suffix."""
+PANELS = 12
+"""The most formulations: those with most problems."""
+ACROSS, NAMED = 3, 4
+"""Panels a row; solvers named below each."""
+POINTS = 400
+WIDTH, HIGH, GAP = 9.2, 1.35, 1.28
+"""Width of the figure, height of a panel, and what is below it for axis and names [in]."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A formulation with its profile, the kinds of routes, and the labels that are in colour."""
+
+    name: str
+    profile: Profile
+    kinds: Mapping[str, str]
+    named: tuple[str, ...]
+
+
+def draw(run: Run, easel: Easel, rankings: Sequence[Ranking]) -> tuple[str, str]:
+    """Have the figure drawn; gives its name and how to read it, ('', '') where nothing was solved.
+
+    Of one formulation it is the profile that its details have.
+    """
+    wanted = sorted((r for r in rankings if r.rows[0].solved), key=lambda r: -r.problems)[:PANELS]
+    wanted = [r for r in rankings if r in wanted]
+    rows = dict(run.parts)
+    panels = [panel for r in wanted if (panel := _panel(r, rows[r.group])) is not None]
+    if not panels:
+        return "", ""
+    if len(run.parts) == 1:
+        return f"profile-{slug_of(run, run.parts[0][0])}", profile_guide(panels[0].profile.problems)
+    easel.draw(NAME, overview_figure, panels, run.looks)
+    left = "" if len(panels) == len(rankings) else f" Shown are {len(panels)} of {len(rankings)} formulations."
+    return NAME, (
+        "A curve at τ is the fraction of the problems that the solver solved within τ times the time of the fastest "
+        f"solver of that problem: left where it was the fastest, right at all. Named: the {NAMED} with the largest "
+        f"area.{left}"
+    )
+
+
+def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
+    times = rows_of.times(rows_of.only_ranked(rows))
+    if not len(times.columns):
+        return None
+    profile = performance_profile(times)
+    named = tuple(profile.leading(NAMED))
+    return Panel(ranking.formulation, profile, rows_of.label_kinds(rows), named) if named else None
+
+
+def overview_figure(panels: Sequence[Panel], looks: Mapping[str, int]) -> Figure:
+    """The panels in rows, each with its own axis of τ."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    across = min(ACROSS, len(panels))
+    rows = -(-len(panels) // across)
+    height = rows * (HIGH + GAP) + 0.06
+    with matplotlib.rc_context({**STYLE, "font.size": 7.5}):
+        figure = Figure(figsize=(WIDTH, height), dpi=150)
+        FigureCanvasAgg(figure)
+        wide = (WIDTH - 0.1) / across
+        for k, panel in enumerate(panels):
+            row, column = divmod(k, across)
+            left, low = column * wide + 0.42, height - 0.26 - HIGH - row * (HIGH + GAP)
+            box = (left / WIDTH, low / height, (wide - 0.6) / WIDTH, HIGH / height)
+            axes = figure.add_axes(box)
+            _curves(axes, panel, looks)
+            names = figure.add_axes((box[0], (low - 1.0) / height, box[2], 0.66 / height))
+            _names(names, panel, looks)
+    return figure
+
+
+def _curves(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
+    upto = right_end(panel.profile)
+    for curve in sorted(panel.profile.curves, key=lambda c: (c.label in panel.named, c.label)):
+        if not curve.solved:
+            continue
+        tau, height = curve.outline(upto, POINTS)
+        place = looks[curve.label] if curve.label in panel.named else None
+        look = legend.look(place, panel.kinds.get(curve.label, "") in INEXACT)
+        look |= {} if place is None else {"markevery": (0, max(1, len(tau) // 4)), "markersize": 3, "linewidth": 1.4}
+        axes.plot(tau, height, drawstyle="steps-post", **look, zorder=2 if place is None else 4)
+    frame(axes, upto, 6)
+    axes.set_yticks([0.0, 0.5, 1.0])
+    axes.set_title(f"{panel.name}  ({panel.profile.problems})", fontsize=8.5, loc="left", fontweight="bold", pad=3)
+
+
+def _names(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
+    """A line a named solver, most solved first: its look, what it solved, its name."""
+    axes.set_axis_off()
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(NAMED - 0.5, -0.5)
+    solved = {curve.label: curve.solved for curve in panel.profile.curves}
+    for at, label in enumerate(sorted(panel.named, key=lambda name: (-solved[name], name))):
+        look = legend.look(looks[label], panel.kinds.get(label, "") in INEXACT) | {"markersize": 3, "linewidth": 1.4}
+        axes.plot([0.0, 0.05, 0.1], [at] * 3, **look, markevery=[1], clip_on=False)
+        axes.text(0.13, at, f"{solved[label]}  {marked(label, panel.kinds, 32)}", fontsize=7.2, va="center")

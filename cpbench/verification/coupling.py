@@ -1,0 +1,84 @@
+"""Small rows that are coupled to large ones only by terms too small for an answer to feel.
+
+A part has one size, for an error in one of its rows is felt in the others. Where a coupling is so weak that nothing is
+felt, a large row would hide any error in a small one. A term |K_ij| e_j counts as felt from `FELT` of the sum of row i
+on; e_j is |x_j|, or what would make up one whole row where that is more: an unknown that is 0 is coupled, too. This is
+the same in all units. No answer can choose its parts: unknowns that a larger row feels are so large themselves that
+their errors are measured by at least `FELT` of what they are beside their own row.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from cpbench.matrices import Vector
+from cpbench.verification.frame import Terms, inverse, segment_max
+from cpbench.verification.parts import Parts
+from cpbench.verification.sets import Flags
+
+FELT = 1e-3
+"""Share of a row from which on a term is felt, and of a part's size below which a row is small."""
+
+
+def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts:
+    """The parts, without small blocks that no felt term couples to the others, by the sizes of an answer.
+
+    `sizes` are those of the unknowns, `gross` the sums of the rows. What would have no size by itself stays; `held`
+    unknowns have one, at a bound that is not 0.
+    """
+    compared = gross * parts.per_row
+    small = np.flatnonzero(compared < FELT * parts.every.spread(parts.every.largest(compared)))
+    if not small.size:
+        return parts
+    pairs = _felt_pairs(parts.frame.terms, small, sizes, gross)
+    number = np.full(sizes.size, -1)
+    number[small] = np.arange(small.size)
+    ends = number[pairs]
+    linked = np.zeros(small.size, dtype=bool)
+    linked[ends.max(axis=0)[ends.min(axis=0) < 0]] = True
+    if linked.all():  # each by itself, to what is not small
+        return parts
+    nodes = small.size + parts.count  # what is not small is one node a part
+    row, column = np.where(ends < 0, small.size + parts.part[pairs], ends)
+    graph = sp.coo_array((np.ones(row.size), (row, column)), shape=(nodes, nodes))
+    count, label = connected_components(graph, directed=False)
+    own = np.full(count, -1)
+    own[label[small.size :]] = np.arange(parts.count)
+    new = own[label[: small.size]] < 0
+    if not new.any():
+        return parts
+    apart = _with(parts, small[new], parts.count + label[: small.size][new])
+    sized = apart.every.spread((apart.sides > 0) | ((apart.prices > 0) & apart.curved) | apart.every.any(held))
+    new &= sized[small]
+    return _with(parts, small[new], parts.count + label[: small.size][new]) if new.any() else parts
+
+
+def _felt_pairs(terms: Terms, small: Any, sizes: Vector, gross: Vector) -> Any:
+    """Rows and unknowns of the terms that are felt, of those with a small row or a small unknown; shape (2, count)."""
+    rows = terms.rows[small]
+    asked = np.zeros(sizes.size, dtype=bool)
+    asked[small] = asked[rows.indices] = True
+    per_row = inverse(gross)
+    of_unknown = np.flatnonzero(asked)
+    columns = terms.columns[:, of_unknown]
+    share = columns.data * per_row[columns.indices]
+    extent = np.maximum(sizes[of_unknown], inverse(segment_max(share, columns.indptr)))
+    unknown = np.repeat(of_unknown, np.diff(columns.indptr))
+    felt = ~(share * np.repeat(extent, np.diff(columns.indptr)) < FELT)
+    touched = np.zeros(sizes.size, dtype=bool)
+    touched[small] = True
+    felt &= touched[unknown] | touched[columns.indices]
+    return np.stack([columns.indices[felt], unknown[felt]])
+
+
+def _with(parts: Parts, blocks: Any, labels: Any) -> Parts:
+    """The parts, with some blocks in others of their own."""
+    part = parts.part.copy()
+    part[blocks] = labels
+    found, part = np.unique(part, return_inverse=True)
+    return dataclasses.replace(parts, part=part, count=found.size, split=True)

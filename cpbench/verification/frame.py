@@ -1,0 +1,194 @@
+"""Answers as lists of unknowns and rows: what the judge measures, whatever the formulation.
+
+A `Frame` is what all answers to a problem have in common, made once where the problem is linear; a `System` is one
+answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.matrices import Vector
+from cpbench.verification.sets import Flags, Set, joined
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Sizes of the blocks of a Jacobian, rows and unknowns by block: as CSR and, for its columns, as CSC."""
+
+    rows: Any
+
+    @classmethod
+    def of(cls, sizes: Any) -> Terms:
+        """Make them of a matrix of nonnegative sizes."""
+        return cls(sp.csr_array(sizes))
+
+    @cached_property
+    def columns(self) -> Any:
+        """The same as CSC."""
+        return sp.csc_array(self.rows)
+
+    @classmethod
+    def of_blocks(cls, matrix: Any, row_block: Any, column_block: Any) -> Terms:
+        """Frobenius norms of the blocks of a matrix; the numbers of blocks rise from 0."""
+        entries: Any = sp.coo_array(matrix)
+        shape = (int(row_block[-1]) + 1 if len(row_block) else 0, int(column_block[-1]) + 1 if len(column_block) else 0)
+        squares = sp.coo_array((entries.data**2, (row_block[entries.row], column_block[entries.col])), shape=shape)
+        return cls.of(np.sqrt(sp.csr_array(squares)))
+
+    def sums(self, sizes: Vector) -> Vector:
+        """Σ_c terms_dc sizes_c of every row."""
+        return np.asarray(self.rows @ sizes)
+
+    def effects(self, weights: Vector, asked: Flags) -> Vector:
+        """max_d terms_dc weights_d of every unknown that is asked for, 0 for others."""
+        if 2 * np.count_nonzero(asked) > asked.size:
+            return segment_max(self.columns.data * weights[self.columns.indices], self.columns.indptr)
+        some = self.columns[:, np.flatnonzero(asked)]
+        result = np.zeros(asked.size)
+        result[asked] = segment_max(some.data * weights[some.indices], some.indptr)
+        return result
+
+    @cached_property
+    def alone(self) -> Flags:
+        """Whether an unknown is in no row."""
+        return segment_max(self.columns.data, self.columns.indptr) == 0
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A problem without an answer.
+
+    Attributes
+    ----------
+    block : (N,) the block of each unknown and of the row paired with it, rising from 0; None where each is its own.
+    terms : sizes of the blocks of ∂f/∂x. constants : (k,) sizes of what else is in a row.
+    sets : what the unknowns are in; together they hold every component once.
+    multiplier : (k,) whether an unknown only certifies others; without constants it may be anything.
+    """
+
+    terms: Terms
+    constants: Vector
+    sets: Sequence[Set]
+    block: Any = None
+    multiplier: Flags | None = None
+
+    @property
+    def k(self) -> int:
+        """How many blocks there are."""
+        return self.constants.size
+
+    @cached_property
+    def own_unit(self) -> Vector:
+        """1 over the size of the set of every block, 0 where it has none."""
+        units = joined(self.sets, self.count, lambda part: part.own_unit())
+        if self.block is None:
+            return units
+        result = np.zeros(self.k)
+        np.maximum.at(result, self.block, units)
+        return result
+
+    @cached_property
+    def amplification(self) -> Vector:
+        """By how much a rounding error of the row of every block is larger in f."""
+        factors = joined(self.sets, self.count, lambda part: part.amplification())
+        if self.block is None:
+            return factors
+        result = np.ones(self.k)
+        np.maximum.at(result, self.block, factors)
+        return result
+
+    @property
+    def count(self) -> int:
+        """How many unknowns there are."""
+        return self.k if self.block is None else len(self.block)
+
+    def spread(self, values: Vector) -> Vector:
+        """The values of blocks, for every unknown of each."""
+        return values if self.block is None else values[self.block]
+
+    def norms(self, x: Vector) -> Vector:
+        """Euclidean norm of every block."""
+        return block_norms(x, self.block, self.k)
+
+    def any(self, flags: Flags) -> Flags:
+        """Whether any component of a block is flagged."""
+        return flags if self.block is None else np.bincount(self.block, flags, self.k) > 0
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """An answer with the rows of its problem.
+
+    Attributes
+    ----------
+    frame : the problem. x, f : (N,) the unknowns and the values of the rows paired with them.
+    relief : (k,) what multipliers of parallel rows that cancel add to the sums of terms.
+    also : residuals that must vanish beside f, each with the blocks of the rows by which they are measured.
+    """
+
+    frame: Frame
+    x: Vector
+    f: Vector
+    relief: Vector | float = 0.0
+    also: tuple[Vector, Any] | None = None
+
+    def nearest(self) -> Vector:
+        """The nearest point of the sets."""
+        near = self.x
+        for part in self.frame.sets:
+            near = part.nearest(near)
+        return near
+
+    def sizes(self) -> Vector:
+        """Sizes of the unknowns that reach the nearest point of the sets."""
+        sizes = self.frame.norms(self.x)
+        if all(part.has_0 for part in self.frame.sets):  # the nearest point is no larger
+            return sizes
+        return np.maximum(sizes, self.frame.norms(self.nearest()))
+
+    def fixed(self) -> Flags:
+        """Whether an unknown is at a bound that is not 0."""
+        frame = self.frame
+        if not any(part.moored for part in frame.sets):
+            return np.zeros(frame.k, dtype=bool)
+        return frame.any(joined(frame.sets, frame.count, lambda part: part.anchored(self.x), bool))
+
+    def defect(self, x_unit: Vector, f_unit: Vector) -> Vector:
+        """x̂ − P(x̂ − f̂) in units of the blocks."""
+        frame = self.frame
+        x_units, f_units = frame.spread(x_unit), frame.spread(f_unit)
+        return joined(frame.sets, frame.count, lambda part: part.defect(self.x, self.f, x_units, f_units))
+
+
+def largest(*values: float) -> float:
+    """The largest; ∞ where one is no number, which max() would drop."""
+    found = float(np.max(values, initial=0.0))
+    return found if np.isfinite(found) else np.inf
+
+
+def inverse(x: Vector) -> Vector:
+    """1/x, 0 where x is 0."""
+    return np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
+
+
+def segment_max(values: Vector, indptr: Any) -> Vector:
+    """Largest of every segment of nonnegative values, 0 of an empty one."""
+    result = np.zeros(len(indptr) - 1)
+    filled = np.flatnonzero(np.diff(indptr))
+    if filled.size:
+        result[filled] = np.maximum.reduceat(values, indptr[:-1][filled])
+    return result
+
+
+def block_norms(x: Vector, block: Any, k: int) -> Vector:
+    """Euclidean norm of every block."""
+    if block is None or k == x.size:
+        return np.abs(x)
+    return np.sqrt(np.bincount(block, x * x, k))

@@ -1,0 +1,176 @@
+"""Connected parts of a problem, equilibrated: what belongs together, and in which units it is compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from cpbench.matrices import Vector, norm
+from cpbench.verification.equilibration import equilibrate, equilibrate_apart
+from cpbench.verification.frame import Frame, inverse
+from cpbench.verification.sets import Flags, slice_of
+
+
+class Measure(Enum):
+    """What is summed over a part: nothing, the energy of its contacts, or the gap of its pairs."""
+
+    PAIRS = "pairs"
+    ENERGY = "energy"
+    GAP = "gap"
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Some blocks of a problem. Sizes of parts have the shape (count,).
+
+    Attributes
+    ----------
+    at : where they are. part : the part of each, None where there is only one. count : how many parts there are.
+    energy : whether the size of a part is the root of a sum of squares; else it is the largest of its blocks.
+    """
+
+    at: Any
+    part: Any
+    count: int
+    energy: bool
+
+    @cached_property
+    def _runs(self) -> tuple[Any, Any, Any]:
+        """The order in which blocks of a part stand together, where each part begins, and which parts there are."""
+        order = np.argsort(self.part, kind="stable")
+        found, starts = np.unique(self.part[order], return_index=True)
+        return order, starts, found
+
+    def size(self, values: Vector) -> Vector:
+        """Size of the values in every part; 0 where there is none."""
+        if not self.energy:
+            return self.largest(values)
+        if self.part is None:
+            return np.array([norm(values)])
+        return np.sqrt(np.bincount(self.part, values * values, self.count))
+
+    def largest(self, values: Vector) -> Vector:
+        """The largest of the values in every part; 0 where there is none."""
+        if self.part is None:
+            return np.array([values.max(initial=0.0)])
+        result = np.zeros(self.count)
+        if values.size:
+            order, starts, found = self._runs
+            result[found] = np.maximum.reduceat(values[order], starts)
+        return result
+
+    def any(self, flags: Flags) -> Flags:
+        """Whether a block of a part is flagged."""
+        if self.part is None:
+            return np.array([flags.any()])
+        result = np.zeros(self.count, dtype=bool)
+        result[self.part[flags]] = True
+        return result
+
+    def spread(self, values: Any) -> Any:
+        """The values of parts, for every block."""
+        return values[0] if self.part is None else values[self.part]
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """The connected parts of a problem.
+
+    Attributes
+    ----------
+    frame : the problem. measure : what is summed over a part.
+    per_row, per_unknown : (k,) equilibration: rows and unknowns of a part are compared times these.
+    part : (k,) number of the part of each block. count : how many there are.
+    inner : (k,) whether a row beside z has a term in some z. split : whether terms couple parts that are apart.
+    """
+
+    frame: Frame
+    measure: Measure
+    per_row: Vector
+    per_unknown: Vector
+    part: Any
+    count: int
+    inner: Flags
+    split: bool = False
+
+    @classmethod
+    def of(cls, frame: Frame, sizes: Any, measure: Measure) -> Parts:
+        """Find them by the sizes of the problem's terms."""
+        if measure is Measure.PAIRS:  # rows and unknowns may have units of their own
+            rows, unknowns = equilibrate_apart(sizes)
+        else:
+            rows = unknowns = equilibrate(sizes + sizes.T)
+        count, part = connected_components(sizes, directed=False)
+        if frame.multiplier is None:
+            inner = np.diff(sizes.indptr) > 0
+        else:
+            inner = ~frame.multiplier & (sizes @ (~frame.multiplier).astype(np.float64) > 0)
+        return cls(frame, measure, rows, 1.0 / unknowns, part, int(count), inner)
+
+    @cached_property
+    def every(self) -> Group:
+        """All blocks."""
+        return self._group(slice(None))
+
+    @cached_property
+    def z(self) -> Group:
+        """The blocks of z, beside those of the multipliers."""
+        multiplier = self.frame.multiplier
+        return self.every if multiplier is None else self._group(slice_of(np.flatnonzero(~multiplier)))
+
+    @cached_property
+    def multipliers(self) -> Group:
+        """The blocks of the multipliers."""
+        multiplier = self.frame.multiplier
+        return self._group(slice(0, 0) if multiplier is None else slice_of(np.flatnonzero(multiplier)))
+
+    def _group(self, at: Any) -> Group:
+        return Group(at, None if self.count == 1 else self.part[at], self.count, self.measure is Measure.ENERGY)
+
+    @cached_property
+    def curved(self) -> Flags:
+        """Whether some z is in a row beside z."""
+        return self.every.any(self.inner)
+
+    @cached_property
+    def prices(self) -> Vector:
+        """Size of the constants of the rows beside z."""
+        return self.z.size((self.frame.constants * self.per_row)[self.z.at])
+
+    @cached_property
+    def sides(self) -> Vector:
+        """Size of the constants of the rows beside multipliers."""
+        return self.multipliers.size((self.frame.constants * self.per_row)[self.multipliers.at])
+
+    @cached_property
+    def data_unit(self) -> Vector:
+        """1/size of every row by the constants of its part."""
+        result = np.zeros(self.frame.k)
+        for group, size in ((self.z, self.prices), (self.multipliers, self.sides)):
+            result[group.at] = self.per_row[group.at] * group.spread(inverse(size))
+        return result
+
+    @cached_property
+    def effects(self) -> tuple[tuple[Vector, Vector], ...]:
+        """The largest term of every unknown in rows beside z and in those beside multipliers, equilibrated and not."""
+        entries, k = self.frame.terms.rows, self.frame.k
+        row = np.repeat(np.arange(k), np.diff(entries.indptr))
+        scaled = entries.data * self.per_row[row]
+        multiplier = self.frame.multiplier
+        some = [slice(None), slice(0, 0)] if multiplier is None else [~multiplier[row], multiplier[row]]
+        return tuple(
+            (largest_of(entries.indices[at], scaled[at], k), largest_of(entries.indices[at], entries.data[at], k))
+            for at in some
+        )
+
+
+def largest_of(at: Any, values: Vector, k: int) -> Vector:
+    """The largest of the nonnegative values in each place."""
+    result = np.zeros(k)
+    np.maximum.at(result, at, values)
+    return result

@@ -1,0 +1,164 @@
+"""Rankings of rows made up, so small that each number can be counted by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+import pytest
+from synthetic_results import row, table
+
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.ranking import LAUNCHES, LINES, Ranking, rankings
+
+
+def _ranked(*rows: dict[str, object], sheets: dict[str, dict[str, object]] | None = None) -> list[Ranking]:
+    return rankings(rows_of.normalised(pd.DataFrame(list(rows))), sheets)
+
+
+def test_most_solved_comes_first_and_then_the_fastest() -> None:
+    [found] = _ranked(
+        *(row(p, "steady", "solved", 4.0) for p in "abc"),
+        *(row(p, "quick", "solved", 1.0) for p in "ab"),
+        row("c", "quick", "failed", 0.1),
+        *(row(p, "slow", "solved", 8.0) for p in "abc"),
+    )
+    assert [r.solver for r in found.rows] == ["steady", "slow", "quick"]
+    steady, slow, quick = found.rows
+    assert (steady.solved, steady.started, steady.fastest, steady.median) == (3, 3, 1, 4.0)
+    assert steady.factor == pytest.approx(16 ** (1 / 3))  # 4, 4 and 1 times the fastest
+    assert slow.factor == pytest.approx(128 ** (1 / 3))  # 8, 8 and 2 times
+    assert (quick.solved, quick.started, quick.fastest, quick.factor) == (2, 3, 2, 1.0)
+    assert found.sentence == (
+        "lcp: use steady: it solves 3 of 3 problems, fastest on 1; quick is 4 times faster on the 2 that both solve."
+    )
+
+
+def test_who_solves_few_is_not_praised_for_speed() -> None:
+    [found] = _ranked(
+        *(row(p, "steady", "solved", 4.0) for p in "abc"),
+        row("a", "quick", "solved", 1.0),
+        *(row(p, "quick", "failed", 0.1) for p in "bc"),
+    )
+    assert found.sentence == "lcp: use steady: it solves 3 of 3 problems, fastest on 2."
+
+
+@pytest.mark.parametrize("status", ["unsupported", "unavailable", "not_run"])
+def test_what_was_not_started_counts_against_nobody(status: str) -> None:
+    [found] = _ranked(
+        *(row(p, "all", "solved", 1.0) for p in "ab"),
+        row("a", "some", "solved", 1.0),
+        row("b", "some", status),
+        row("a", "none", status),
+        row("b", "none", status),
+    )
+    assert {r.solver: (r.solved, r.started) for r in found.rows} == {"all": (2, 2), "some": (1, 1)}
+    assert found.problems == 2
+
+
+def test_a_group_that_nobody_was_started_on_has_no_ranking() -> None:
+    assert _ranked(row("a", "some", "unavailable")) == []
+    assert rankings(rows_of.normalised(table())) == []
+
+
+def test_the_leader_of_a_part_of_the_problems_says_so() -> None:
+    [found] = _ranked(
+        row("a", "some", "solved", 1.0),
+        row("b", "some", "unsupported"),
+        *(row(p, "all", "failed", 1.0) for p in "ab"),
+    )
+    assert found.sentence == "lcp: use some: it solves 1 of 1 problem (2 problems in all), fastest on 1."
+
+
+def test_one_solver_and_none_that_solves() -> None:
+    [one] = _ranked(row("a", "s", "solved", 1.0))
+    assert one.sentence == "lcp: only s ran: it solves 1 of 1 problem."
+    [none] = _ranked(row("a", "s", "failed", 1.0), row("a", "t", "timeout"))
+    assert none.sentence == "lcp: nobody solves any of 1 problem."
+    assert math.isnan(none.rows[0].median)
+    assert math.isnan(none.rows[0].factor)
+
+
+def test_problems_without_a_solution_are_told_apart() -> None:
+    [found] = _ranked(
+        row("a", "s", "solved", 1.0),
+        row("a", "t", "solved", 2.0),
+        row("b", "s", "infeasible", 1.0),
+        row("b", "t", "failed", 1.0),
+    )
+    assert {r.solver: (r.solved, r.started) for r in found.rows} == {"s": (1, 1), "t": (1, 1)}
+    assert found.sentence.endswith("fastest on 1. 1 more was proved to have no solution.")
+
+
+def test_warnings_are_counted() -> None:
+    [found] = _ranked(
+        row("a", "s", "solved", 1.0, start="previous", started="cold: first step"),
+        row("b", "s", "solved", 1.0, start="previous", started="cold: the step before was failed"),
+        row("c", "s", "wrong", 1.0, start="previous", started="previous"),
+        row("d", "s", "timeout", start="previous", started="previous"),
+        sheets={"s": {"launches": True}, "t": {"launches": True}},
+    )
+    assert found.rows[0].warnings == (LAUNCHES, "claims that fail 1", "fell back to cold 1", "timeouts 1")
+
+
+def test_a_leader_that_claims_falsely_is_named() -> None:
+    [found] = _ranked(
+        *(row(p, "s", "solved", 1.0) for p in "ab"), row("c", "s", "wrong", 1.0), row("a", "t", "solved", 1.0)
+    )
+    assert "claims that fail 1, so check its answers" in found.sentence
+
+
+def test_an_approximate_route_is_marked() -> None:
+    [found] = _ranked(row("a", "s@inner8", "solved", 1.0), row("a", "t", "solved", 1.0))
+    assert {r.solver: r.warnings for r in found.rows} == {"s@inner8": ("approximate route",), "t": ()}
+
+
+def test_the_route_of_most_rows_is_named() -> None:
+    [found] = _ranked(
+        row("a", "s", "solved", 1.0, route="lcp-qp"),
+        row("b", "s", "solved", 1.0, route="lcp-mlcp"),
+        row("c", "s", "solved", 1.0, route="lcp-qp"),
+    )
+    assert (found.rows[0].route, found.rows[0].others) == ("lcp-qp", 1)
+
+
+def test_groups_of_one_node_are_told_apart() -> None:
+    found = _ranked(
+        row("a", "s", "solved", 1.0, tolerance=1e-4),
+        row("a", "s", "solved", 1.0, tolerance=1e-8, key="other"),
+        row("b", "s", "solved", 1.0, node="qp"),
+    )
+    assert [r.formulation for r in found] == ["lcp, tolerance 1e-08", "lcp, tolerance 0.0001", "qp"]
+
+
+def test_times_of_another_machine_are_ranked_with_nobodys() -> None:
+    [found] = _ranked(row("a", "s", "solved", 1.0), row("a", "t@imported", "solved", 1e-3, origin="there"))
+    here, there = found.rows
+    assert (here.solver, here.fastest, here.factor) == ("s", 1, 1.0)
+    assert there.warnings[-1] == "times of another machine"
+    assert (there.fastest, math.isnan(there.median)) == (0, True)
+
+
+def test_only_the_first_rows_are_shown() -> None:
+    [found] = _ranked(*(row("a", f"s{k:02}", "solved", 1.0 + k) for k in range(LINES + 5)))
+    assert len(found.rows) == LINES + 5
+    assert [r.solver for r in found.shown] == [f"s{k:02}" for k in range(LINES)]
+
+
+def test_the_order_of_the_rows_makes_no_difference() -> None:
+    rows = [row(p, s, "solved", 1.0) for p in "abc" for s in ("t", "s")]
+    assert rankings(rows_of.normalised(table(*rows))) == rankings(rows_of.normalised(pd.DataFrame(rows[::-1])))
+
+
+def test_stationary_points_come_before_nothing() -> None:
+    [found] = _ranked(
+        row("a", "convex", "solved", 1.0),
+        row("b", "convex", "unsupported"),
+        row("a", "general", "solved", 2.0),
+        row("b", "general", "stationary", 1.0),
+    )
+    assert [r.solver for r in found.rows] == ["general", "convex"]
+    assert found.sentence == (
+        "lcp: use general: it solves 1 of 2 problems and finds a stationary point of 1, 2 times the fastest; "
+        "convex is 2 times faster on the 1 that both solve."
+    )
