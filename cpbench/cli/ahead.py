@@ -25,7 +25,7 @@ def begin(arguments: Sequence[str]) -> None:
         return
     plans = list(_values(rest, "--plan")) or ([PLAN] if command == "run" and os.path.exists(PLAN) else [])
     threads = next(_values(rest, "--threads"), "1")
-    names = [name for names in _values(rest, "-s", "--solver") for name in names.split(",")]
+    names = [name for given in _values(rest, "-s", "--solver") for name in given.split(",")]
     if any(plan != NO_PLAN for plan in plans) or not threads.isdecimal() or any("@" in name for name in names):
         return
     from cpbench.bench.processes import launch

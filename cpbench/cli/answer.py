@@ -25,7 +25,9 @@ MAGIC = b"SQLite format 3\x00"
 
 
 def is_results(path: str) -> bool:
-    """Whether a file is one of results, by its first bytes."""
+    """Whether a file is one of results, by its first bytes; a pipe, which may never have any, is none."""
+    if not Path(path).is_file():
+        return False
     try:
         with Path(path).open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC

@@ -189,10 +189,16 @@ def command(
     """
     file = _plan_file(plan_path, quiet)
     given = _given(context)
+    if no_report and "report" in given:
+        raise click.UsageError("--report and --no-report: one of them")
+    if no_resume and "rerun" in given:
+        raise click.UsageError("--rerun runs rows of an old file again, --no-resume refuses one: one of them")
     if no_report:
         given["report"] = None
     said = (file.top, file.sets) if file is not None else ({}, [])
     asked = run_plan.make(given, *said, only=only_sets, tunings=file.tunings if file is not None else (), suite=_suite)
+    if "facets" in given and all(not part.via and part.allowed_routes == "exact" for part in asked.sets):
+        raise click.UsageError("--facets: no route of this run has facets; add --routes facets")
     if no_resume and asked.results.exists():
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)

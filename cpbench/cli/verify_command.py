@@ -41,6 +41,8 @@ def command(
     """
     if rejudge is not None and all_measures:
         raise click.UsageError("--all-measures is for one answer to a PROBLEM, and --rejudge reads many")
+    if rejudge is not None and (problem is not None or answer is not None):
+        raise click.UsageError("--rejudge reads problems and answers from RESULTS: leave PROBLEM and --answer out")
     if rejudge is not None:
         from cpbench.bench.results.rejudge import rejudge_file
 
