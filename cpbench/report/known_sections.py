@@ -8,7 +8,6 @@ import pandas as pd
 
 from cpbench.analysis import attendance, failures, reliability
 from cpbench.analysis.failures import Reason
-from cpbench.bench import left_out
 from cpbench.report.attendance_sections import tuned
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
@@ -110,7 +109,7 @@ def _never_started(run: Run) -> Iterator[str]:
     for reason in sorted(refusals, key=lambda reason: -reason.count):
         solvers = listed(list(reason.labels), 3)
         lines.append(f"- {reason.status}: {counted(reason.count, 'pair')} of {solvers}: {plain(cut(reason.message))}")
-    lines += [f"- {plain(line)}" for line in left_out.lines(run.meta.get("left_out") or [])]
+    lines += [f"- {plain(line)}" for line in attendance.left_out_lines(run.meta.get("left_out") or [])]
     if not lines:
         return
     yield "## Could not be run"

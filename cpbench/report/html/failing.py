@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import attendance, reliability
-from cpbench.bench import left_out
 from cpbench.report.html.markup import Markup, code, element, prose, table
 from cpbench.report.methods import LOSSES
 from cpbench.report.run import Run, each
@@ -62,7 +61,7 @@ def reasons(run: Run) -> Iterator[Markup]:
         head = ["route", "answers lost", "worst factor"]
         lines = ([code(r.route), r.lost, number(r.factor)] for r in each(lost))
         yield table("Conversions that lost answers", head, lines, right=[1, 2])
-    planned = left_out.lines(run.meta.get("left_out") or [])
+    planned = attendance.left_out_lines(run.meta.get("left_out") or [])
     if planned:
         yield element("h3", "Could not be run")
         yield element("ul", *(element("li", line) for line in planned))
