@@ -64,6 +64,10 @@ class Block:
         first, others = self.pairs[:count], self.pairs[count:]
         return self._only(first, self.known), self._only(others, self.known) if others else None
 
+    def only(self, pairs: Sequence[Pair]) -> Block:
+        """These of its pairs; where some start from others, all that belong to one another."""
+        return self._only(tuple(pairs), self.known)
+
     def _only(self, pairs: tuple[Pair, ...], known: Mapping[str, Ending]) -> Block:
         keys = {pair.key for pair in pairs}
         before = {key: pair for key, pair in self.before.items() if key in keys}
@@ -105,14 +109,27 @@ def block_name(pair: Pair) -> str:
     return f"sequence {pair.scene}" if pair.scene else f"problem {pair.address} {pair.format or ''}"
 
 
-def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pair, Outcome]]:
-    """The outcome of every pair of the block, one after the other."""
-    lane.start(block.solvers, block.pairs[0].limits, lambda event, name: notice(event, None, {"solver": name}))
+def run(
+    lane: Lane, block: Block, notice: Notice = silent, put_off: list[Block] | None = None
+) -> Iterator[tuple[Pair, Outcome]]:
+    """The outcome of every pair of the block, one after the other. A worker is started, and waited for, before the
+    first pair that needs it.
+
+    put_off : gets a block of the pairs whose solvers compile meanwhile; None where these are waited for.
+    """
+    waiting, later = dict[str, bool](), list[Pair]()
     prepared: dict[tuple[str, str, float, float], dict[str, Any]] = {}
     endings: dict[str, Ending] = dict(block.known)
     derived: dict[str, Outcome] = {}
     held: tuple[str, str | None] = ("", None)
     for pair in block.pairs:
+        name = pair.entry.solver
+        if name not in waiting:
+            tell = lambda event, name: notice(event, None, {"solver": name})  # noqa: E731
+            waiting[name] = bool(lane.start([name], pair.limits, tell, patient=put_off is None))
+        if waiting[name]:
+            later.append(pair)
+            continue
         if (pair.address, pair.format) != held:  # the referee holds one problem
             held, prepared = (pair.address, pair.format), {}
         where = (pair.request.name, pair.target, pair.tolerance, pair.limits.seconds)
@@ -126,6 +143,8 @@ def run(lane: Lane, block: Block, notice: Notice = silent) -> Iterator[tuple[Pai
             derived |= _looser(pair, outcome, block.pairs)
         endings[pair.key] = (outcome.status, outcome.answer)
         yield pair, outcome.dated(time.strftime("%Y-%m-%dT%H:%M:%S"))
+    if put_off is not None and later:
+        put_off.append(block.only(later))
 
 
 def _predecessor(before: Pair, ending: Ending) -> Predecessor:

@@ -19,7 +19,8 @@ from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
 from cpbench.errors import CpbenchError
-from cpbench.solvers.base import solvers
+from cpbench.plurals import counted
+from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
 
 
@@ -145,7 +146,7 @@ def statuses(path: Path) -> dict[str, str]:
 def gaps(store: Store, assembly: Assembly) -> list[str]:
     """What the plan asked for and the results lack: nothing after a run that was carried out to its end."""
     waiting = store.pending() & {pair.key for pair in assembly.pairs}
-    rows = [f"{len(waiting)} of {len(assembly.pairs)} pairs were not run"] if waiting else []
+    rows = [f"{len(waiting)} of {counted(len(assembly.pairs), 'pair')} not run"] if waiting else []
     files = [f"nobody could say what {address} holds" for address in assembly.unread[:1]]
     more = [f"nor what {len(assembly.unread) - 1} more files hold"] if len(assembly.unread) > 1 else []
     return [*rows, *files, *more]
@@ -166,6 +167,12 @@ def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[
     return kept | {address: name for address, name in read.items() if name is not None}
 
 
+def _plugin_of_variant(name: str) -> str:
+    """The file that makes the solver known of which `name` is a variant: another command needs both."""
+    solver, at, _ = name.partition(declared.AT)
+    return declared.origin(solver)[0] if at and solver in solvers else ""
+
+
 def _sheets(
     before: Mapping[str, Mapping[str, Any]],
     planned: Sequence[Pair],
@@ -182,12 +189,15 @@ def _sheets(
         sheets[pair.label] = {
             "name": spec.name,
             "node": spec.node,
+            "method": spec.method,
+            "launches": Trait.LAUNCHES in spec.traits,
             "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
             "licence": spec.licence,
             "publishing": spec.publishing,
             "summary": spec.summary,
             "citation": spec.citation,
             "plugin": plugin,
+            "variant_of": _plugin_of_variant(spec.name),
             "written": written,
             "tuned": tuned.get(pair.entry.label) or before.get(pair.label, {}).get("tuned"),
         }

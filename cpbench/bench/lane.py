@@ -14,6 +14,8 @@ from dataclasses import replace
 from typing import Any
 
 import cpbench.bench.worker as worker_process
+from cpbench.bench import machine
+from cpbench.bench.compiler import Compiler
 from cpbench.bench.desk import Case
 from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, remembered, repeat_times
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
@@ -61,6 +63,8 @@ class Lane:
         means = context(setting.threads, few=setting.single)
         self.referee = Referee(means, setting, self._scratch.folder)
         self.workers = Workers(means, setting, self._scratch.folder)
+        idle = sorted({*machine.cores()} - {*setting.cpus}) if setting.cpus and setting.lanes == 1 else []
+        self.compiler = Compiler(means, idle)
 
     def __enter__(self) -> Lane:
         return self
@@ -70,6 +74,7 @@ class Lane:
 
     def close(self) -> None:
         """Kill every process and remove the temporary files; harmless when done before."""
+        self.compiler.close()
         self.workers.close()
         self.referee.close()
         self._scratch.remove()
@@ -111,16 +116,29 @@ class Lane:
         names: Iterable[str],
         limits: Limits,
         progress: Callable[[str, str], None] = lambda event, name: None,
-    ) -> None:
+        *,
+        patient: bool = True,
+    ) -> set[str]:
         """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
 
         limits : of the solves to come. progress : called with `start` and a name where a process begins, and with
-        `compiling` where kernels are not in the cache yet.
+        `compiling` where kernels are not in the cache yet. patient : whether these are waited for; else they are
+        compiled where nothing is timed, if there is such a core, and their solvers are returned.
         """
+        waiting = set[str]()
         for name in names:
-            if not self.workers.settled(name, limits.memory):
+            if self.compiler.waits(name) and not patient:
+                waiting.add(name)
+                continue
+            wait = patient or not self.compiler.takes(name)
+            if not self.workers.ready(name, limits.memory):
                 progress("start", name)
-            self.workers.get(name, limits.memory, limits.seconds, lambda name=name: progress("compiling", name))
+            told = lambda name=name: progress("compiling", name)  # noqa: E731
+            worker = self.workers.get(name, limits.memory, limits.seconds, told, patient=wait)
+            if worker is None and name not in self.workers.unavailable:
+                self.compiler.add(name)
+                waiting.add(name)
+        return waiting
 
     def prepare(self, pair: Pair) -> dict[str, Any]:
         """Bring the pair's problem to its solver's node; the referee's reply, whatever it is.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import platform
 import queue
 import threading
@@ -71,7 +72,7 @@ class Lanes:
         if len(self._lanes) > 1:
             ended = _side_by_side(self._lanes, todo, notice)
         else:
-            ended = (done for block in todo for done in blocks.run(self._lanes[0], block, notice))
+            ended = _one_by_one(self._lanes[0], todo, notice)
         with closing(ended):
             for pair, outcome in ended:
                 yield pair, outcome, self._host
@@ -103,6 +104,22 @@ def execute(
             notice("done", pair, outcome.row)
             if reference and (done % REFERENCE_EVERY == 0 or done == pairs):
                 store.add_reference(done, *reference.measure())
+
+
+def _one_by_one(lane: Lane, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
+    """Block after block; what has to be compiled is put off, and waited for when nothing else is left."""
+    first = todo[0].pairs[0]
+    lane.workers.begin(first.entry.solver, first.limits.memory)
+    importlib.import_module("pandas")  # what is said at the end needs it, and here it costs nothing: the worker starts
+    waiting = list(todo)
+    while waiting:
+        now, waiting, idle = waiting, list[Block](), True
+        for block in now:
+            for ended in blocks.run(lane, block, notice, waiting):
+                idle = False
+                yield ended
+        if idle:
+            lane.compiler.give_back()
 
 
 def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:

@@ -139,20 +139,29 @@ class Workers:
             self._begin(name, memory)
 
     def get(
-        self, name: str, memory: int, timeout: float = 0.0, compiling: Callable[[], None] = lambda: None
+        self,
+        name: str,
+        memory: int,
+        timeout: float = 0.0,
+        compiling: Callable[[], None] = lambda: None,
+        *,
+        patient: bool = True,
     ) -> Child | None:
         """The worker of a solver, with this memory limit; None where the solver is not available.
 
         timeout : of a solve, after which the limits of the start and the warm-up go. compiling : called when the worker
-        has to compile before it is ready, which takes seconds and happens once a machine.
+        has to compile before it is ready, which takes seconds and happens once a machine. patient : whether that is
+        waited for; else such a worker is given up, and None.
         """
         if not self.settled(name, memory):
             self.drop(name)
-        if name in self._begun or not self.settled(name, memory):
-            reply = self._hired(name, memory, timeout, compiling)
+        if not self.ready(name, memory):
+            reply = self._hired(name, memory, timeout, compiling, patient)
             for _ in range(AGAIN):
                 if reply["event"] == "died":
-                    reply = self._hired(name, memory, timeout, compiling)
+                    reply = self._hired(name, memory, timeout, compiling, patient)
+            if reply["event"] == "compiling":
+                return None
             if reply["event"] != "ready":
                 self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
                 return None
@@ -164,6 +173,10 @@ class Workers:
         """Whether `get` needs no new process: a worker with this limit is there, or there is none to be had."""
         child = self._children.get(name)
         return name in self.unavailable or (child is not None and self._memory[name] == memory and child.alive)
+
+    def ready(self, name: str, memory: int) -> bool:
+        """Whether `get` need not wait either."""
+        return self.settled(name, memory) and name not in self._begun
 
     def loaded(self, name: str, path: str) -> None:
         """A worker has told that it holds this problem; a fresh process takes it along when it ends."""
@@ -190,7 +203,9 @@ class Workers:
         for name in list(self._children):
             self.drop(name)
 
-    def _hired(self, name: str, memory: int, timeout: float, compiling: Callable[[], None]) -> dict[str, Any]:
+    def _hired(
+        self, name: str, memory: int, timeout: float, compiling: Callable[[], None], patient: bool
+    ) -> dict[str, Any]:
         """What a new worker says when it is warm, or why it is not; it is dropped unless it is ready."""
         phase = START
         try:
@@ -203,6 +218,9 @@ class Workers:
                 reply, _ = hear(child, over - time.monotonic())
                 if reply["event"] == "compiling":
                     compiling()
+                    if not patient:
+                        self.drop(name)
+                        return reply
                     reply, _ = hear(child, over - time.monotonic())
             if reply["event"] not in ("ready", "unavailable"):
                 raise wire.WireError(f"in place of being ready it says {str(reply)[:200]}")

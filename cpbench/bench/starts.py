@@ -4,7 +4,8 @@ A start belongs to the source problem and is carried to the converted one by the
 way. Where there is none a run is unsupported (NotApplicable, with the reason): never cold in disguise.
 
     cold         no start
-    file         the first of the file's guesses; file:K the K-th; file:all each of them, a pair of the plan each
+    file         the first of the file's guesses, or the problem's own start; file:K the K-th; file:all each of them, a
+                 pair of the plan each
     previous     the solver's own answer to the step before, brought to this one by `formulations.transfer`
     perturbed:σ  x* + σ s ξ: x* the file's solution, if it is one at the tolerance of the run; ξ standard normal, from
                  the fingerprint and the seed alone; s = ‖x*_b‖₂/√n_b for every block b of n_b numbers, so that σ is
@@ -165,7 +166,7 @@ def start_for(
         case StartKind.COLD:
             return Start(None, "cold")
         case StartKind.FILE:
-            return _from_file(address, policy)
+            return _from_file(problem, address, policy)
         case StartKind.PREVIOUS:
             return _from_step(problem, before)
         case StartKind.PERTURBED:
@@ -234,8 +235,8 @@ def _counted(text: str, number: str) -> int:
     return int(number)
 
 
-def _from_file(address: str, policy: StartPolicy) -> Start:
-    guesses = storage.guesses(address)
+def _from_file(problem: Problem, address: str, policy: StartPolicy) -> Start:
+    guesses = storage.guesses(address) or _own(problem)
     if len(guesses) < policy.guess:
         found = f"{len(guesses)} starting points, not {policy.guess}" if guesses else "no starting point"
         raise NotApplicable(f"start {policy}", f"the file has {found}")
@@ -244,6 +245,16 @@ def _from_file(address: str, policy: StartPolicy) -> Start:
         raise NotApplicable(f"start {policy}", "the starting point in the file is not finite")
     zero = not any(x.any() for x in guess.arrays().values())
     return Start(guess, f"{policy}: zeros" if zero else str(policy))
+
+
+def _own(problem: Problem) -> list[Any]:
+    """The start that is part of a problem with maps (as MathOptFormat's primal_start), multipliers 0; none where it is
+    0, as it is where nobody set one."""
+    start: Vector | None = getattr(problem, "start", None)
+    if start is None or not start.any():
+        return []
+    first, *others = problem.zero_point().arrays().items()
+    return [problem.point_type(**{first[0]: start}, **dict(others))]
 
 
 def _from_step(problem: Problem, before: Before | None) -> Start:

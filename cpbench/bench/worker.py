@@ -51,6 +51,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     this system, or threads that a fork would not take along), this one, which then serves a single request and says
     so: `single`.
     """
+    gc.disable()  # what is imported and compiled is no garbage
     solver = solvers.get(solver_name)
     if scratch:
         confine(scratch, own=type(solver).__module__.startswith("cpbench.solvers."))
@@ -63,6 +64,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     with _telling_of_compilation(connection):
         solver.warmup()
     version = solver.version()
+    gc.enable()
     limit_memory(memory)
     bench = Bench(connection, solver)
     forked = fresh and forks() and bench.meter.threads == 1 and not bench.meter.helpers

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 import traceback
@@ -13,6 +14,7 @@ import click
 from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
+from cpbench.plain_text import printable
 from cpbench.registry import PLUGIN_FILES
 
 COMMANDS = {
@@ -25,7 +27,7 @@ COMMANDS = {
     "info": "Show what is in a problem file, and facts measured of its matrices.",
     "show": "Show a problem in numbers or as block structure, with its law; also as LaTeX.",
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
-    "graph": "Draw the conversions between formulations, or check them all.",
+    "graph": "Show the conversions between formulations, as text or to be drawn, or check them all.",
     "route": "Show how a problem reaches a formulation, and why not.",
     "list": "List formulations, conversions, solvers or formats.",
     "pack": "Make a problem file from matrices and vectors.",
@@ -114,17 +116,20 @@ def cli() -> None:
 
 def main() -> None:
     """Entry point: errors in one line; exit codes 0 done, 1 check failed, 2 bad input, 3 internal, 130 interrupted."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names of files may have bytes that are no text
+            stream.reconfigure(errors="backslashreplace")
     try:
         cli.main(prog_name="cpbench", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as bare:
         click.echo(bare.format_message())
     except click.ClickException as usage:
-        click.echo(f"cpbench: {usage.format_message()}", err=True)
+        click.echo(printable(f"cpbench: {usage.format_message()}"), err=True)
         sys.exit(2)
     except click.exceptions.Exit as leave:
         sys.exit(leave.exit_code)
     except CpbenchError as refusal:
-        click.echo(f"cpbench: {refusal}", err=True)
+        click.echo(printable(f"cpbench: {refusal}"), err=True)
         sys.exit(1 if isinstance(refusal, SealError) else 2)
     except (click.Abort, KeyboardInterrupt):
         click.echo("cpbench: interrupted", err=True)

@@ -17,6 +17,7 @@ from cpbench.analysis.profiles import FLOOR
 from cpbench.cli import evidence
 from cpbench.cli.solver_tables import columns
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 
 def evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bool) -> None:
@@ -63,7 +64,9 @@ def _worth(every: Mapping[Any, Any]) -> list[str]:
         "always the automatic solver": "auto_within",
         "the best single label of each node, chosen in hindsight": "single_within",
     }
-    found = [f"The advice is within twice the virtual best on {every['within']} of {every['problems']} problems."]
+    found = [
+        f"The advice is within twice the virtual best on {every['within']} of {counted(every['problems'], 'problem')}."
+    ]
     for better, words in ((True, "That is better than"), (False, "That is not better than")):
         listed = [
             f"{what} ({every[name]})" for what, name in others.items() if (every["within"] > every[name]) == better
@@ -85,10 +88,9 @@ def make(table: Path, results: Sequence[Path], force: bool) -> None:
     hidden = evidence.restricted(known.labels, results)
     text = to_text(known, hidden, f"cpbench {__version__}, {time.strftime('%Y-%m-%d')}")
     table.write_text(text, encoding="utf-8")
-    click.echo(
-        f"table: {table} ({len(known.cases)} problems, {len(known.labels) - len(hidden)} labels, {len(text)} bytes)"
-    )
+    sizes = counted(len(known.cases), "problem"), counted(len(known.labels) - len(hidden), "label")
+    click.echo(f"table: {table} ({', '.join(sizes)}, {len(text)} bytes)")
     if hidden:
         click.echo(f"left out, for their figures may not be published: {', '.join(sorted(hidden))}")
     if known.unfinished:
-        click.echo(f"left out, for not all of their pairs were run: {known.unfinished} problems")
+        click.echo(f"left out, for not all of their pairs were run: {counted(known.unfinished, 'problem')}")

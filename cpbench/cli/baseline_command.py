@@ -11,6 +11,7 @@ import click
 from cpbench.cli.options import ListOption, Sections, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, StoreError, UnknownName
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,7 +89,7 @@ def command(
             raise CpbenchError(f"{output}: exists; --update takes over what is better, --force replaces it")
         baseline_file.write(output, new)
         measured = len(new) - int(new["status"].isin(baseline.UNMEASURED).sum())
-        click.echo(f"{output}: {measured} pairs, {len(new) - measured} that were not run here left out")
+        click.echo(f"{output}: {counted(measured, 'pair')}, {len(new) - measured} that were not run here left out")
         return
     kept = check or output
     assert kept is not None
@@ -136,7 +137,7 @@ def _outcomes(results: Path) -> pd.DataFrame:
         table, sheets = store.table(), store.meta().get("solvers") or {}
     new = baseline.of(table)
     if new["status"].isin(baseline.UNMEASURED).all():
-        cause = f"none of {len(new)} pairs was run" if len(new) else "no row"
+        cause = f"none of {counted(len(new), 'pair')} was run" if len(new) else "no row"
         raise StoreError(f"{results}: {cause}: nothing to keep; run it with: cpbench run PROBLEMS -o {results}")
     terms = attendance.restricted(table, sheets)
     if terms:

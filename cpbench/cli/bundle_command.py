@@ -10,6 +10,7 @@ from cpbench.bench.bundle.making import Asked, make
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, ListOption, force_option
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 
 @click.command(cls=Command)
@@ -41,7 +42,8 @@ def command(
     made = make(results, output, asked)
     for remark in made.remarks:
         click.echo(remark, err=True)
-    click.echo(f"{made.pairs} pairs, {made.problems} problems ({made.withheld} withheld), {made.plugins} plugins")
+    problems = f"{counted(made.problems, 'problem')} ({made.withheld} withheld)"
+    click.echo(f"{counted(made.pairs, 'pair')}, {problems}, {counted(made.plugins, 'plugin')}")
     click.echo(f"bundle: {output} ({made.bytes} bytes)")
 
 

@@ -17,7 +17,7 @@ from cpbench.errors import UnknownName
 from cpbench.verification import PROVEN, VERIFIED, Status
 
 if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison
+    from cpbench.analysis.comparison import Comparison, Side
 
 FAILURES = (
     "regression",
@@ -63,6 +63,7 @@ SUFFIXES = (".md", ".json", ".xml")
 @click.option(
     "--noise", metavar="LABEL,LABEL", help="Two labels of equal code in the (new) file: what differs is noise."
 )
+@click.option("--confirm", is_flag=True, help="Run what alarmed again, by the plan in the file; one alarm is none.")
 @click.option("--count-stationary", is_flag=True, help="Count answers that are stationary only among the solved.")
 @click.option("--same-machine", is_flag=True, help="The two files are of one machine, whatever its name is in them.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
@@ -77,6 +78,7 @@ def command(
     counter_margin: float,
     alpha: float,
     noise: str | None,
+    confirm: bool,
     count_stationary: bool,
     same_machine: bool,
     seed: int,
@@ -87,6 +89,9 @@ def command(
     Every pair of a problem and a solver is improved, the same, inconclusive or regressed: by status first, then by
     verified error, counters, and by time where both were timed on one machine, beyond its noise.
 
+    With --confirm, pairs that alarmed are run again: of two builds in one file both, of two files the new side, with
+    the solvers that are installed now (--plugin for those of a file). What does not alarm twice is inconclusive.
+
     Ends with 0 whatever is found, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """
     from cpbench.analysis.comparison import Settings, compare, compare_labels, equal_pairs
@@ -95,13 +100,19 @@ def command(
     _checked(base, new, first, second, outputs, fail_on)
     settings = Settings(margin, counter_margin, alpha, same_machine, seed, count_stationary)
     equal = _two(noise) if noise is not None else None
-    if new is None:
-        assert first is not None
-        assert second is not None
-        found = compare_labels(side(base), first, second, settings, equal)
-    else:
-        after = side(new)
-        found = compare(base_side(base, after), after, settings, equal_pairs(after, equal) if equal else None)
+
+    def compared(after: Side) -> Comparison:
+        if new is None:
+            return compare_labels(after, first or "", second or "", settings, equal)
+        return compare(base_side(base, after), after, settings, equal_pairs(after, equal) if equal else None)
+
+    results = new or base
+    found = compared(side(results))
+    if confirm:
+        from cpbench.cli.confirm import confirm as run_again
+
+        statuses = [what for what in fail_on or () if what not in ("regression", "inconclusive")]
+        found = run_again(found, results, equal or (), statuses, compared)
     for line in terminal.lines(found):
         click.echo(line)
     for path in outputs:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 import psutil
 
 from cpbench import checking, graph, storage
+from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import parse_request
 from cpbench.cli.options import (
@@ -24,6 +27,7 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
+from cpbench.errors import CpbenchError
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.report.show import slip_angle
 from cpbench.storage.base import require_new
@@ -93,12 +97,15 @@ def command(
     room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
     arrival = graph.arrive(problem, node, kinds, pinned, lambda edge, p: converting(edge, p, done, room))
-    storage.save(arrival.problem, target_file, format=written, force=force)
+    guesses, lost = _carried(storage.guesses(source), arrival)
+    storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
     click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
     for remark in filter(None, map(slip_angle, arrival.problem.provenance[len(problem.provenance) :])):
         click.echo(f"  {remark}")
     click.echo(f"{target_file} ({node}: {sizes_line(arrival.problem)})")
+    for reason in lost:
+        click.echo(f"left out: {reason}", err=True)
     if check:
         found = None if settings else storage.solution(source)
         known = None if found is None else found[0]
@@ -106,6 +113,18 @@ def command(
         _print(problem, report, tolerance)
         if not report.passed:
             sys.exit(1)
+
+
+def _carried(points: Sequence[Any], arrival: graph.Arrival) -> tuple[list[Any], list[str]]:
+    """The starting points on the converted problem, and which could not be carried, and why."""
+    carried: list[Any] = []
+    lost: list[str] = []
+    for k, point in enumerate(points, 1):
+        try:
+            carried.append(starts.carry(point, arrival.problem, len(arrival.route.steps)))
+        except CpbenchError as cause:
+            lost.append(f"starting point {k}: {cause}")
+    return carried, lost
 
 
 def _values(settings: tuple[str, ...]) -> dict[str, float]:

@@ -17,26 +17,30 @@ from cpbench.bench.results.store import Store
 from cpbench.cli.candidates import solver_of
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 SHIPPED = "recommendation_table.json"
 """In `cpbench.analysis`: what the built-in problems came to where this version was made."""
 
 
-def gather(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, str, list[str]]:
+def gather(
+    results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
+) -> tuple[Experience, str, list[str]]:
     """What was measured, where that is from, and what a reader should know of it; raises CpbenchError."""
     if results:
-        known, remarks = read(results, warm, inexact)
+        known, remarks = read(results, warm, inexact, tolerance)
         source = ", ".join(map(str, results))
     else:
+        _require_none(tolerance, "the built-in problems")
         text = files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8")
         known, source, remarks = from_text(text, SHIPPED), "the built-in problems", []
         if warm:
             known = replace(known, cases=())
     if warm and not known.cases:
-        cold, source, remarks = gather(results, False, inexact)
+        cold, source, remarks = gather(results, False, inexact, tolerance)
         return cold, source, ["no warm start was measured: ranked by cold ones, of solvers that take a start", *remarks]
     if known.unfinished:
-        remarks.append(f"{known.unfinished} problems are left out: some of their pairs were not run")
+        remarks.append(f"left out, for some of their pairs were not run: {counted(known.unfinished, 'problem')}")
     if not known.cases:
         lost = f"nobody solved any of its {known.unsolved} problems" if known.unsolved else "it has no finished problem"
         raise CpbenchError(f"{source}: nothing to learn from: {lost}; leave --results out for the shipped table")
@@ -45,26 +49,49 @@ def gather(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experien
     return known, source, remarks
 
 
-def read(results: Sequence[Path], warm: bool, inexact: bool) -> tuple[Experience, list[str]]:
-    """The experience of results files and tables together; rows of the same machine are compared across files."""
+def read(
+    results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
+) -> tuple[Experience, list[str]]:
+    """The experience of results files and tables together; rows of the same machine are compared across files.
+
+    `tolerance` : of the rows to go by, None for all. Raises CpbenchError where no row has it, and for tables.
+    """
     rows: list[pd.DataFrame] = []
     features: dict[str, dict[str, Any]] = {}
     known, lost = Experience(()), 0
     for path in results:
         if path.suffix == ".json" and path.is_file():
+            _require_none(tolerance, str(path))
             read = from_text(path.read_text(encoding="utf-8", errors="replace"), str(path))
             if not warm:
                 known = replace(known, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
             continue
         with sealed(path) as store:
-            rows.append(store.table())
+            rows.append(_at(store.table(), tolerance, path))
             found, without = problem_features(store)
         features |= {key: facts for key, facts in found.items() if key not in features}
         lost += without
     if rows:
         read = experience(rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact)
         known = replace(read, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
-    return known, [f"{lost} problems are not where they were: only their sizes are known"] if lost else []
+    return known, [f"only the sizes are known of {counted(lost, 'problem')} not where they were"] if lost else []
+
+
+def _at(table: pd.DataFrame, tolerance: float | None, path: Path) -> pd.DataFrame:
+    """The rows of a tolerance; raises CpbenchError where there are none."""
+    if tolerance is None:
+        return table
+    there = sorted(table["tolerance"].unique())
+    if tolerance not in there:
+        listed = ", ".join(f"{value:g}" for value in there)
+        raise CpbenchError(f"{path}: nothing was measured at --tolerance {tolerance:g}, but at {listed}")
+    return table[table["tolerance"] == tolerance]
+
+
+def _require_none(tolerance: float | None, source: str) -> None:
+    """Raises CpbenchError: a table has cases of all tolerances, and does not say which."""
+    if tolerance is not None:
+        raise CpbenchError(f"{source}: a table does not tell tolerances apart: give --tolerance with --results of runs")
 
 
 def restricted(labels: Sequence[str], results: Sequence[Path]) -> set[str]:

@@ -9,9 +9,11 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+from cpbench.cli import terminal
 from cpbench.cli.options import Command, ListOption, number
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
+from cpbench.plurals import counted
 from cpbench.report.graph_drawing import FORMATS, draw
 
 
@@ -32,7 +34,7 @@ from cpbench.report.graph_drawing import FORMATS, draw
 def command(
     form: str, output: Path | None, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]
 ) -> None:
-    """Draw the formulations, the conversions between them and the solvers on each.
+    """Show the formulations, the conversions between them and the solvers on each, as text or in a drawing.
 
     With --check, print the matrix of residuals: for every ordered pair of formulations that equivalent conversions
     join, planted problems are converted, written to a file, solved, and lifted through the file; a cell is the worst
@@ -51,7 +53,9 @@ def command(
         click.echo(f"graph: {output}")
         return
     if not check:
-        click.echo(draw(form, kinds))
+        for line in draw(form, kinds).splitlines():
+            for part in terminal.folded(line) if form == "text" else [line]:
+                click.echo(part)
         return
     from cpbench.testing.residual_matrix import measure, table
 
@@ -80,6 +84,6 @@ def command(
     taken = sum(cell.error is not None for cell in found)
     within = taken - len(above) - len(rounded)
     more = f", {len(rounded)} more within rounding" if rounded else ""
-    click.echo(f"{within} of {taken} pairs within {number(tolerance)}{more}")
+    click.echo(f"{within} of {counted(taken, 'pair')} within {number(tolerance)}{more}")
     if above:
         sys.exit(1)

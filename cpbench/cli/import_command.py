@@ -13,6 +13,7 @@ from cpbench.bench.results.imported import ELSEWHERE, Imported, Origin, import_a
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, force_option, format_option, tolerance_option
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 _SHOWN = 10
 """Lines of a kind that are printed; the rest is counted."""
@@ -82,7 +83,7 @@ def command(
         )
     _tell(done)
     summary = ", ".join(f"{n} {status}" for status, n in done.counts.most_common())
-    click.echo(f"{sum(done.counts.values())} problems, {solver} from {machine}: {summary}")
+    click.echo(f"{counted(sum(done.counts.values()), 'problem')}, {solver} from {machine}: {summary}")
     click.echo(f"results: {output}")
 
 
@@ -103,6 +104,6 @@ def _tell(done: Imported) -> None:
         listed = ", ".join(f"{node} {count}" for node, count in sorted(done.unasked.items()))
         click.echo(f"no answer to any problem of these formulations, no row: {listed}", err=True)
     if done.unanswered:
-        click.echo(f"{done.unanswered} problems have no answer, and a row that says failed", err=True)
+        click.echo(f"no answer, and a row that says failed: {counted(done.unanswered, 'problem')}", err=True)
     if done.untimed:
-        click.echo(f"{done.untimed} answers have no time: --times was not given, or has no line of them", err=True)
+        click.echo(f"no time (--times not given, or without a line): {counted(done.untimed, 'answer')}", err=True)

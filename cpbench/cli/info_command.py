@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,10 +11,12 @@ import click
 import numpy as np
 
 from cpbench import facts, matrices, storage
+from cpbench.cli import info_summary
 from cpbench.cli.answer import is_results, print_results
 from cpbench.cli.options import Address, Command, format_option, number
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
+from cpbench.plain_text import printable
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 
@@ -26,8 +29,10 @@ LABELS = ("title", "description", "math_info", "family", "source", "licence", "c
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
-    A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided. Of a results
-    file: which solver to use, as the run that wrote it ended.
+    Of more than three problems it shows a line each; one that cannot be read does not keep back the others. Of a
+    results file: which solver to use, as the run that wrote it ended.
+
+    A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.
     """
     if any(map(is_results, files)):
         first, *others = files
@@ -36,7 +41,16 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
         print_results(first)
         return
     records: list[dict[str, Any]] = []
-    for address in storage.problem_files(files) or list(files):
+    addresses = storage.problem_files(files) or list(files)
+    if len(addresses) > info_summary.MANY and not as_json:
+        told, refused = info_summary.lines(addresses, file_format)
+        click.echo("\n".join(told))
+        for reason in refused:
+            click.echo(reason, err=True)
+        if refused:
+            sys.exit(2)
+        return
+    for address in addresses:
         problem = storage.load(address, format=file_format)
         measured = facts.of(problem) if measure else ()
         if as_json:
@@ -50,7 +64,7 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
 def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
     click.echo(f"{address}: {problem.title} {problem.equation}")
     click.echo(f"  node         {problem.node}")
-    click.echo(f"  name         {problem.name}")
+    click.echo(f"  name         {printable(problem.name)}")
     click.echo(f"  fingerprint  {problem.fingerprint}")
     for symbol, size in problem.sizes().items():
         click.echo(f"  {symbol:<12} {size}")
@@ -63,9 +77,9 @@ def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
     for label in LABELS:
         text = getattr(problem.info, label)
         if text:
-            click.echo(f"  {label:<12} {text}")
+            click.echo(f"  {label:<12} {printable(text)}")
     for key, value in problem.info.properties.items():
-        click.echo(f"  property     {key} = {value}")
+        click.echo(printable(f"  property     {key} = {value}"))
     for step in problem.provenance:
         parameters = ", ".join(f"{k}={v}" for k, v in step.parameters.items())
         click.echo(

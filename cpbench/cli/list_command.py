@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
 
+from cpbench.cli import terminal
 from cpbench.cli.options import Command
 
 
@@ -36,14 +38,19 @@ def command(
 ) -> None:
     """List formulations, conversions, solvers, formats or the built-in problems; readme: the tables in Markdown.
 
-    cpbench list solvers NAME shows one solver with its options.
+    cpbench list solvers NAME shows one solver with its options, cpbench list solvers NODE those of a formulation,
+    cpbench list conversions NAME the mathematics of a conversion.
     """
     if what == "solvers":
         for line in _solvers(names, every, available, node, check, as_json):
+            click.echo(line if as_json or len(line) < terminal.NARROWEST else "\n".join(terminal.folded(line)))
+        return
+    if every or available or node or check or as_json or (names and what != "conversions"):
+        raise click.UsageError(f"list {what}: takes no names and no options of solvers")
+    if names:
+        for line in _told(names):
             click.echo(line)
         return
-    if names or every or available or node or check or as_json:
-        raise click.UsageError(f"list {what}: takes no names and no options of solvers")
     if write is not None:
         from cpbench.report.registry_tables import registry_tables, replace_between_marks
 
@@ -59,17 +66,28 @@ def command(
         click.echo(line)
 
 
-def _formulations() -> list[str]:
+def _formulations() -> Iterator[str]:
     from cpbench.formulations import formulations
 
-    return [f"{cls.node:<6} {cls.title} {cls.equation}" for cls in formulations]
+    return terminal.table((cls.node, f"{cls.title} {cls.equation}") for cls in formulations)
 
 
-def _conversions() -> list[str]:
+def _conversions() -> Iterator[str]:
     from cpbench.graph import edges
     from cpbench.report.registry_tables import promise
 
-    return [f"{e.name:<20} {e.source:>5} -> {e.target:<5} {promise(e):<25} {e.equation}" for e in edges()]
+    return terminal.table((e.name, e.source, "->", e.target, promise(e), e.equation) for e in edges())
+
+
+def _told(names: Sequence[str]) -> Iterator[str]:
+    """The mathematics of conversions, as their modules tell it. Raises UnknownName."""
+    from cpbench.conversions import conversions
+    from cpbench.report.registry_tables import promise
+
+    for name in names:
+        edge = conversions.get(name)
+        yield f"{edge.name}: {edge.source} -> {edge.target}, {promise(edge)} {edge.equation}".rstrip()
+        yield from (f"  {line}".rstrip() for line in (sys.modules[edge.__module__].__doc__ or "").strip().splitlines())
 
 
 def _solvers(
@@ -82,6 +100,8 @@ def _solvers(
     from cpbench.formulations import formulations
     from cpbench.solvers.base import solvers
 
+    if node is None and len(names) == 1 and names[0] in formulations and names[0] not in solvers:
+        node, names = names[0], ()
     if node is not None:
         formulations.get(node)
     named = [solvers.get(entry.solver) for entry in grids.entries(names)] if names else list(solvers)
@@ -99,7 +119,7 @@ def _solvers(
             yield from solver_tables.sheet(solver, seen[solver.spec.name])
         return
     rows = [(*solver_tables.cells(s.spec, seen[s.spec.name]), seen[s.spec.name].line) for s in shown]
-    yield from solver_tables.columns([(*solver_tables.HEAD, "here"), *rows])
+    yield from terminal.table([(*solver_tables.HEAD, "here"), *rows])
     if any(solver.spec.publishing for solver in shown):
         yield "* figures must not be published without permission: cpbench list solvers NAME"
     for state, meaning in solver_tables.GLANCED.items():
@@ -109,13 +129,14 @@ def _solvers(
         yield f"{len(chosen) - len(shown)} more cannot run here: cpbench doctor says why"
     rest = [solver.spec for solver in of_node if solver not in chosen]
     if rest:
-        yield f"{len(rest)} more run only when they are named (--all shows them): {solver_tables.families(rest)}"
+        told = f"{len(rest)} more run only when they are named (--all shows them): {solver_tables.families(rest)}"
+        yield told
 
 
-def _formats() -> list[str]:
+def _formats() -> Iterator[str]:
     from cpbench.storage import formats
 
-    return [f"{f.name:<18} {', '.join(f.suffixes):<14} {f.summary}" for f in formats]
+    return terminal.table((f.name, ", ".join(f.suffixes), f.summary) for f in formats)
 
 
 def _readme() -> list[str]:

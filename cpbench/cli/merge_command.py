@@ -9,6 +9,7 @@ import click
 from cpbench.bench.results.merge import PREFER, merge
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command
+from cpbench.plurals import counted
 
 
 @click.command(cls=Command)
@@ -35,5 +36,5 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     for line in notes:
         click.echo(f"{line}; they are sealed anew as they are", err=True)
     summary = ", ".join(f"{counts[status]} {status}" for status in sorted(counts, key=lambda s: -counts[s]))
-    click.echo(f"{sum(counts.values())} pairs of {len(results)} files: {summary}")
+    click.echo(f"{counted(sum(counts.values()), 'pair')} of {counted(len(results), 'file')}: {summary}")
     click.echo(f"results: {output}")

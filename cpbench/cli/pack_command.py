@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.cli import pack_parts, pack_steps
+from cpbench.cli import pack_parts, pack_remarks, pack_steps
 from cpbench.cli.options import Command, force_option
 from cpbench.cli.pack_parts import Part
 from cpbench.cli.routes import sizes_line
@@ -80,6 +80,8 @@ def command(output: Path, name: str, force: bool, axes: str | None, sequence: bo
     )
     storage.save(problem, output, force=force)
     click.echo(f"{output} ({problem.node}: {sizes_line(problem)})")
+    for remark in pack_remarks.remarks(problem) if node in ("fc", "gfc") else ():
+        click.echo(f"remark: {remark}", err=True)
 
 
 def _pack_steps(output: Path, name: str, force: bool, axes: str | None, given: dict[str, Any]) -> None:

@@ -20,6 +20,7 @@ from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations import Problem
 from cpbench.graph import Apply
+from cpbench.plain_text import printable
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -153,12 +154,14 @@ def journal(verbose: bool, log: Path | None) -> logging.Logger | None:
     logger.setLevel(logging.INFO)
     logger.propagate = False
     try:
-        handlers = [logging.FileHandler(log, encoding="utf-8")] if log is not None else list[logging.Handler]()
+        handlers: list[logging.Handler] = []
+        if log is not None:
+            handlers.append(logging.FileHandler(log, encoding="utf-8", errors="backslashreplace"))
     except OSError as cause:
         raise CpbenchError(f"{log}: cannot be written ({cause.strerror}); name another file with --log") from None
     if verbose:
         handlers.append(logging.StreamHandler(sys.stderr))
-    logger.handlers = list(handlers)
+    logger.handlers = handlers
     for handler in handlers:
         handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%dT%H:%M:%S"))
     return logger
@@ -174,7 +177,7 @@ def line(event: str, pair: Pair | None, row: Mapping[str, Any]) -> str:
     took = f", solve {row['solve']:.3g} s" if row.get("solve") is not None else ""
     error = f", error {row['error']:.2e}" if row.get("error") is not None else ""
     message = f": {' '.join(str(row['message']).split())}" if row.get("message") else ""
-    return f"{row['status']:<12} {named}{error}{took}{message}"
+    return printable(f"{row['status']:<12} {named}{error}{took}{message}")
 
 
 def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:

@@ -17,6 +17,7 @@ import click
 from cpbench.cli import next_command
 from cpbench.cli.options import Address, Command, force_option, format_option
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     from cpbench.analysis.experience import Experience
@@ -39,6 +40,12 @@ SHOWN, LONGEST = 4, 160
     metavar="FILE",
     help="Results of a run, or a table that --make wrote, instead of the table that is shipped. Repeatable.",
 )
+@click.option(
+    "-t",
+    "--tolerance",
+    type=click.FloatRange(min=0, min_open=True),
+    help="With --results of runs: only what was measured at this tolerance; the command asks for it.",
+)
 @click.option("--warm", is_flag=True, help="For a solve that starts from a point near the answer.")
 @click.option("--top", type=click.IntRange(min=1), default=3, show_default=True, help="How many solvers to name.")
 @click.option("--any", "missing", is_flag=True, help="Solvers, too, that are not installed here.")
@@ -57,6 +64,7 @@ SHOWN, LONGEST = 4, 160
 def command(
     problem: str | None,
     results: tuple[Path, ...],
+    tolerance: float | None,
     warm: bool,
     top: int,
     missing: bool,
@@ -81,11 +89,11 @@ def command(
         advice_tables.make(make, results, force)
         return
 
-    known, source, remarks = evidence.gather(results, warm, routes == "all")
+    known, source, remarks = evidence.gather(results, warm, routes == "all", tolerance)
     if evaluate:
         advice_tables.evaluate(known, source, remarks, as_json)
     elif problem is not None:
-        _recommend(problem, file_format, known, source, remarks, warm, top, missing, as_json)
+        _recommend(problem, file_format, known, source, remarks, tolerance, warm, top, missing, as_json)
 
 
 # ----------------------------------------------------------------------------------------------- problem
@@ -97,6 +105,7 @@ def _recommend(
     known: Experience,
     source: str,
     remarks: list[str],
+    tolerance: float | None,
     warm: bool,
     top: int,
     missing: bool,
@@ -123,7 +132,7 @@ def _recommend(
             break
     if not taken:
         raise CpbenchError(
-            f"{source}: none of {len(passed)} solvers takes this problem here; the first, "
+            f"{source}: none of {counted(len(passed), 'solver')} takes this problem here; the first, "
             f"{passed[0].advice.label}: {passed[0].obstacle}"
         )
     apart = len(set(known.origins)) > 1
@@ -132,7 +141,7 @@ def _recommend(
     cold = warm and getattr(asked, "sequence", None) is None and not storage.guesses(address)
     if cold:
         remarks.append("the file has no starting point (guesses), so the command starts cold")
-    runs = [_command(address, asked, one, warm and not cold) for one in taken]
+    runs = [_command(address, asked, one, tolerance, warm and not cold) for one in taken]
     if as_json:
         click.echo(json.dumps(_record(asked, source, remarks, found, taken, passed, runs, checked), indent=1))
         return
@@ -193,13 +202,13 @@ def _checked(rate: dict[Any, Any] | None, node: str) -> str:
     )
 
 
-def _command(address: str, asked: Problem, one: Candidate, warm: bool) -> str:
+def _command(address: str, asked: Problem, one: Candidate, tolerance: float | None, warm: bool) -> str:
     """What runs it; a step of a scene starts warm from the step before, another problem from its file's guess."""
     from cpbench.generators.collection import builtin_folder
 
     inside = Path(address).is_relative_to(builtin_folder())
     place = f"builtin/{Path(address).relative_to(builtin_folder())}" if inside else address
-    options = shlex.split(one.options)
+    options = [*shlex.split(one.options), *(["--tolerance", f"{tolerance:g}"] if tolerance is not None else [])]
     if warm and getattr(asked, "sequence", None) is not None:
         scene = place.partition("::")[0] if "::" in place else str(Path(place).parent)
         return next_command.line("run", scene, *options, "--start", "previous")

@@ -14,6 +14,7 @@ from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 LISTED = 20
 """Differences that are shown; the two results files have all."""
@@ -83,8 +84,8 @@ def _ask(bundle: Bundle, agreed: bool) -> None:
         return
     if not sys.stdin.isatty():
         raise CpbenchError(
-            f"{bundle.path}: has {len(bundle.loaded)} plugins, and nobody can be asked whether to run them: read "
-            f"them in {bundle.folder}, then add --yes-run-plugins"
+            f"{bundle.path}: has {counted(len(bundle.loaded), 'plugin')}, and nobody can be asked whether to run them: "
+            f"read them in {bundle.folder}, then add --yes-run-plugins"
         )
     if not click.confirm("Run it, with your rights on this machine?", default=False):
         raise CpbenchError(f"{bundle.path}: its plugins were not run, and nothing else")
@@ -101,7 +102,7 @@ def _tell(bundle: Bundle, outcome: Agreement) -> None:
     _tell_left("solver is missing here", outcome.absent)
     _tell_left("problem is not here", outcome.lost)
     if outcome.elsewhere:
-        click.echo(f"not compared: {outcome.elsewhere} pairs that did not run there, or elsewhere")
+        click.echo(f"not compared: {counted(outcome.elsewhere, 'pair')} that did not run there, or elsewhere")
     click.echo(f"{outcome.same} of {outcome.compared} statuses agree")
 
 
@@ -109,7 +110,7 @@ def _tell_left(what: str, counts: Mapping[str, int]) -> None:
     if counts:
         named = ", ".join(f"{name} ({count})" for name, count in list(counts.items())[:LISTED])
         more = f" and {len(counts) - LISTED} more" if len(counts) > LISTED else ""
-        click.echo(f"not compared: {sum(counts.values())} pairs whose {what}: {named}{more}")
+        click.echo(f"not compared: {counted(sum(counts.values()), 'pair')} whose {what}: {named}{more}")
 
 
 def _tell_times(bundle: Bundle, name: str) -> None:
@@ -117,7 +118,7 @@ def _tell_times(bundle: Bundle, name: str) -> None:
     from cpbench.analysis.comparison import Settings, Side
     from cpbench.analysis.comparison import compare as compare_runs
     from cpbench.report.comparison import words
-    from cpbench.report.text import counted, cut, one_line
+    from cpbench.report.text import cut, one_line
 
     with Store(bundle.results) as store:
         there = Side(name, store.table(), store.meta(), store.machines())

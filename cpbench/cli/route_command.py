@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import click
 
 from cpbench import graph, storage
+from cpbench.cli import terminal
 from cpbench.cli.options import Address, Command, ListOption, format_option
 from cpbench.cli.routes import kinds_option, size_after, sizes_line
 from cpbench.errors import NoRoute, NotApplicable
@@ -37,13 +38,18 @@ def command(
     source = storage.load(problem, format=file_format)
     for node in nodes:
         formulations.get(node)
-    click.echo(f"{problem} ({source.node}: {sizes_line(source)})")
+    _say(f"{problem} ({source.node}: {sizes_line(source)})")
     memory = graph.Memory()
     show = _every_route if every else _cheapest_route
     for node in nodes or formulations.names():
         dead = show(source, node, kinds, memory)
         for end in dead if explain else ():
-            click.echo(f"       dead end: {end}")
+            _say(f"       dead end: {end}")
+
+
+def _say(line: str) -> None:
+    for part in terminal.folded(line, 7):
+        click.echo(part)
 
 
 def _cheapest_route(
@@ -52,15 +58,15 @@ def _cheapest_route(
     try:
         arrival = graph.arrive(source, node, kinds, apply=memory)
     except NoRoute as refusal:
-        click.echo(f"{node:<6} out of reach: {refusal}")
+        _say(f"{node:<6} out of reach: {refusal}")
         return graph.explain(source, node, kinds, apply=memory)
-    click.echo(f"{node:<6} {arrival.route.label} ({arrival.kind}; {sizes_line(arrival.problem)})")
-    click.echo(f"       solvers: {', '.join(solvers_of(node)) or 'none'}")
+    _say(f"{node:<6} {arrival.route.label} ({arrival.kind}; {sizes_line(arrival.problem)})")
+    _say(f"       solvers: {', '.join(solvers_of(node)) or 'none'}")
     return arrival.dead_ends
 
 
 def _every_route(source: Problem, node: str, kinds: frozenset[Kind], memory: graph.Memory) -> list[graph.DeadEnd]:
-    click.echo(f"{node:<6} solvers: {', '.join(solvers_of(node)) or 'none'}")
+    _say(f"{node:<6} solvers: {', '.join(solvers_of(node)) or 'none'}")
     dead: list[graph.DeadEnd] = []
     count = 0
     for arrival in graph.arrivals(source, node, kinds, apply=memory, finish=False, dead=dead):
@@ -71,7 +77,7 @@ def _every_route(source: Problem, node: str, kinds: frozenset[Kind], memory: gra
             dead.append(graph.DeadEnd(route, len(route.steps) - 1, route.steps[-1].label, refusal.obstacle))
             continue
         count += 1
-        click.echo(f"       {route.cost:>4g}  {route.label} ({arrival.kind}; {size})")
+        _say(f"       {route.cost:>4g}  {route.label} ({arrival.kind}; {size})")
     if not count:
-        click.echo("       out of reach" + ("" if dead else ": no conversion leads there"))
+        _say("       out of reach" + ("" if dead else ": no conversion leads there"))
     return dead

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from cpbench.analysis.remarks import remarks
 from cpbench.bench import campaign, history
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import dry_run, plan_file, quantities, run_plan, suites
@@ -26,6 +25,7 @@ from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_op
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError, StoreError
+from cpbench.plain_text import printable
 from cpbench.report.text import counted
 from cpbench.verification import Status
 
@@ -305,7 +305,7 @@ def _print_plan(asked: RunPlan, assembly: Assembly) -> None:
 
 def _tell_refused(refused: Sequence[tuple[str, str]]) -> None:
     for address, reason in refused:
-        click.echo(f"refused: {reason if address in reason else f'{address}: {reason}'}", err=True)
+        click.echo(printable(f"refused: {reason if address in reason else f'{address}: {reason}'}"), err=True)
 
 
 def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
@@ -316,8 +316,10 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     print_answer(store)
     click.echo(f"\n{counted(sum(counts.values()), 'pair')}: {_summary(counts) or _nothing(asked)}")
     table = store.table()
+    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
+
     for remark in remarks(table):
-        click.echo(remark)
+        click.echo(printable(remark))
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
         from cpbench.cli.portraits import Portraits
@@ -353,7 +355,7 @@ def _tell_absent(store: Store) -> None:
     rows = [row for row in store.rows() if row["status"] == Status.UNAVAILABLE]
     reasons = {str(row["solver"]): (str(row["message"] or "").strip().splitlines() or ["not told"])[-1] for row in rows}
     for name, reason in sorted(reasons.items())[:ABSENT]:
-        click.echo(f"not available: {name}: {reason}", err=True)
+        click.echo(f"not available: {name}: {printable(reason)}", err=True)
     if len(reasons) > ABSENT:
         click.echo(f"and {len(reasons) - ABSENT} more solvers: cpbench doctor says what each lacks", err=True)
 

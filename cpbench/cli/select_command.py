@@ -15,6 +15,7 @@ from cpbench.cli import next_command
 from cpbench.cli.options import Command, Duration, force_option
 from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,9 +111,12 @@ def _require_room(found: Measured, room: float, budget: float, safety: float) ->
     least = found.cost.min()
     if room < least:
         need = math.ceil(safety * found.expected(least))
+        cheapest = str(found.cost.idxmin())
+        whole = cheapest.startswith("sequence ")  # as `costs` names it
+        what = f"the {cheapest}, whose steps cannot be taken apart," if whole else "the cheapest problem"
         raise CpbenchError(
-            f"--budget {duration(budget)}: starting {found.solvers} solvers and the cheapest problem take {need} s "
-            f"with --safety {safety:g}: use --budget {need}s or more, or results of fewer solvers"
+            f"--budget {duration(budget)}: starting {counted(found.solvers, 'solver')} and {what} take "
+            f"{need} s with --safety {safety:g}: use --budget {need}s or more, or results of fewer solvers"
         )
 
 

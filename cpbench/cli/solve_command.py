@@ -32,6 +32,7 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.progress import compiling
 from cpbench.errors import CpbenchError, NoRoute
+from cpbench.plain_text import printable
 from cpbench.solvers.base import solvers
 from cpbench.storage.base import require_new
 from cpbench.verification import MET_TOLERANCE, PROVEN
@@ -161,4 +162,4 @@ def _print(pair: plan.Pair, row: Mapping[str, Any]) -> None:
     if counters:
         click.echo("  counters   " + ", ".join(f"{k} {v}" for k, v in counters.items()))
     if row.get("message"):
-        click.echo(f"  message    {row['message']}")
+        click.echo(f"  message    {printable(row['message'])}")

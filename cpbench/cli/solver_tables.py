@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from cpbench.bench.checkup import Checkup
+from cpbench.cli import terminal
 from cpbench.solvers.base import Solver, SolverSpec, solvers
 from cpbench.solvers.options import domains, written
 
@@ -64,7 +65,7 @@ def families(specs: Iterable[SolverSpec]) -> str:
 def folded_names(names: Sequence[str]) -> list[str]:
     """Names with the nodes they solve, on indented lines."""
     told = ", ".join(f"{name} ({solvers.get(name).spec.node})" for name in names)
-    return textwrap.wrap(told, WIDTH, initial_indent="      ", subsequent_indent="      ", break_on_hyphens=False)
+    return textwrap.wrap(told, _wide(), initial_indent="      ", subsequent_indent="      ", break_on_hyphens=False)
 
 
 def sheet(solver: Solver, seen: Checkup) -> Iterator[str]:
@@ -146,7 +147,11 @@ def _options(spec: SolverSpec) -> Iterator[str]:
     yield from columns([head, *rows])
     told = inspect.getdoc(spec.options) or ""
     if not told.startswith(f"{spec.options.__name__}("):  # what a dataclass without a docstring says
-        yield from textwrap.wrap(told, WIDTH, initial_indent="    ", subsequent_indent="    ")
+        yield from textwrap.wrap(told, _wide(), initial_indent="    ", subsequent_indent="    ")
+
+
+def _wide() -> int:
+    return min(terminal.width() or WIDTH, WIDTH)
 
 
 def _indented(text: str, state: str) -> str:
@@ -161,4 +166,4 @@ def _folded(title: str, text: str) -> Iterator[str]:
         yield f"{title} {text}"
     else:
         rest = " " * min(len(title) + 1, 16)
-        yield from textwrap.wrap(f"{title} {text}", WIDTH, subsequent_indent=rest, break_long_words=False)
+        yield from textwrap.wrap(f"{title} {text}", _wide(), subsequent_indent=rest, break_long_words=False)

@@ -31,6 +31,7 @@ from cpbench.cli import next_command
 from cpbench.cli.options import Duration, ListOption, Sections, force_option, limit_options, tolerance_option
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 SECTIONS = {
     "Search": ["budget", "configurations", "seed", "jobs"],
@@ -118,7 +119,7 @@ def command(
             keep=_Keeper(store) if store is not None else lambda *_: None,
         )
         if not quiet:
-            click.echo(f"{len(planned)} problems, {quantities.duration(budget)}, seed {seed}", err=True)
+            click.echo(f"{counted(len(planned), 'problem')}, {quantities.duration(budget)}, seed {seed}", err=True)
         interrupted = False
         try:
             search.run(Lanes(lanes))
@@ -136,8 +137,11 @@ def command(
     if not found.final:
         click.echo("measured at different times, not side by side: the search ended before the final")
     if not found.whole:
-        click.echo(f"compared on {found.score.problems} of {len(planned)} problems: the budget was too short for more")
-    click.echo(f"{found.configurations} configurations, {found.solves} solves, {found.seconds:.1f} s")
+        of = counted(len(planned), "problem")
+        click.echo(f"compared on {found.score.problems} of {of}: the budget was too short for more")
+    click.echo(
+        f"{counted(found.configurations, 'configuration')}, {counted(found.solves, 'solve')}, {found.seconds:.1f} s"
+    )
     click.echo(f"plan: {path}; compare on the other problems with: {next_command.line('run', '--plan', str(path))}")
     if interrupted:
         click.echo("cpbench: interrupted; the plan has the best so far", err=True)

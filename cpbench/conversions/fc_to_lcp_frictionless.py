@@ -17,6 +17,7 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.plurals import counted
 
 
 @conversions.register("fc-lcp-frictionless")
@@ -36,7 +37,7 @@ class FCtoLCPFrictionless(Conversion):
         if not rubbing.size:
             return None
         c = int(rubbing[0])
-        return f"{rubbing.size} contacts have friction, the first is {c} with μ = {problem.mu[c]:g}"
+        return f"friction at {counted(rubbing.size, 'contact')}, the first is {c} with μ = {problem.mu[c]:g}"
 
     def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
         self.require(problem)

@@ -20,6 +20,7 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Matrix
+from cpbench.plurals import counted
 
 
 @conversions.register("gfc-mlcp")
@@ -39,7 +40,9 @@ class GFCtoMLCP(Conversion):
         if not rubbing.size:
             return None
         c = int(rubbing[0])
-        return f"{rubbing.size} contacts have friction, the first is {c} with μ = {problem.mu[c]:g}; use gfc-fc"
+        return (
+            f"friction at {counted(rubbing.size, 'contact')}, the first is {c} with μ = {problem.mu[c]:g}; use gfc-fc"
+        )
 
     def apply(self, problem: GlobalFrictionContact) -> tuple[MLCP, Trace]:
         self.require(problem)

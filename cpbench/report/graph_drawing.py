@@ -37,18 +37,16 @@ def promise(edge: Conversion) -> str:
 def _text(shown: list[Conversion]) -> str:
     wide = max((len(edge.name) for edge in shown), default=0)
     across = max(len(name) for name in formulations.names())
-    long = max((len(promise(edge)) for edge in shown), default=0)
-    lines: list[str] = []
+    loops = sum(edge.source == edge.target for edge in shown)
+    alone = f", {loops} of them from a node to itself (taken only with --via)" if loops else ""
+    lines = [f"{len(formulations)} formulations, {len(shown)} conversions{alone}, {len(solvers)} solvers"]
     for cls in formulations:
         lines.append(f"{cls.node}: {cls.title} {cls.equation}".rstrip())
         lines.append(f"  solvers: {', '.join(solvers_of(cls.node)) or 'none'}")
         lines += [
-            f"  -> {edge.target:<{across}}  {edge.name:<{wide}}  {promise(edge):<{long}}  {edge.equation}".rstrip()
+            f"  -> {edge.target:<{across}}  {edge.name:<{wide}}  {promise(edge)}  {edge.equation}".rstrip()
             for edge in _by_target(shown, cls.node)
         ]
-    loops = sum(edge.source == edge.target for edge in shown)
-    alone = f", {loops} of them from a node to itself (taken only with --via)" if loops else ""
-    lines.append(f"{len(formulations)} formulations, {len(shown)} conversions{alone}, {len(solvers)} solvers")
     return "\n".join(lines)
 
 

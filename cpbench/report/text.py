@@ -8,6 +8,8 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from cpbench.plurals import counted as counted  # part of the words of a report
+
 _SPECIAL = re.compile(r"([\\`*\[\]#~$!|])|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _FACETS = re.compile(r"(inner|outer)(\d+)(?:-(\w+))?")
 _EDGE = re.compile(r"([^\[\]+]+)(?:\[([^\]]*)\])?")
@@ -92,15 +94,6 @@ def seconds(value: float) -> str:
     return f"{value / 1e-6:.3g} µs"
 
 
-def counted(value: int, noun: str, nouns: str = "") -> str:
-    """A number and its noun.
-
-    >>> counted(1, "problem"), counted(2, "problem"), counted(2, "family", "families")
-    ('1 problem', '2 problems', '2 families')
-    """
-    return f"{value} {noun}" if value == 1 else f"{value} {nouns or noun + 's'}"
-
-
 def listed(labels: Sequence[str], most: int = 6) -> str:
     """Labels as code, the rest counted.
 
@@ -146,8 +139,8 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
     if start != "cold":
         words += ["--start", start]
-    if told.get("plugin"):
-        words += ["--plugin", one_line(told["plugin"])]
+    for file in dict.fromkeys(filter(None, (told.get("variant_of"), told.get("plugin")))):
+        words += ["--plugin", one_line(file)]
     return shlex.join(words)
 
 
@@ -165,8 +158,7 @@ def _route_options(request: str) -> list[str]:
         for edge in edges:
             assert edge is not None
             knobs = dict(pair.split("=", 1) for pair in (edge[2] or "").split(",") if "=" in pair)
-            facets_only = knobs.keys() == {"facets"}
-            found += ["--via", edge[1] if facets_only else edge[0]]
-            found += ["--facets", knobs["facets"]] if facets_only else []
+            alone = len(edges) == 1 and knobs.keys() == {"facets"}
+            found += ["--via", edge[1], "--facets", knobs["facets"]] if alone else ["--via", edge[0]]
         return found
     return ["--routes", "all"]

@@ -31,6 +31,8 @@ class Trait(StrEnum):
     HISTORY = "history"
     """Hands its iterates to `Record`, the last of them being its answer where it claims to have solved."""
     DETERMINISTIC = "deterministic"
+    LAUNCHES = "launches"
+    """Starts a program for every solve, whose launch is in its time: tables and figures say so."""
 
 
 class Claim(StrEnum):

@@ -8,7 +8,7 @@ import struct
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -67,12 +67,29 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
                 name = entry.filename.removesuffix(".npy")
                 if entry.file_size > _EXPANSION * max(entry.compress_size, 1):
                     raise FormatError(path, name, f"declares {entry.file_size} bytes from {entry.compress_size}")
+                with archive.open(entry) as stream:
+                    _npy_header(path, name, stream, entry.file_size)
                 array = read_npy(path, name, archive.read(entry), may_be_none=name in optional)
                 if array is not None:
                     arrays[name] = array
     except _ZIP_DAMAGE as cause:
         raise FormatError(path, "", f"is not a readable .npz archive ({cause})") from None
     return arrays
+
+
+def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
+    """The shapes that the arrays of an .npz declare, of which nothing is read yet; raises FormatError."""
+    read_head(path)
+    shapes: dict[str, tuple[int, ...]] = {}
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for entry in archive.infolist():
+                name = entry.filename.removesuffix(".npy")
+                with archive.open(entry) as stream:
+                    shapes[name] = _npy_header(path, name, stream, entry.file_size)[0]
+    except _ZIP_DAMAGE as cause:
+        raise FormatError(path, "", f"is not a readable .npz archive ({cause})") from None
+    return shapes
 
 
 def npz_names(path: Path) -> set[str]:
@@ -134,6 +151,17 @@ def _numbers(path: Path, name: str, array: NDArray[Any] | None) -> NDArray[Any]:
 def read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) -> NDArray[Any] | None:
     """One array in NumPy's format; the size in its header is compared with the bytes before reading."""
     stream = io.BytesIO(data)
+    shape, fortran, dtype = _npy_header(path, name, stream, len(data))
+    if dtype.hasobject:
+        if may_be_none and shape == () and _is_pickled_none(data[stream.tell() :]):
+            return None
+        raise FormatError(path, name, "holds Python objects: they are never loaded, expected numbers")
+    flat = np.frombuffer(data, dtype, offset=stream.tell()) if len(data) > stream.tell() else np.empty(0, dtype)
+    return flat.reshape(shape, order="F" if fortran else "C").copy()
+
+
+def _npy_header(path: Path, name: str, stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, order and type of an array of `size` bytes; raises FormatError where it declares another size."""
     try:
         version = npy.read_magic(stream)
         header = npy.read_array_header_1_0(stream) if version == (1, 0) else npy.read_array_header_2_0(stream)
@@ -141,15 +169,11 @@ def read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) -
         said = str(cause).split("\n")[0][:100]
         raise FormatError(path, name, f"is not an array in NumPy's .npy format ({said})") from None
     shape, fortran, dtype = header
-    if dtype.hasobject:
-        if may_be_none and shape == () and _is_pickled_none(data[stream.tell() :]):
-            return None
-        raise FormatError(path, name, "holds Python objects: they are never loaded, expected numbers")
-    body = data[stream.tell() :]
+    held = size - stream.tell()
     declared = int(np.prod(shape, dtype=object)) * dtype.itemsize
-    if declared != len(body):
-        raise FormatError(path, name, f"declares {declared} bytes, the file holds {len(body)} of them")
-    return np.frombuffer(body, dtype).reshape(shape, order="F" if fortran else "C").copy()
+    if declared != held and not dtype.hasobject:
+        raise FormatError(path, name, f"declares {declared} bytes, the file holds {held} of them")
+    return shape, fortran, dtype
 
 
 def _is_pickled_none(data: bytes) -> bool:

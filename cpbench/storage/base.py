@@ -9,13 +9,14 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import stat
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Point, Problem
 from cpbench.registry import Registry
 
 SEPARATOR = "::"
@@ -31,7 +32,8 @@ class Format(ABC):
     name : what ``--format`` takes. summary : one line for tables.
     suffixes : of files that may be in this format, lower case. writes : nodes it can write.
     why_not : node -> why it cannot, where there is more to say.
-    keeps_provenance : whether an answer to a written file can be lifted.
+    keeps_provenance : whether an answer to a written file can be lifted. keeps_guesses : whether it has
+    starting points.
     """
 
     name: ClassVar[str]
@@ -40,6 +42,7 @@ class Format(ABC):
     writes: ClassVar[frozenset[str]] = frozenset()
     why_not: ClassVar[Mapping[str, str]] = {}
     keeps_provenance: ClassVar[bool] = False
+    keeps_guesses: ClassVar[bool] = False
 
     @abstractmethod
     def recognises(self, path: Path, head: bytes) -> bool:
@@ -67,8 +70,11 @@ class Format(ABC):
             problem.name or problem.node, "", f"cannot be written as {self.name}: that format is read only"
         )
 
-    def write(self, problem: Problem, file: BinaryIO, *, compress: bool) -> None:
-        """Put `problem` into an empty file, open for reading too; a format of large files need not build it first."""
+    def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
+        """Put `problem` into an empty file, open for reading too; a format of large files need not build it first.
+
+        A format that `keeps_guesses` writes these starting points too.
+        """
         file.write(self.encode(problem, compress=compress))
 
     def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
@@ -109,6 +115,9 @@ def stem(path: Path) -> str:
 def read_head(path: Path) -> bytes:
     """The first bytes of a file; raises FormatError when it is missing, a folder, empty or a Git-LFS pointer."""
     try:
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe may never end, a device neither
+            raise FormatError(path, "", "is no regular file (a pipe or a device), expected a file")
         with open(path, "rb", buffering=0) as file:
             head = file.read(_HEAD_BYTES) or b""
     except FileNotFoundError:

@@ -14,6 +14,10 @@ logger = logging.getLogger("cpbench.storage")
 _TEXT_NODES = frozenset({"lcp", "avi", "mlcp", "relay", "soclcp", "fc", "gfc", "rfc", "grfc"})
 
 
+_MATRICES = (".npy", ".npz", ".mtx", ".csv")
+"""Suffixes of files that hold a matrix or a vector, as `cpbench pack` takes them."""
+
+
 def load(path: str | Path, *, format: str | None = None) -> Problem:
     """The problem at `path`, which may be ``file::member``; `format` is a name in `formats`, None: by content.
 
@@ -44,9 +48,17 @@ def files(path: str | Path, format: str | None = None) -> list[Path]:
 
 
 def save(
-    problem: Problem, path: str | Path, *, format: str | None = None, force: bool = False, compress: bool = True
+    problem: Problem,
+    path: str | Path,
+    *,
+    format: str | None = None,
+    force: bool = False,
+    compress: bool = True,
+    guesses: Sequence[Point] = (),
 ) -> None:
     """Write `problem` to `path`, completely or not at all; `format` None: by suffix (.h5, .dat, .npz, .mof.json).
+
+    `guesses` are starting points; where the format keeps none, a warning says so.
 
     Raises FormatError when the file exists (unless `force`), or when the format cannot hold the problem.
     """
@@ -60,9 +72,13 @@ def save(
         raise FormatError(
             file, "", f"the format {chosen.name} writes {able}, not a problem of type {problem.node}{reason}"
         )
-    write_atomic(file, lambda out: chosen.write(problem, out, compress=compress), force=force)
+    write_atomic(file, lambda out: chosen.write(problem, out, compress=compress, guesses=guesses), force=force)
     if problem.provenance and not chosen.keeps_provenance:
         logger.warning("%s: %s keeps no provenance: answers to it cannot be lifted (.h5 can)", file, chosen.name)
+    if guesses and not chosen.keeps_guesses:
+        logger.warning(
+            "%s: %s keeps no starting points: %d are left out (.h5 keeps them)", file, chosen.name, len(guesses)
+        )
 
 
 def save_pack(
@@ -125,7 +141,8 @@ def _candidates(file: Path) -> list[Format]:
     found = [f for f in formats if f.recognises(file, head)]
     if not found:
         known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
-        raise FormatError(file, "", f"is in no known format (suffixes {known}): name it with --format")
+        more = "; a matrix by itself is part of a problem: cpbench pack makes one" if file.suffix in _MATRICES else ""
+        raise FormatError(file, "", f"is in no known format (suffixes {known}): name it with --format{more}")
     return found
 
 

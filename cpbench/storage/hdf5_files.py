@@ -92,6 +92,7 @@ class HDF5(Format):
 
     suffixes = SUFFIXES
     keeps_provenance = True
+    keeps_guesses = True
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return head.startswith(SIGNATURE) or path.suffix.lower() in self.suffixes
@@ -121,9 +122,10 @@ class HDF5(Format):
         with open_tree(path) as root:
             return read_problem(root, member)
 
-    def write(self, problem: Problem, file: BinaryIO, *, compress: bool) -> None:
+    def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
         with h5py.File(file, "w", track_order=False) as root:  # straight into the file: it may be large
             write_problem(root, problem, compress=compress)
+            put_guesses(root, problem, guesses)
 
     def _require(self, parent: Tree, group: str) -> None:
         """Raises FormatError when the problem is not in this format."""

@@ -17,12 +17,12 @@ begins with the formulation; a file without that becomes what its functions and 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError
-from cpbench.formulations.base import Problem
+from cpbench.formulations.base import Point, Problem
 from cpbench.storage import mof_linear, mof_nonlinear, mof_read
 from cpbench.storage.base import Format, formats, no_member
 from cpbench.storage.mof_linear import obstacle
@@ -68,7 +68,7 @@ class MOF(Format):
         no_member(path, member)
         return mof_read.read(path)
 
-    def write(self, problem: Problem, file: BinaryIO, *, compress: bool) -> None:
+    def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
         for part in text(problem):
             file.write(part.encode())
 

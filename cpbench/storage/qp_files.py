@@ -20,8 +20,9 @@ from cpbench.errors import FormatError
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.qp import QP
 from cpbench.matrices import Matrix, Vector
-from cpbench.storage.arrays import npz_names, read_npz, sparse_from_parts
+from cpbench.storage.arrays import npz_names, npz_shapes, read_npz, sparse_from_parts
 from cpbench.storage.base import Format, build, formats, no_member, stem
+from cpbench.storage.trial import require_survivor
 
 INFINITE = 1e19
 _MAT_KEYS = ("P", "q", "r", "A", "l", "u")
@@ -105,6 +106,11 @@ class QPNpz(Format):
 
     def load(self, path: Path, member: str) -> Problem:
         no_member(path, member)
+        shapes = npz_shapes(path)
+        size = max(shapes["q"], default=0)  # a vector, or a column
+        if shapes["P"] != (size, size):
+            shown = "x".join(map(str, shapes["P"]))
+            raise FormatError(path, "P", f"is {shown}, expected {size}x{size} (q has {size} numbers)")
         found = read_npz(path, optional=frozenset(_NPZ_KEYS[2:]))
         P, q = _matrix(path, found, "P", None), _vector(path, found, "q")
         n = q.size
@@ -171,6 +177,7 @@ def infinite(x: Vector) -> Vector:
 def _load_mat(path: Path) -> dict[str, Any]:
     import scipy.io
 
+    require_survivor(path, lambda: scipy.io.loadmat(path, variable_names=_MAT_KEYS), "SciPy's reader")
     try:
         found: dict[str, Any] = scipy.io.loadmat(path, variable_names=_MAT_KEYS)
     except NotImplementedError:

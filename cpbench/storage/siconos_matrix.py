@@ -109,9 +109,11 @@ class Cursor:
         in one digit (old Siconos writers: 'a guess follows'; coefficients are always printed with an exponent);
         a recorded answer of as many numbers as `answers` lists.
         """
-        extra = 0
-        while self.at + extra < len(self.tokens) and is_number(self.tokens[self.at + extra]):
+        extra, most = 0, max(answers, default=1)  # beyond these it is too many, whatever their number
+        while extra <= most and self.at + extra < len(self.tokens) and is_number(self.tokens[self.at + extra]):
             extra += 1
+        if extra > most:
+            raise self.error("end", f"has more than {most} numbers after the last one of this layout, expected none")
         if extra and not (flag and extra == 1 and self.tokens[self.at] in ("0", "1")) and extra not in answers:
             raise self.error("end", f"has {extra} more numbers after the last one of this layout, expected none")
 

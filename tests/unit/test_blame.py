@@ -197,7 +197,7 @@ def test_what_an_older_file_cannot_tell_is_said(schur: Bench, tmp_path: Path) ->
     older = {"target_error": None, "target_tolerance": None, "status": "wrong"}
     told = list(rejudge_file(results_of(schur, tmp_path, {"lemke": (lost, "solved")}, **older), None, None))
     assert "did not measure them on the solver's own problem" in told[0]
-    assert told[1] == "1 answers judged again: no change"
+    assert told[1] == "1 answer judged again: no change"
 
 
 def measured(tolerance: float, error: float, flags: Sequence[str]) -> Verdict:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -212,7 +213,13 @@ def test_the_same_build_passes(toy: Path) -> None:
     assert done.outputs["verdict"] in ("same", "inconclusive")
     assert done.used["actions/upload-artifact@v4"]["path"] == done.outputs["results"]
     kept = Path(done.outputs["results"])
-    assert {path.name for path in kept.iterdir()} == {"summary.md", "results.sqlite", "mine.json", "mine.xml"}
+    assert {path.name for path in kept.iterdir()} == {
+        "summary.md",
+        "results.sqlite",
+        "variants.toml",
+        "mine.json",
+        "mine.xml",
+    }
     assert (kept / "summary.md").read_text() == done.summary
     assert run(toy, "git", "worktree", "list").stdout.count("\n") == 1
     assert run(toy, "git", "status", "--short").stdout == ""
@@ -245,6 +252,13 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
     with Store(Path(done.outputs["results"]) / "results.sqlite") as store:
         base = [row for row in store.rows() if row["solver"] != "mine@head"]
     assert {row["status"] for row in base} == {"solved"}  # of its own checkout, whatever head does
+    if change == "wrong":  # the commands of the summary run, when the run is over
+        command = re.search(r"`(cpbench solve [^`]*)`", done.summary)
+        assert command is not None, done.summary
+        again = subprocess.run(
+            shlex.split(command[1]), cwd=toy, env={**os.environ, **ENV}, capture_output=True, text=True, check=False
+        )
+        assert (again.returncode, "by mine@head" in again.stdout, "wrong" in again.stdout) == (1, True, True), again
 
 
 @pytest.mark.nightly

@@ -70,9 +70,9 @@ REFUSALS = {
     "friction": (
         "gfc-mlcp",
         lambda: planted_contact.gfc(rng(1), 2, 2, 0, 3)[0],
-        r"contacts have friction, the first is \d with μ = 0\.\d+; use gfc-fc",
+        r"friction at \d contacts?, the first is \d with μ = 0\.\d+; use gfc-fc",
     ),
-    "friction, local": ("fc-lcp-frictionless", lambda: planted.fc(rng(), 3, 3)[0], r"contacts have friction"),
+    "friction, local": ("fc-lcp-frictionless", lambda: planted.fc(rng(), 3, 3)[0], r"friction at \d contacts?"),
     "rolling in space": ("rfc-lcp-2d", lambda: planted_contact.rfc(rng(), 2, 5)[0], r"5 rows.*use rfc-lcp-facets"),
     "rolling in the plane": ("rfc-lcp-facets", lambda: planted_contact.rfc(rng(), 2, 3)[0], r"3 rows.*use rfc-lcp-2d"),
 }

@@ -52,17 +52,26 @@ for name in sys.argv[1:]:
 """
 
 
+NATIVE = [s.spec.name for s in solvers if type(s).__module__.startswith(OWN)]
+ADAPTED = [s.spec.name for s in solvers if type(s).__module__.startswith(FOREIGN) and {*s.spec.requires} & CORE]
+
+
+def test_there_are_solvers_to_watch() -> None:
+    assert min(len(NATIVE), len(ADAPTED)) > 30
+
+
 @pytest.mark.parametrize(
     "names",
     [
-        [s.spec.name for s in solvers if type(s).__module__.startswith(OWN)],
-        [s.spec.name for s in solvers if type(s).__module__.startswith(FOREIGN) and {*s.spec.requires} & CORE],
+        NATIVE[::8],
+        ADAPTED[::8],
+        pytest.param(NATIVE, marks=pytest.mark.nightly),
+        pytest.param(ADAPTED, marks=pytest.mark.nightly),
     ],
-    ids=["native", "core adapters"],
+    ids=["every eighth native", "every eighth core adapter", "native", "core adapters"],
 )
 def test_nothing_is_imported_while_a_solver_is_timed(names: list[str]) -> None:
     """A lazy import takes up to a second, which would be the time of the first problem that needs it."""
-    assert len(names) > 30
     names = [name for name in names if {*solvers.get(name).spec.requires} <= CORE]
     command = [sys.executable, "-c", WATCHED, *names]
     done = subprocess.run(command, capture_output=True, text=True, timeout=900)

@@ -252,7 +252,7 @@ def test_every_real_search_is_short():
 
 @pytest.mark.parametrize("kinds", [graph.EXACT, graph.ALL], ids=["exact", "all"])
 def test_the_text_has_every_edge_under_its_source(kinds):
-    text = draw("text", kinds)
+    text = draw("text", kinds) + "\n"
     blocks = dict(re.findall(r"^(\w+): .*\n((?:  .*\n)*)", text, re.MULTILINE))
     assert set(blocks) == set(formulations.names())
     for node, block in blocks.items():

@@ -115,7 +115,7 @@ def test_every_form_is_found_and_judged(monkeypatch, capsys, tmp_path: Path, ask
     assert "5 solved, 1 failed" in told.out
     assert "nobody" in told.err
     assert "no row: mlcp 1" in told.err
-    assert "1 problems have no answer" in told.err
+    assert "no answer, and a row that says failed: 1 problem" in told.err
     assert "4 answers have no time" in told.err
     with Store(out) as store:
         kept = {key: answers.unpack(blob) for key, blob in store.answers()}

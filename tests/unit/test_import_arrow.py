@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
-    "kernel_cache", "toml_text", "expressions",
+    "kernel_cache", "toml_text", "plain_text", "plurals", "expressions",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -22,6 +22,8 @@ ALLOWED: dict[str, set[str]] = {
     "registry": {"errors"},
     "kernel_cache": set(),
     "toml_text": set(),
+    "plain_text": set(),
+    "plurals": set(),
     "expressions": {"errors", "matrices"},
     "formulations": BASE,
     "facts": BASE | {"formulations"},

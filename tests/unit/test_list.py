@@ -99,6 +99,7 @@ def test_a_check_imports_the_guests_and_survives_them(plugged: dict[str, str]) -
     assert [sheet["name"] for sheet in json.loads(able)] == ["guest-rare", "guest-well"]
 
 
+@pytest.mark.nightly
 def test_the_doctor_tells_every_reason_once_with_what_to_do(plugged: dict[str, str]) -> None:
     told = cpbench(plugged, "doctor")
     assert "pip install no-such-guest" in told

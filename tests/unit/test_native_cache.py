@@ -81,6 +81,7 @@ def test_the_registry_does_not_import_numba() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.nightly
 def test_processes_that_start_at_once_share_one_compilation(tmp_path: Path) -> None:
     """Three cold processes: each solves, and the cache holds each kernel once."""
     code = (
@@ -150,6 +151,7 @@ def test_what_is_compiled_is_asked_of_the_cache_in_use(fresh: pytest.MonkeyPatch
     assert not cache.is_compiled(module)
 
 
+@pytest.mark.nightly
 def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
     path = tmp_path / "two.h5"
     storage.save(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=[-1.0, -1.0], name="two"), path)
@@ -169,13 +171,13 @@ import os, sys
 sys.path.insert(0, {folder!r})
 import numba
 from cpbench.solvers import Budget, solvers
-from test_native_cache import MADE, NATIVE, problems
+from test_native_cache import problems
 
 def kernels():
     return {{module for module in sys.modules if ".kernels." in module}}
 
 assert not kernels()
-for name in NATIVE:
+for name in sys.argv[1:]:
     if os.fork() == 0:
         solver = solvers.get(name)
         for member in getattr(solver, "members", ()):
@@ -193,10 +195,13 @@ for name in NATIVE:
 """
 
 
-def test_nothing_is_loaded_after_the_warm_up_nor_more_than_is_used() -> None:
+@pytest.mark.parametrize(
+    "names", [NATIVE[::8], pytest.param(NATIVE, marks=pytest.mark.nightly)], ids=["every eighth", "all"]
+)
+def test_nothing_is_loaded_after_the_warm_up_nor_more_than_is_used(names: list[str]) -> None:
     """Whatever lies in the cache: what a solve would have to compile the first time, on its own clock, is known."""
     code = LOADED.format(folder=str(Path(__file__).parent))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
+    done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
 

@@ -138,11 +138,12 @@ def test_tune_and_select_name_the_plugin(run: Run, tmp_path: Path) -> None:
         (("solve", "two.h5", "-s", "bananas"), "cpbench list solvers --all"),
         (("solve", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
         (("run", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
-        (("run", "*.nothing"), "cpbench list formats"),
+        (("run", "empty"), "cpbench list formats"),
     ],
 )
 def test_the_hint_of_a_refusal(run: Run, tmp_path: Path, words: tuple[str, ...], told: str) -> None:
     write_lcp(tmp_path, "two", 2)
+    (tmp_path / "empty").mkdir()
     contact = FrictionContact(W=np.eye(3), q=np.array([-1.0, 0.5, 0.0]), mu=np.array([0.5]), dimension=3)
     storage.save(contact, tmp_path / "a contact.h5")
     said = run(*words, rc=2)

@@ -198,7 +198,7 @@ def test_features_of_an_older_file_are_read_again(monkeypatch, capsys, tmp_path:
     assert changed.fingerprint not in found
     assert found[there.fingerprint] == features(there)
     remarks = told(monkeypatch, capsys, problems[0], "--results", path)["remarks"]
-    assert any("2 problems are not where they were" in remark for remark in remarks)
+    assert any("of 2 problems not where they were" in remark for remark in remarks)
 
 
 # ---------------------------------------------------------------------------------------------- bad input

@@ -305,3 +305,59 @@ def test_the_built_in_suite_has_starts(tmp_path: Path) -> None:
             got = start_for(noise(1e-3), problem, address, tolerance=1e-6).point
             assert 1e-6 < problem.residuals(got).error < 0.1
     assert nonzero >= 10
+
+
+# --------------------------------------------------------------------------------------------------- in files
+
+
+def test_starting_points_go_along_when_a_problem_is_converted(tmp_path: Path, capsys: Any) -> None:
+    """To other values of its parameters, to other formulations, and said where the format of OUT keeps none."""
+    import casadi as ca
+
+    from cpbench.cli import cli
+    from cpbench.formulations import NCP, NCPPoint
+
+    def convert(*words: str) -> str:
+        cli(["convert", str(tmp_path / "m.h5"), *words], standalone_mode=False)
+        return capsys.readouterr().err
+
+    z, rate = ca.SX.sym("z", 2), ca.SX.sym("rate")
+    problem = NCP.from_casadi(z, ca.vertcat(ca.exp(z[0]) - 2, rate * z[1] ** 3 - z[0]), {"rate": 1.0})
+    points = [NCPPoint(z=[0.25, 1.0]), NCPPoint(z=[3.0, 3.5])]
+    storage.save(problem, tmp_path / "m.h5", guesses=points)
+    assert convert(str(tmp_path / "double.h5"), "--set", "rate=2") == ""
+    assert storage.load(tmp_path / "double.h5").parameters == {"rate": 2.0}
+    for name, node, part in (("double.h5", "", "z"), ("micp.h5", "micp", "z"), ("vi.h5", "vi", "x")):
+        if node:
+            assert convert(str(tmp_path / name), "--to", node) == ""
+        found = storage.guesses(tmp_path / name)
+        assert [point.arrays().get(part, point.arrays().get("z")).tolist() for point in found] == [
+            [0.25, 1.0],
+            [3.0, 3.5],
+        ]
+
+
+def test_what_keeps_no_starting_points_says_so(planted_fc: Any, tmp_path: Path, caplog: Any) -> None:
+    problem, point = planted_fc
+    storage.save(problem, tmp_path / "p.dat", guesses=[point, point])
+    assert "keeps no starting points: 2 are left out" in caplog.text
+
+
+def test_the_start_of_a_model_is_one_of_its_file(tmp_path: Path) -> None:
+    """primal_start of MathOptFormat, which is the start of the problem; without one there is nothing to start from."""
+    import casadi as ca
+
+    from cpbench.formulations import NCP
+
+    z = ca.SX.sym("z", 2)
+    F = ca.vertcat(ca.exp(z[0]) - 2, z[1] ** 3 - z[0])
+    for given in ([0.5, 2.0], [0.0, 0.0]):
+        address = tmp_path / f"{given[0]}.mof.json"
+        storage.save(dataclasses.replace(NCP.from_casadi(z, F, {}), start=np.array(given)), address)
+        problem = storage.load(address)
+        if any(given):
+            got = start_for(parse_start("file"), problem, str(address), tolerance=TOLERANCE)
+            assert got.point.z.tolist() == given
+        else:
+            with pytest.raises(NotApplicable, match="no starting point"):
+                start_for(parse_start("file"), problem, str(address), tolerance=TOLERANCE)

@@ -1,10 +1,18 @@
-"""Start-up of the command line, as a ratio to the bare interpreter in the same run."""
+"""What a start costs: as a ratio to the bare interpreter in the same run, in modules, and in what waits for what."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import kernel_cache, storage
+from cpbench.formulations import LCP
 
 
 def _seconds(*arguments: str) -> float:
@@ -16,3 +24,79 @@ def _seconds(*arguments: str) -> float:
 def test_help_costs_at_most_six_bare_interpreters() -> None:
     pairs = [(_seconds("-m", "cpbench", "--help"), _seconds("-c", "pass")) for _ in range(7)]
     assert min(help for help, _ in pairs) <= 6 * min(bare for _, bare in pairs)
+
+
+def _said(code: str, **variables: str) -> str:
+    """What a fresh interpreter prints."""
+    environment = {**os.environ, **variables}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.parametrize("name", ["lemke", "lemke-mlcp", "clarabel", "siconos-lcp-lemke"])
+def test_one_solver_is_found_without_importing_the_others(name: str) -> None:
+    """Whatever its module is called: in one of its own, in that of another, in the table of a family."""
+    code = (
+        "import sys; from cpbench.solvers import solvers; "
+        f"found = solvers.get({name!r}).spec.name; few = sum('.solvers.' in m for m in sys.modules); "
+        "solvers.names(); print(found, 2 * few < sum('.solvers.' in m for m in sys.modules))"
+    )
+    assert _said(code) == f"{name} True"
+
+
+def test_a_name_that_is_nowhere_is_answered_with_the_nearest_of_all() -> None:
+    code = "from cpbench.solvers import solvers\ntry: solvers.get('lemka')\nexcept Exception as e: print(e)"
+    assert _said(code).startswith("unknown solver 'lemka': did you mean lemke")
+
+
+def test_a_plugin_may_not_take_the_name_of_a_solver_that_is_looked_for(tmp_path: Path) -> None:
+    plugin = tmp_path / "mine.py"
+    plugin.write_text(
+        "from typing import ClassVar\nfrom cpbench.solvers.base import *\n"
+        "@register\nclass Mine(Solver):\n"
+        "    spec: ClassVar[SolverSpec] = SolverSpec(name='lemke', node='lcp', summary='', method='')\n"
+        "    def solve(self, *_): ...\n"
+    )
+    code = "from cpbench.solvers import solvers\ntry: solvers.get('lemke')\nexcept Exception as e: print(e)"
+    assert "'lemke' is defined twice" in _said(code, CPBENCH_PLUGINS=str(plugin))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
+@pytest.mark.parametrize(
+    ("arguments", "begins"),
+    [
+        (["solve", "p.h5", "-s", "lemke"], True),
+        (["run", "p.h5", "-s", "lemke", "--threads=1"], True),
+        (["run", "--plan", "mine.toml"], False),
+        (["run", "p.h5", "--plugin", "mine.py"], False),
+        (["solve", "--help"], False),
+        (["info", "p.h5"], False),
+    ],
+)
+def test_a_command_that_solves_begins_its_processes_before_it_imports(arguments: list[str], begins: bool) -> None:
+    """Unless a file or a plugin may say how."""
+    code = (
+        f"import sys, psutil; from cpbench.cli import ahead; ahead.begin({arguments!r}); "
+        "print(len(psutil.Process().children()) > 0, 'numpy' in sys.modules)"
+    )
+    assert _said(code) == f"{begins} False"
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="does not apply: one core")
+def test_a_solver_that_compiles_is_put_off_and_others_are_timed_meanwhile(tmp_path: Path) -> None:
+    for k in range(4):
+        storage.save(LCP(M=np.diag([2.0, 1.0 + k]), q=[-1.0, -1.0], name=f"p{k}"), tmp_path / f"p{k}.h5")
+    command = [sys.executable, "-m", "cpbench", "run", str(tmp_path), "-s", "psor", "-s", "daqp", "--no-report", "-q"]
+    environment = {**os.environ, kernel_cache.VARIABLE: str(tmp_path / "cache")}
+    told: list[list[str]] = []
+    for name in ("cold", "warm"):
+        log = tmp_path / f"{name}.log"
+        more = ["-o", str(tmp_path / f"{name}.sqlite"), "--log", str(log)]
+        done = subprocess.run([*command, *more], env=environment, capture_output=True, text=True)
+        assert done.stdout.startswith("8 pairs: 8 solved"), done.stderr
+        told.append([line.partition(" ")[2] for line in log.read_text().splitlines()])
+    cold, warm = ([line.split()[-1] for line in lines if line.startswith("solve ")] for lines in told)
+    assert cold == ["daqp"] * 4 + ["psor"] * 4
+    assert sorted(warm) == sorted(cold) != warm
+    assert ["compiling" in "".join(lines) for lines in told] == [True, False]

@@ -24,6 +24,9 @@ from cpbench.analysis.table import counting_stationary
 from cpbench.errors import CpbenchError
 from cpbench.verification import VERIFIED
 
+NOT_AGAIN = "not confirmed"
+"""The kind of a pair that alarmed, and did not when it was run again."""
+
 
 @dataclass(frozen=True)
 class Side:
@@ -89,8 +92,10 @@ class Comparison:
         return own.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")
 
     def became(self, status: str) -> pd.DataFrame:
-        """The pairs that have this status on the new side, and not on the base."""
-        return self.pairs[(self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)]
+        """The pairs that have this status on the new side, and not on the base; not those that were run again and
+        did not come to it."""
+        now = (self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)
+        return self.pairs[now & (self.pairs["kind"] != NOT_AGAIN)]
 
 
 def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.DataFrame | None = None) -> Comparison:
@@ -158,7 +163,7 @@ def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], eq
         base=base,
         new=new,
         settings=settings,
-        verdict=_worst(judged, by_label),
+        verdict=worst(judged, by_label),
         pairs=judged,
         suites=by_label,
         noise=told,
@@ -221,7 +226,8 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settin
     return pd.concat([own.assign(**solved), timed, ruling], axis=1)
 
 
-def _worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> Verdict:
+def worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> Verdict:
+    """The verdict on the whole: `Comparison.verdict`."""
     if not len(judged):
         return Verdict.INCONCLUSIVE
     by_time = judged["gate"] == "time"

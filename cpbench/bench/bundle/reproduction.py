@@ -9,25 +9,21 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench import campaign
+from cpbench.bench import rerun
 from cpbench.bench.bundle import archive, plugins, problems, results
 from cpbench.bench.bundle.agreement import Agreement, agree
 from cpbench.bench.bundle.archive import BundleError
 from cpbench.bench.bundle.making import PLAN
 from cpbench.bench.bundle.plan_of_rows import PARTS, SETTINGS
 from cpbench.bench.campaign import Watcher
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan_file, run_plan
-from cpbench.bench.planning.assembly import Assembly, Reading, assemble
+from cpbench.bench.planning.assembly import Assembly, Reading
 from cpbench.bench.planning.run_plan import BUILTIN, RunPlan
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import settings
-from cpbench.bench.staff import Setting
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.registry import PLUGIN_FILES
 from cpbench.storage.base import split_address
@@ -188,18 +184,9 @@ def run(bundle: Bundle, asked: RunPlan, builtin: Callable[[], Path], watcher: Wa
     was interrupted. Raises CpbenchError where no pair of them can be run here."""
     with Store(bundle.results) as store:
         wanted = {str(row["key"]) for row in store.rows() if row["status"] != "not_run" and not row["origin"]}
-    with ExitStack() as stack:
-        common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
-        lanes = [stack.enter_context(Lane(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]
-        found = assemble(asked, lanes[0], builtin, reading)
-        found = replace(found, pairs=[pair for pair in found.pairs if pair.key in wanted])
-        if not found.pairs:
-            why = f" ({found.refused[0][1]})" if found.refused else ""
-            raise CpbenchError(f"{bundle.path}: none of its pairs can be run here{why}")
-        again = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
-        campaign.enter(again, asked, found, f"cpbench reproduce {bundle.path.name}")
-        campaign.work(lanes, again, asked, found.pairs, watcher)
-    return found
+    return rerun.carry_out(
+        asked, wanted, f"cpbench reproduce {bundle.path.name}", str(bundle.path), builtin, watcher, reading
+    )
 
 
 def compare(bundle: Bundle, found: Assembly) -> Agreement:

@@ -110,8 +110,8 @@ def _table(path: Path) -> dict[str, Any] | None:
     try:
         with path.open("rb") as file:
             found = tomllib.load(file)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as cause:
-        raise PlanError(f"{path}: is no TOML: {cause}") from None
+    except (ValueError, RecursionError) as cause:  # a number of 5000 digits is a ValueError of Python's own
+        raise PlanError(f"{path}: is no TOML: {str(cause).splitlines()[0]}") from None
     except OSError as cause:
         raise PlanError(f"{path}: cannot be read ({cause.strerror or cause})") from None
     if path.name != PROJECT:
@@ -217,6 +217,8 @@ def _whole(least: int) -> Callable[[Any], int]:
             raise _wrong(value, "a whole number")
         if value < least:
             raise CpbenchError(f"must be at least {least}")
+        if value > quantities.LARGEST:
+            raise CpbenchError(f"is too large, at most {quantities.LARGEST} is kept")
         return value
 
     return read

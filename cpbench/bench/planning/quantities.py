@@ -7,6 +7,8 @@ import re
 
 from cpbench.errors import CpbenchError
 
+LARGEST = 2**63 - 1
+"""What a number of a results file holds."""
 _SECONDS = {"ms": 1e-3, "s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}
 _PREFIXES = " KMGT"
 
@@ -22,7 +24,10 @@ def seconds(text: str) -> float:
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(ms|s|m|h)?", text.strip())
     if not found or float(found[1]) <= 0:
         raise CpbenchError(f"'{text}' is no duration; write 500ms, 10s, 5m, 2h or none")
-    return float(found[1]) * _SECONDS[found[2] or ""]
+    value = float(found[1]) * _SECONDS[found[2] or ""]
+    if value > LARGEST:
+        raise CpbenchError(f"'{_short(text)}' is too long a duration; write none for no limit")
+    return value
 
 
 def size(text: str) -> int:
@@ -36,7 +41,14 @@ def size(text: str) -> int:
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
     if not found:
         raise CpbenchError(f"'{text}' is no size; write 512M, 4G or none")
-    return int(float(found[1]) * 1024 ** _PREFIXES.index((found[2] or " ").upper()))
+    value = float(found[1]) * 1024 ** _PREFIXES.index((found[2] or " ").upper())
+    if value > LARGEST:
+        raise CpbenchError(f"'{_short(text)}' is too large a size; write none for no limit")
+    return int(value)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 30 else f"{text[:27]}..."
 
 
 def facet_count(number: int) -> int:

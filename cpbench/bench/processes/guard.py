@@ -137,8 +137,8 @@ def end_as(status: int) -> NoReturn:
 
 
 def end_like(code: int) -> NoReturn:
-    """End this process as one with this return code of `subprocess`, which must not look like success."""
-    end_as(-code if code < 0 else (code or 1) << 8)
+    """End this process as one with this return code of `subprocess`; 0 too, which is no answer."""
+    end_as(-code if code < 0 else code << 8)
 
 
 def finish(work: Callable[[], None]) -> NoReturn:

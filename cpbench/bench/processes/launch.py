@@ -40,7 +40,7 @@ NO_LEAKS = "ignore:resource_tracker:UserWarning"
 """A guest that is killed leaves its semaphores to multiprocessing's tracker, which removes them and need not say so."""
 PASSED_ON = ("CPBENCH_", "NUMBA_")
 """How variables begin that may have changed since the forkserver began, and that its children are to have."""
-PRELOAD = ["numpy", "scipy.sparse.linalg", "scipy.linalg", "h5py", "cpbench.bench.processes.preload"]
+PRELOAD = "cpbench.bench.processes.preload"
 EVERYTHING = "cpbench.bench.processes.preload_everything"
 
 
@@ -74,7 +74,7 @@ def context(threads: int, asked: str | None = None, *, few: bool = False) -> Con
         cgroup.remove_abandoned(found.cgroups)
     ctx = mp.get_context(found.start)
     if found.forks:
-        ctx.set_forkserver_preload(PRELOAD if few else [*PRELOAD, EVERYTHING])
+        ctx.set_forkserver_preload([PRELOAD] if few else [PRELOAD, EVERYTHING])
     return Context(ctx, found)
 
 

@@ -17,6 +17,7 @@ from cpbench.solvers.native import linear_program
 
 def preload() -> None:
     """Load them; what cannot be loaded is left to whoever needs it, who will say why."""
+    gc.disable()
     for registry in (formulations.formulations, storage.formats, conversions.conversions, solvers.solvers):
         with contextlib.suppress(Exception):
             registry.discover()
@@ -26,8 +27,8 @@ def preload() -> None:
                 kernel_cache.load(module)
     linear_program.load()
     package_version("numpy")  # reads what is installed, once for all
-    gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 preload()

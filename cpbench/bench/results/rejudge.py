@@ -16,6 +16,7 @@ from cpbench.bench.results.answer_files import ENDINGS
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, PointError, SealError
 from cpbench.formulations.base import Kind, Problem
+from cpbench.plurals import counted
 
 NO_ROUTE = ("", "direct")
 """Routes of a solver that was given the problem itself, and of an answer made elsewhere."""
@@ -65,7 +66,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
                 "cpbench, which did not measure them on the solver's own problem: the conversion may have lost them"
             )
         listed = ", ".join(f"{n} {change}" for change, n in changes.most_common()) or "no change"
-        yield f"{total} answers judged again{f' by {measure}' if measure else ''}: {listed}"
+        yield f"{counted(total, 'answer')} judged again{f' by {measure}' if measure else ''}: {listed}"
         found = {
             f"{len(audit.broken)} rows are not as a run wrote them": len(audit.broken),
             f"{unreadable} answers cannot be read": unreadable,

@@ -26,6 +26,7 @@ from cpbench.bench.planning.plan import Entry, Pair
 from cpbench.bench.runner import Crew
 from cpbench.bench.tuning.score import Score, score, seconds
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
 ETA = 3
 """One configuration of so many goes on to so many times as many problems."""
@@ -174,7 +175,7 @@ class Search:
             alive = sorted(alive, key=lambda trial: self._score(trial, names))
             best = f"best {alive[0].entry.label}: {self._score(alive[0], names)}"
             rungs_ = f"bracket {number}, rung {rung} of {len(sizes)}"
-            self._tell(f"{rungs_}: {len(alive)} configurations on {size} problems; {best}")
+            self._tell(f"{rungs_}: {counted(len(alive), 'configuration')} on {counted(size, 'problem')}; {best}")
             alive = alive[: math.ceil(len(alive) / ETA)] if rung < len(sizes) else alive
         return True
 

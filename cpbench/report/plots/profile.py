@@ -7,7 +7,7 @@ adds 95 % bootstrap bands that draw families again.
 from __future__ import annotations
 
 from cpbench.analysis import bands as around
-from cpbench.analysis import bootstrap, pairwise
+from cpbench.analysis import bootstrap, cautions, pairwise
 from cpbench.analysis.profiles import performance_profile
 from cpbench.report import figures, legend, run_canvas
 from cpbench.report.chosen import Choice, choose
@@ -55,7 +55,9 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     if swapped:
         shown = listed_plainly([f"{one} is above {other}" for one, other in swapped], 3)
         caution = f" At τ = 2 {shown} only because of the other solvers shown; pairwise, the order reverses."
+    told = cautions.caution(found.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
+    beware = f" {told}" if told else ""
     least_told = run_canvas.amount(profile.floor, found.metric)
     floor_told = f" Values below {least_told} are set to {least_told}." if profile.floor else ""
-    guide = figures.profile_guide(chosen.problems, cost, least) + floor_told + banded + caution + left_out
+    guide = figures.profile_guide(chosen.problems, cost, least) + floor_told + banded + caution + beware + left_out
     return run_canvas.drawn(figure, f"Performance profile of {chosen.scope()}", guide, chosen)

@@ -2,7 +2,8 @@
 
 GAMS runs in a process of its own, which is started in the warm-up; the numbers
 reach it in `hand_over`, untimed, as those of a solver in this process are in its memory. What is timed is the solve
-statement: GAMS generates the model, runs the solver in yet another process and reads its answer.
+statement: GAMS generates the model, runs the solver in yet another process and reads its answer. The seconds that it
+reports are those of that process as GAMS counts them (resUsd), its launch included, and not the solver's own.
 """
 
 from __future__ import annotations
@@ -138,7 +139,9 @@ def gams_spec(
         install=install,
         licence="proprietary",
         publishing=gams_licence.PUBLISHING,
-        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC} | ({Trait.WARM_START} if starts else set())),
+        traits=frozenset(
+            {Trait.SPARSE, Trait.DETERMINISTIC, Trait.LAUNCHES} | ({Trait.WARM_START} if starts else set())
+        ),
         **more,
     )
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from cpbench.errors import CpbenchError, Ended, Unavailable
 from cpbench.exchange import exchanges
-from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec
+from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing, output
 from cpbench.solvers.external.session import ProgramError, kill_tree, wait
 
@@ -64,6 +64,7 @@ class CommandSolver(Solver):
         env: Mapping[str, str] | None = None,
         cwd: str | None = None,
     ) -> None:
+        spec = dataclasses.replace(spec, traits=spec.traits | {Trait.LAUNCHES})
         self.spec = spec  # pyright: ignore[reportAttributeAccessIssue] - one class, a spec for every program
         self.command = words(command, [option.name for option in dataclasses.fields(spec.options)])
         self.exchange, self.matrices = exchange, matrices

@@ -192,6 +192,8 @@ def _variant(name: str, table: Table, base: Solver) -> Solver:
     if "options" in table:
         spec = dataclasses.replace(spec, options=_options(name, table["options"]))
     external = isinstance(base, CommandSolver | ServedSolver)
+    if external:  # a command that becomes a served program launches no more
+        spec = dataclasses.replace(spec, traits=spec.traits - {Trait.LAUNCHES})
     if "interpreter" in table and external:
         raise CpbenchError(f"{base.spec.name} is a program of its own: say serve or command")
     given: dict[str, Any] = {"exchange": "npy-dir", "matrices": "as-is"}

@@ -14,7 +14,8 @@
 #   --budget TIME       of the whole run; what it has not reached then is left out, and said; default: 10m
 #   --repeats N         solves of a pair that takes less than 1 s; default: 5
 #   --fail-on WORDS     what ends with 1; default: regression,wrong,crash
-#   -o, --output FOLDER for summary.md, results.sqlite, NAME.json and NAME.xml (JUnit) of each solver;
+#   -o, --output FOLDER for summary.md, results.sqlite, variants.toml (the solver of this checkout, for commands that run
+#                       a pair again), NAME.json and NAME.xml (JUnit) of each solver;
 #                       default: cpbench-compare
 #
 #     compare.sh --comment NUMBER [-o FOLDER]                            after it, on GitHub: the summary as a comment
@@ -92,8 +93,13 @@ if ! before=$(git merge-base HEAD "$commit"); then
 fi
 after=$(git rev-parse HEAD)
 work=$(mktemp -d)
-trap 'git worktree remove --force "$work/base" 2> /dev/null || true; rm -rf "$work"' EXIT
-rm -f "$output"/{summary.md,results.sqlite*,*.json,*.xml} # of an earlier time
+cleared() { # a verdict leaves variants.toml too, which the commands of the summary name
+  git worktree remove --force "$work/base" 2> /dev/null || true
+  rm -rf "$work"
+  [ -f "$output/summary.md" ] || { rm -f "$output/variants.toml"; rmdir "$output" 2> /dev/null || true; }
+}
+trap cleared EXIT
+rm -f "$output"/{summary.md,variants.toml,results.sqlite*,*.json,*.xml} # of an earlier time
 
 # ------------------------------------------------------------------------------------------------ both builds
 made() { # label, folder, commit
@@ -122,10 +128,13 @@ else
 fi
 mapfile -t both < <(comm -12 "$work/base.names" "$work/head.names")
 mapfile -t fresh < <(comm -13 "$work/base.names" "$work/head.names")
-cat "$work"/{base,again,head}.toml > "$work/variants.toml"
+cat "$work"/{base,again}.toml > "$work/others.toml"
+mkdir -p "$output"
+cp "$work/head.toml" "$output/variants.toml"
 
 # ------------------------------------------------------------------------------------------------ one run
-asked=(--plugin "$solver" --plugin "$work/variants.toml" --timeout "$timeout" --repeats "$repeats")
+asked=(--plugin "$solver" --plugin "$output/variants.toml" --timeout "$timeout" --repeats "$repeats")
+[ ! -s "$work/others.toml" ] || asked+=(--plugin "$work/others.toml")
 case $problems in
   *.toml) asked+=(--plan "$problems") ;;
   *) read -ra words <<< "$problems"; asked+=(--plan none "${words[@]}") ;;
@@ -191,7 +200,6 @@ else
   for worst in same improved inconclusive regressed; do case $verdict in *$worst*) said=$worst ;; esac; done
   verdict=$said
 fi
-mkdir -p "$output"
 mv "$work/out"/* "$work"/results.sqlite* "$output"/
 cat "$output/summary.md" >> "$shown"
 printf '%s\n' "verdict=$verdict" "results=$output" >> "$told"

@@ -1,0 +1,83 @@
+"""Rows of a results file run once more, by the plan that the file keeps, into another file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from cpbench.bench import campaign
+from cpbench.bench.campaign import Watcher
+from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan_file, run_plan
+from cpbench.bench.planning.assembly import Assembly, Reading, assemble
+from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.results.store import Store
+from cpbench.bench.runner import settings
+from cpbench.bench.staff import Setting
+from cpbench.errors import CpbenchError, StoreError
+
+CHOOSING = ("found", "problems", "keyword", "family", "where", "max_problems", "split")
+"""What of a set chose its problems: they are known."""
+KEPT = ("seed", "threads", "jobs", "isolate", "affinity")
+
+
+def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
+    """The plan of a results file for the problems of some of its rows; nothing of it starts a program by itself.
+
+    Raises StoreError where the file keeps none, UnknownName on solvers that are not loaded.
+    """
+    with Store(path) as store:
+        told: Mapping[str, Any] = store.meta().get("plan") or {}
+        rows = [row for row in store.rows() if row["key"] in keys]
+    if not told.get("sets"):
+        raise StoreError(f"{path}: does not say how its rows were run: none can be run again")
+    sets: list[dict[str, Any]] = []
+    for part in told["sets"]:
+        programs = [text for text in part.get("solvers", ()) if "{" in text]
+        if programs:
+            raise CpbenchError(f"{path}: the solver '{programs[0]}' starts a program: load it with --plugin FILE")
+        own = {key: _read(path, key, value) for key, value in part.items() if key not in CHOOSING and value}
+        addresses = [str(row["address"]) for row in rows if (row["set"] or "") == part.get("name", "")]
+        if addresses:
+            sets.append({**own, "problems": tuple(dict.fromkeys(addresses))})
+    if not sets:
+        raise StoreError(f"{path}: the rows to run again belong to no set of its plan")
+    top = {key: told[key] for key in KEPT if key in told}
+    return run_plan.make({"output": str(output), "report": None, "keep": "all"}, top, sets)
+
+
+def carry_out(
+    asked: RunPlan,
+    wanted: Collection[str],
+    command: str,
+    name: str,
+    builtin: Callable[[], Path],
+    watcher: Watcher,
+    reading: Reading,
+) -> Assembly:
+    """Run the pairs of a plan whose keys are wanted, and the steps of their scenes; the same call goes on with a run
+    that was interrupted. Raises CpbenchError where none of them can be run here; `name` is whose they are."""
+    with ExitStack() as stack:
+        common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
+        lanes = [stack.enter_context(Lane(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]
+        found = assemble(asked, lanes[0], builtin, reading)
+        scenes = {(pair.scene, pair.label) for pair in found.pairs if pair.scene and pair.key in wanted}
+        kept = [pair for pair in found.pairs if pair.key in wanted or (pair.scene, pair.label) in scenes]
+        if not kept:
+            why = f" ({found.refused[0][1]})" if found.refused else ""
+            raise CpbenchError(f"{name}: none of its pairs can be run here{why}")
+        found = replace(found, pairs=kept)
+        again = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
+        campaign.enter(again, asked, found, command)
+        campaign.work(lanes, again, asked, found.pairs, watcher)
+    return found
+
+
+def _read(path: Path, key: str, value: Any) -> Any:
+    try:
+        return plan_file.check(key, value)
+    except CpbenchError as cause:
+        raise CpbenchError(f"{path}: its plan: {key}: {cause}") from None

@@ -1,0 +1,67 @@
+"""Tables and long lines that fit the terminal they are shown in.
+
+Into a file or a pipe nothing is folded: what is one row is one line there, for grep and for programs.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+
+NARROWEST = 40
+
+
+def width() -> int | None:
+    """Characters of a line of the terminal (COLUMNS where it is set), None where the output goes elsewhere."""
+    if not (sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()):
+        return None
+    return max(shutil.get_terminal_size().columns, NARROWEST)
+
+
+def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
+    from cpbench.cli.solver_tables import columns
+
+    rows = [tuple(row) for row in rows]
+    room = width()
+    lines = list(columns(rows))
+    if room is None or max(map(len, lines), default=0) <= room:
+        yield from lines
+        return
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    grid = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
+    longest = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    for place, long in enumerate(longest):
+        grid.add_column(overflow="fold", no_wrap=place == 0 and long <= room // 2)  # names are to be copied
+    for row in rows:
+        grid.add_row(*map(Text, row))
+    console = Console(file=io.StringIO(), width=room, color_system=None, highlight=False)
+    with console.capture() as shown:
+        console.print(grid)
+    yield from (line.rstrip() for line in shown.get().splitlines())
+
+
+def folded(line: str, hanging: int = 4) -> list[str]:
+    """A line as several where the terminal is narrower, all but the first with `hanging` more blanks before them.
+
+    >>> folded("solvers: lemke, psor")
+    ['solvers: lemke, psor']
+    """
+    room = width()
+    if room is None or len(line) <= room:
+        return [line]
+    indent = len(line) - len(line.lstrip())
+    return textwrap.wrap(
+        line.lstrip(),
+        room,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * (indent + hanging),
+        break_on_hyphens=False,
+    )

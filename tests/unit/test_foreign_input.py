@@ -1,0 +1,148 @@
+"""Files and texts of others: what kills a reader, never ends, is larger than it looks, or would be obeyed."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import resource
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cpbench import storage
+from cpbench.bench.planning import plan_file, quantities
+from cpbench.bench.processes import guard
+from cpbench.cli import main, progress
+from cpbench.errors import CpbenchError, FormatError
+from cpbench.formulations import LCP
+from cpbench.report import csv_text
+from cpbench.storage.trial import require_survivor
+
+ESC = "\x1b]0;owned\x07"
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["cpbench", *map(str, words)])
+    try:
+        main()
+    except SystemExit as leave:
+        return int(leave.code or 0)
+    return 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGBUS, signal.SIGKILL])
+def test_a_reader_that_is_killed_is_told(tmp_path: Path, number: signal.Signals) -> None:
+    with pytest.raises(FormatError, match=f"its reader was killed by {number.name}"):
+        require_survivor(tmp_path / "x.mat", lambda: os.kill(os.getpid(), number), "its reader")
+
+
+def test_a_reader_that_returns_or_raises_is_not(tmp_path: Path) -> None:
+    seen: list[int] = []
+    require_survivor(tmp_path / "x.mat", lambda: seen.append(1), "its reader")
+    require_survivor(tmp_path / "x.mat", lambda: 1 / 0, "its reader")
+    assert not seen, "it was in another process"
+
+
+@pytest.mark.parametrize("command", ["info", "convert", "solve", "verify"])
+def test_pipes_and_devices_are_refused(monkeypatch, capsys, tmp_path, command) -> None:
+    """At once: opening a pipe that nobody writes waits for ever, /dev/zero has no end."""
+    os.mkfifo(tmp_path / "f.h5")
+    (tmp_path / "z.dat").symlink_to("/dev/zero")
+    more: dict[str, list[Any]] = {"convert": [tmp_path / "o.h5"], "solve": ["-s", "lemke"]}
+    for name in ("f.h5", "z.dat"):
+        assert run(monkeypatch, command, tmp_path / name, *more.get(command, [])) == 2
+        err = capsys.readouterr().err
+        assert f"{tmp_path / name}: is no regular file" in err
+        assert err.count("\n") == 1
+
+
+def test_a_long_file_of_zeros_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "zeros.dat").write_text("0 " * 10_000_000)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_utime
+    with pytest.raises(FormatError, match="more than 1 numbers after the last one"):
+        storage.load(tmp_path / "zeros.dat")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_utime - before < 5.0, "it was 17 s"
+
+
+def test_an_archive_that_grows_is_refused_by_its_headers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No array is read: the headers already say that P does not fit to q."""
+    np.savez_compressed(tmp_path / "bomb.npz", P=np.zeros((3000, 3000)), q=np.zeros(3))
+    monkeypatch.setattr("zipfile.ZipFile.read", lambda *_: pytest.fail("an array was read"))
+    with pytest.raises(FormatError, match="P: is 3000x3000, expected 3x3"):
+        storage.load(tmp_path / "bomb.npz")
+
+
+def test_no_cell_is_a_formula_and_no_control_character_is_left() -> None:
+    """What a spreadsheet, and Python's own reader of CSV, find in the cells; numbers stay numbers."""
+    texts = ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", f"a{ESC}b", "half \ud800", "a-b", "x=1", 'say "=1"', "a,b"]
+    for cells in (texts, texts * 200, [f"{text}{k}" for k, text in enumerate(texts * 50)]):
+        out = io.BytesIO()
+        csv_text.write(pd.DataFrame({"text": pd.Series(cells, dtype=object), "number": -1.5}), out)
+        rows = list(csv.reader(io.StringIO(out.getvalue().decode())))[1:]
+        assert [row[1] for row in rows] == ["-1.5"] * len(cells)
+        for cell, text in zip((row[0] for row in rows), cells, strict=True):
+            assert not cell.startswith(("=", "+", "-", "@", "\t"))
+            assert cell.replace("\t", "").isprintable()
+            if text.isprintable():
+                assert cell in (text, f"'{text}")
+
+
+def test_messages_reach_no_terminal_raw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line of an event, with what a solver may put into its message; the log has the same line."""
+    row = {"status": "error", "message": f"{ESC} half \ud800", "solver": "s"}
+
+    class Pair:
+        address, label = "p.h5", "s"
+
+    told = progress.line("done", Pair(), row)  # type: ignore[arg-type]
+    assert told.endswith(r": \x1b]0;owned\x07 half \ud800")
+    logger = progress.journal(True, tmp_path / "x.log")
+    assert logger is not None
+    logger.info("%s \ud800", told)
+    for handler in logger.handlers:
+        handler.close()
+    assert told in (tmp_path / "x.log").read_text()
+
+
+def test_names_in_files_and_of_files_are_spelled_out(monkeypatch, capsys, tmp_path) -> None:
+    storage.save(LCP(M=np.eye(2), q=[-1.0, 1.0], name=f"x{ESC}"), tmp_path / "p.h5")
+    assert run(monkeypatch, "info", tmp_path / "p.h5") == 0
+    assert run(monkeypatch, "info", tmp_path / f"no{ESC}.h5") == 2
+    said = capsys.readouterr()
+    assert "\x1b" not in said.out + said.err
+    assert r"x\x1b]0;owned\x07" in said.out
+
+
+@pytest.mark.parametrize("text", ["99999999999999999999G", "9" * 400, "9" * 5000])
+def test_sizes_that_nothing_holds(text: str) -> None:
+    for read in (quantities.size, quantities.seconds):
+        with pytest.raises(CpbenchError, match=r"too large|too long|is no") as refusal:
+            read(text)
+        assert len(str(refusal.value)) < 6000
+
+
+@pytest.mark.parametrize("digits", [20, 4000, 100_000])
+def test_numbers_of_plans_that_nothing_holds(monkeypatch, capsys, tmp_path, digits) -> None:
+    for key in ("seed", "memory", "repeats", "jobs"):
+        (tmp_path / "plan.toml").write_text(f"{key} = 1{'0' * digits}\n")
+        with pytest.raises(CpbenchError, match=r"too large|is no TOML") as refusal:
+            plan_file.read(tmp_path / "plan.toml")
+        assert "\n" not in str(refusal.value)
+        assert len(str(refusal.value)) < 400
+    assert run(monkeypatch, "run", tmp_path, "--memory", "99999999999999999999G") == 2
+    assert run(monkeypatch, "run", tmp_path, "--seed", f"1{'0' * digits}") == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("code", [0, 1, 7, 255])
+def test_a_process_ends_with_the_code_of_its_program(code: int) -> None:
+    pid = os.fork()
+    if pid == 0:
+        guard.end_like(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == code
