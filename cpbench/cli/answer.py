@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import left_out_lines
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
-from cpbench.bench import left_out
 from cpbench.bench.results.store import Store
 from cpbench.cli.sealed import sealed
 from cpbench.cli.terminal import folded, width
@@ -47,7 +47,7 @@ def print_answer(store: Store) -> None:
     found = rankings(table, meta.get("solvers"))
     for ranking in found:
         _print_ranking(ranking)
-    told = left_out.lines(meta.get("left_out", []))
+    told = left_out_lines(meta.get("left_out", []))
     for line in told[:LINES]:
         click.echo(_fitted(line))
     if len(told) > LINES:
