@@ -33,9 +33,8 @@ def texts(kind: str, words: Mapping[str, str], lang: str, node: str, guest: str 
         file.name: file for part in (own, *([folder / f"{lang}-{guest}"] if guest else [])) for file in part.iterdir()
     }
     if f"{node}{PART}" in found:
-        words = (
-            _of_node(folder / "nodes.toml", node) | {"PART": found[f"{node}{PART}"].read_text("utf-8").rstrip()} | words
-        )
+        part = found[f"{node}{PART}"].read_text("utf-8").rstrip()
+        words = {**_of_node(folder / "nodes.toml", node), "PART": part, **words}
     whole = {_filled(name, words, "{}"): file for name, file in found.items() if not name.endswith(PART)}
     return {name.removesuffix(".in"): _filled(file.read_text("utf-8"), words, "@{}@") for name, file in whole.items()}
 
