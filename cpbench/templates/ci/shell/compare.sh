@@ -145,8 +145,11 @@ if [ ${#both[@]} = 0 ]; then # nothing to compare with; wrong answers and crashe
   for name in "${fresh[@]}"; do asked+=(-s "$name@head"); done
   statuses+=$(tr , '\n' <<< "$fail_on" | sed -e '/^regression$/d' -e '/^inconclusive$/d' -e '/^$/d' -e 's/^/,/' | tr -d '\n')
 fi
+needed='' # to run a command of the summary again
 case $solver in
-  *.py) PYTHONPATH="$top/$(dirname "$solver"):$top/src:$top${PYTHONPATH:+:$PYTHONPATH}" && export PYTHONPATH ;;
+  *.py)
+    needed="$top/$(dirname "$solver"):$top/src:$top"
+    PYTHONPATH="$needed${PYTHONPATH:+:$PYTHONPATH}" && export PYTHONPATH ;;
 esac
 code=0
 logged timeout --foreground --signal INT --kill-after 60 "$budget" \
@@ -179,6 +182,7 @@ git diff --quiet HEAD || changed=' with changes that are not committed'
 {
   echo "\`$solver\`: base ${before:0:12}, head ${after:0:12}$changed."
   [ "$left" = 0 ] || echo "The budget of $budget was used up: $left of $((solves + left)) solves had no turn."
+  [ -z "$needed" ] || echo "Commands that run a pair again import from this checkout: \`export PYTHONPATH=$needed\` first."
   [ ${#fresh[@]} = 0 ] || echo "Only head has ${fresh[*]}: nothing to compare with."
 } > "$work/out/summary.md"
 verdict=new
