@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
-from cpbench.verification import Status
+from cpbench.verification import REFUSED, Status
 
-REFUSED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE), str(Status.NOT_RUN))
-"""Statuses of pairs in which the solver never started."""
+LACK = {"missing": "not installed", "licence": "no licence"}
+"""What is said of solvers that a run left out, by the status of the entry."""
+_ROUTE = re.compile(r"^no \w+ route from \w+ to \w+: ")
+"""How a reason begins that says of one node what its line says of the solvers."""
+NAMED, FEW = 6, 2
+"""The most solvers that a line on them names, and where a reason follows."""
 
 
 @dataclass(frozen=True)
@@ -67,3 +72,36 @@ def restricted(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> 
 def without(table: pd.DataFrame, solvers: Collection[str]) -> pd.DataFrame:
     """The rows of all other solvers."""
     return table[~table["solver"].isin(list(solvers))].reset_index(drop=True)
+
+
+def left_out_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """What a run left out (`left_out` of the facts of its results): a line for each way to install what is not there,
+    for each licence, and for each formulation without a route."""
+    entries = list(entries)
+    told = [
+        f"{LACK[entry['status']]}: {_some(entry['solvers'])} ({entry['reason']})"
+        for entry in entries
+        if entry["status"] in LACK
+    ]
+    by_node: dict[str, list[Mapping[str, Any]]] = {}
+    for entry in entries:
+        if entry["status"] == Status.UNSUPPORTED:
+            by_node.setdefault(entry["node"], []).append(entry)
+    for node, reasons in by_node.items():
+        solvers = {name: 0 for entry in reasons for name in entry["solvers"]}
+        count = sum(len(entry["keys"]) for entry in reasons)
+        most = max(reasons, key=lambda entry: len(entry["keys"]))
+        pairs = "1 pair" if count == 1 else f"{count} pairs"
+        told.append(f"no route from {node} to {_some(solvers, FEW)}, {pairs}: {_ROUTE.sub('', most['reason'])}")
+    return told
+
+
+def _some(solvers: Iterable[str], most: int = NAMED) -> str:
+    """Some names, and how many more there are.
+
+    >>> _some("abc"), _some("abcdefghi")
+    ('a, b, c', 'a, b, c, d, e, f and 3 more')
+    """
+    names = sorted(solvers)
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

@@ -1,8 +1,7 @@
 """Which look each label has in every figure of a results file: found from all rows, whatever a figure shows of them.
 
 A look is a number: its colour is the number modulo the colours there are, and labels of one colour differ in the rest
-(marker, dashes). Labels that solve problems of the same formulation get different colours as far as these go, first
-those that solve most.
+(marker, dashes). Labels that lead the profile of one group get different colours as far as these go.
 """
 
 from __future__ import annotations
@@ -10,29 +9,38 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis import multi_start
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.profiles import performance_profile
+
+LEADING = 12
+"""Labels of a group that are told apart first: those in colour, and a few who are so when others are left out."""
 
 
 def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
     """The look of every label, all different.
 
-    >>> rows = pd.DataFrame({"label": ["a", "b", "b", "c"], "node": ["lcp", "lcp", "qp", "qp"], "status": "solved"})
-    >>> looks(rows, 2)
+    >>> rows = pd.DataFrame({"label": ["a", "b", "b", "c"], "node": ["lcp", "lcp", "qp", "qp"], "problem": "p",
+    ...                      "status": "solved", "solve": 1.0, "tolerance": 1e-6, "threads": 1})
+    >>> looks(rows_of.normalised(rows), 2)
     {'b': 0, 'a': 1, 'c': 3}
     """
-    done = table.loc[rows_of.solved(table), ["label", "node"]]
-    count = done.value_counts().unstack(fill_value=0)
     labels = sorted(str(label) for label in table["label"].unique())
-    count = count.reindex(labels, fill_value=0)
-    share = (count / count.max().clip(lower=1)).to_numpy(dtype=float)  # of what the most solving label of a node solves
-    total = count.sum(axis=1)
-    taken = np.zeros((colours, share.shape[1]))
+    place = {label: k for k, label in enumerate(labels)}
+    groups = rows_of.groups(multi_start.merged(table))
+    weight = np.zeros((len(labels), len(groups)))
+    for g, (_, rows) in enumerate(groups):
+        first = performance_profile(rows_of.times(rows_of.only_ranked(rows))).leading(LEADING)
+        for k, label in enumerate(first):
+            weight[place[label], g] = LEADING - k
+    taken = np.zeros((colours, len(groups)))
     used = np.zeros(colours, dtype=int)
     found: dict[str, int] = {}
-    for at in sorted(range(len(labels)), key=lambda k: (-int(total.iloc[k]), labels[k])):
-        crowded = (taken @ share[at]).round(9)
+    total = weight.sum(axis=1)
+    for at in sorted(range(len(labels)), key=lambda k: (-total[k], labels[k])):
+        crowded = taken @ weight[at]
         colour = min(range(colours), key=lambda c: (crowded[c], used[c], c))
         found[labels[at]] = colour + colours * int(used[colour])
-        taken[colour] += share[at]
+        taken[colour] += weight[at]
         used[colour] += 1
     return found

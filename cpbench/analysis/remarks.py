@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
+from cpbench.analysis import multi_start
 from cpbench.analysis.starts import honoured
 
 LISTED = 3
@@ -12,7 +13,7 @@ LISTED = 3
 
 def remarks(table: pd.DataFrame) -> list[str]:
     """One line each: starts that were not as asked, files that held other data when some of the rows were made."""
-    return [*honoured(table), *changed_files(table)]
+    return [*honoured(multi_start.merged(table)), *changed_files(table)]
 
 
 def changed_files(table: pd.DataFrame) -> list[str]:

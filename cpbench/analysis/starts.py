@@ -191,8 +191,10 @@ def honoured(table: pd.DataFrame) -> list[str]:
         started, message = rows["started"].fillna("").astype(str), rows["message"].fillna("").astype(str)
         without = (rows["status"] == str(Status.UNSUPPORTED)) & message.str.contains(_NO_START)
         cold = started.str.startswith(COLD)
-        other = started[~cold & ~started.isin(["", str(policy)])].str.removeprefix(str(policy)).str.lstrip(",: ")
-        reasons = [*started[cold], *("unsupported: " + message[without]), *("warm, " + other)]
+        own = rows["began"] if "began" in rows else rows["start"]  # several starts of a file have one policy
+        told = zip(started[~cold], own[~cold], strict=True)
+        other = [text.removeprefix(begun).lstrip(",: ") for text, begun in told if text not in ("", begun)]
+        reasons = [*started[cold], *("unsupported: " + message[without]), *(f"warm, {text}" for text in other)]
         if reasons:
             warm = int((~cold & (started != "")).sum())
             lines.append(f"start {policy}: {warm} of {len(rows)} rows started so; {_counted_alike(reasons)}")

@@ -19,9 +19,6 @@ from cpbench.verification import Status
 MISSING, LICENCE = "missing", "licence"
 AGAIN: Mapping[str, tuple[str, ...]] = {"failed": (LICENCE, MISSING), "all": (LICENCE, MISSING, "unsupported")}
 """What `--rerun` tries again of what was left out."""
-_LACK = {MISSING: "not installed", LICENCE: "no licence"}
-NAMED, FEW = 6, 2
-"""The most solvers that a line names, and where a reason follows."""
 
 
 def planned(store: Store, pairs: Sequence[Pair], rerun: str) -> list[Pair]:
@@ -35,7 +32,7 @@ def statuses(store: Store) -> dict[str, str]:
     """What became of the pairs that were left out, by key, in the words of rows."""
     absent = str(Status.UNAVAILABLE)
     return {
-        key: absent if entry["status"] in _LACK else entry["status"]
+        key: absent if entry["status"] in (MISSING, LICENCE) else entry["status"]
         for entry in _entries(store)
         for key in entry["keys"]
     }
@@ -72,27 +69,6 @@ def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> No
     store.set_meta(left_out=[found[key] for key in sorted(found)])
 
 
-def lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
-    """A line for each way to install what is not there, for each licence, and for each formulation without a route."""
-    entries = list(entries)
-    told = [
-        f"{_LACK[entry['status']]}: {_some(entry['solvers'])} ({entry['reason']})"
-        for entry in entries
-        if entry["status"] in _LACK
-    ]
-    by_node: dict[str, list[Mapping[str, Any]]] = {}
-    for entry in entries:
-        if entry["status"] == Status.UNSUPPORTED:
-            by_node.setdefault(entry["node"], []).append(entry)
-    for node, reasons in by_node.items():
-        solvers = {name: 0 for entry in reasons for name in entry["solvers"]}
-        count = sum(len(entry["keys"]) for entry in reasons)
-        most = max(reasons, key=lambda entry: len(entry["keys"]))
-        pairs = "1 pair" if count == 1 else f"{count} pairs"
-        told.append(f"no route from {node} to {_some(solvers, FEW)}, {pairs}: {most['reason']}")
-    return told
-
-
 def _entries(store: Store) -> list[Any]:
     return list(store.meta().get("left_out", []))
 
@@ -112,14 +88,3 @@ def _status(row: Mapping[str, Any]) -> str:
 def _pattern(reason: str) -> str:
     """A reason without its numbers, so that the same cause is one entry."""
     return re.sub(r"\d[\d.e+-]*", "#", reason)
-
-
-def _some(solvers: Iterable[str], most: int = NAMED) -> str:
-    """Some names, and how many more there are.
-
-    >>> _some("abc"), _some("abcdefghi")
-    ('a, b, c', 'a, b, c, d, e, f and 3 more')
-    """
-    names = sorted(solvers)
-    more = len(names) - most
-    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

@@ -6,6 +6,7 @@ starts it, later.
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterator, Sequence
 
@@ -24,7 +25,7 @@ def begin(arguments: Sequence[str]) -> None:
         return
     plans = list(_values(rest, "--plan")) or ([PLAN] if command == "run" and os.path.exists(PLAN) else [])
     threads = next(_values(rest, "--threads"), "1")
-    names = list(_values(rest, "-s", "--solver"))
+    names = [name for given in _values(rest, "-s", "--solver") for name in given.split(",")]
     if any(plan != NO_PLAN for plan in plans) or not threads.isdecimal() or any("@" in name for name in names):
         return
     from cpbench.bench.processes import launch
@@ -37,7 +38,7 @@ def begin(arguments: Sequence[str]) -> None:
 
 def _values(arguments: Sequence[str], *names: str) -> Iterator[str]:
     """What is given to these options, `--name value` or `--name=value`; what follows a flag is as good."""
-    for this, following in zip(arguments, [*arguments[1:], "-"], strict=True):
+    for this, following in itertools.pairwise([*arguments, "-"]):
         name, equals, value = this.partition("=")
         if name in names:
             yield value if equals else following

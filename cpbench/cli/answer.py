@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import math
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.attendance import left_out_lines
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
-from cpbench.bench import left_out
 from cpbench.bench.results.store import Store
 from cpbench.cli.sealed import sealed
+from cpbench.cli.terminal import folded, width
 from cpbench.report.text import counted, seconds
 
 LINES = 30
 """The most lines on what could not be run."""
-PLAIN_WIDTH = 100
-"""Columns where nobody sees a terminal."""
+WIDE, SHORTEST = 400, 16
+"""Columns of a table where nobody sees a terminal; the least that names get of one."""
 MAGIC = b"SQLite format 3\x00"
 
 
 def is_results(path: str) -> bool:
-    """Whether a file is one of results, by its first bytes."""
+    """Whether a file is one of results, by its first bytes; a pipe, which may never have any, is none."""
+    if not Path(path).is_file():
+        return False
     try:
         with Path(path).open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC
@@ -46,15 +47,16 @@ def print_answer(store: Store) -> None:
     found = rankings(table, meta.get("solvers"))
     for ranking in found:
         _print_ranking(ranking)
-    told = left_out.lines(meta.get("left_out", []))
+    told = left_out_lines(meta.get("left_out", []))
     for line in told[:LINES]:
         click.echo(_fitted(line))
     if len(told) > LINES:
         click.echo(f"and {len(told) - LINES} more reasons why pairs could not be run")
-    click.echo("\n".join(["", *(ranking.sentence for ranking in found)]))
+    click.echo("\n".join(["", *(line for ranking in found for line in folded(ranking.sentence))]))
 
 
 def _print_ranking(ranking: Ranking) -> None:
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -62,14 +64,16 @@ def _print_ranking(ranking: Ranking) -> None:
     table = Table(
         title=Text(head), title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0)
     )
-    table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=28)
+    room = width()
+    most = None if room is None else max(room // 4, SHORTEST)
+    table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=most)
     for name in ("solved", "median", "× fastest"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("route", no_wrap=True, overflow="ellipsis", max_width=28)
+    table.add_column("route", no_wrap=True, overflow="ellipsis", max_width=most)
     table.add_column("", overflow="fold")
     for row in ranking.shown:
         table.add_row(*map(Text, _cells(row)))
-    console = _console()
+    console = Console(file=sys.stdout, width=room or WIDE, highlight=False, markup=False, emoji=False)
     with console.capture() as captured:
         console.print(table)
     for line in captured.get().splitlines():
@@ -92,14 +96,6 @@ def _cells(row: RankedSolver) -> Sequence[str]:
 
 
 def _fitted(line: str) -> str:
-    """A line in the width of the terminal."""
-    width = _console().width
-    return line if len(line) <= width else f"{line[: width - 1]}…"
-
-
-def _console() -> Any:
-    """Plain text where nobody looks at a terminal, as wide as the terminal elsewhere."""
-    from rich.console import Console
-
-    width = shutil.get_terminal_size((PLAIN_WIDTH, 24)).columns
-    return Console(file=sys.stdout, width=width, highlight=False, markup=False, emoji=False)
+    """A line in the width of the terminal, as it is elsewhere."""
+    room = width()
+    return line if room is None or len(line) <= room else f"{line[: room - 1]}…"

@@ -23,6 +23,7 @@ from cpbench.cli.options import (
     force_option,
     format_option,
     number,
+    require_with_via,
     tolerance_option,
 )
 from cpbench.cli.progress import converting
@@ -88,6 +89,7 @@ def command(
     """
     if node is not None:
         formulations.get(node)
+    require_with_via(via)
     require_new(target_file, force)
     problem = storage.load(source, format=file_format)
     node = node or problem.node

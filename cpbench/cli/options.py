@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from cpbench.bench.planning import quantities
 from cpbench.bench.time_limits import floors
@@ -227,6 +228,15 @@ def limit_options(f: Callable[..., Any]) -> Callable[..., Any]:
 def facets_option(f: Callable[..., Any]) -> Callable[..., Any]:
     """`--facets`, of commands that convert once."""
     return click.option("--facets", type=Count(), default=8, show_default=True, help="Facets of a facet conversion.")(f)
+
+
+def require_with_via(via: Sequence[str]) -> None:
+    """Raises UsageError when a knob of conversions is given that no conversion is named to take."""
+    context = click.get_current_context()
+    for name in ("facets", "angle"):
+        source = context.get_parameter_source(name)
+        if not via and source is not None and source is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"--{name} goes with --via CONVERSION, as in --via inner: nothing else takes it")
 
 
 def format_option(f: Callable[..., Any]) -> Callable[..., Any]:

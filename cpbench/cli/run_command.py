@@ -20,7 +20,6 @@ from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
 from cpbench.bench.runner import settings
 from cpbench.bench.staff import Setting
-from cpbench.cli.answer import print_answer
 from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
@@ -190,10 +189,16 @@ def command(
     """
     file = _plan_file(plan_path, quiet)
     given = _given(context)
+    if no_report and "report" in given:
+        raise click.UsageError("--report and --no-report: one of them")
+    if no_resume and "rerun" in given:
+        raise click.UsageError("--rerun runs rows of an old file again, --no-resume refuses one: one of them")
     if no_report:
         given["report"] = None
     said = (file.top, file.sets) if file is not None else ({}, [])
     asked = run_plan.make(given, *said, only=only_sets, tunings=file.tunings if file is not None else (), suite=_suite)
+    if "facets" in given and all(not part.via and part.allowed_routes == "exact" for part in asked.sets):
+        raise click.UsageError("--facets: no route of this run has facets; add --routes facets")
     if no_resume and asked.results.exists():
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
@@ -309,6 +314,9 @@ def _tell_refused(refused: Sequence[tuple[str, str]]) -> None:
 
 
 def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
+    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
+    from cpbench.cli.answer import print_answer
+
     _tell_refused(assembly.refused)
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
@@ -316,8 +324,6 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
     print_answer(store)
     click.echo(f"\n{counted(sum(counts.values()), 'pair')}: {_summary(counts) or _nothing(asked)}")
     table = store.table()
-    from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
-
     for remark in remarks(table):
         click.echo(printable(remark))
     click.echo(f"results: {asked.results}")

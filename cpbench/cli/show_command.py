@@ -8,7 +8,7 @@ from cpbench import graph, storage
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import parse_request
 from cpbench.cli.answer import is_results, print_results
-from cpbench.cli.options import Address, Command, ListOption, facets_option, format_option
+from cpbench.cli.options import Address, Command, ListOption, facets_option, format_option, require_with_via
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
 from cpbench.report import show, show_tex
@@ -51,6 +51,7 @@ def command(
     if node is not None:
         formulations.get(node)
     problem = storage.load(source, format=file_format)
+    require_with_via(via)
     pinned = parse_request(plan.pinned(via, {"facets": facets, "angle": angle}).header)[1] if via else ()
     target = node or (pinned[-1].target if pinned else problem.node)
     problem = graph.arrive(problem, target, kinds, pinned).problem

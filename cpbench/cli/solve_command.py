@@ -28,6 +28,7 @@ from cpbench.cli.options import (
     format_option,
     limit_options,
     number,
+    require_with_via,
     tolerance_option,
 )
 from cpbench.cli.progress import compiling
@@ -80,6 +81,7 @@ def command(
     """
     if output is not None:
         require_new(output, force)
+    require_with_via(via)
     entry = plan.parse_entry(solver)
     policy = starts.parse_start(start)
     if policy.kind is starts.StartKind.PREVIOUS:

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from cpbench.analysis.attendance import REFUSED
-from cpbench.verification import MET_TOLERANCE
+from cpbench.verification import MET_TOLERANCE, REFUSED
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -41,6 +41,8 @@ def command(
     """
     if rejudge is not None and all_measures:
         raise click.UsageError("--all-measures is for one answer to a PROBLEM, and --rejudge reads many")
+    if rejudge is not None and (problem is not None or answer is not None):
+        raise click.UsageError("--rejudge reads problems and answers from RESULTS: leave PROBLEM and --answer out")
     if rejudge is not None:
         from cpbench.bench.results.rejudge import rejudge_file
 
@@ -83,11 +85,13 @@ def _parts(verdict: verification.Verdict) -> Iterator[str]:
 
 
 def _table(measures: Sequence[verification.Measured], tolerance: float) -> Iterator[str]:
-    """One line a measure; nothing is said of one that no tolerance is for."""
+    """One line a measure, then the sources; nothing is said of a measure that no tolerance is for."""
     if not measures:
         return
     words = {True: "yes", False: "no", None: "-"}
     within = f"at most {number(tolerance)}"
     yield f"  {'measure':<36} {'value':<9} {within:<15} whose"
     for row in measures:
-        yield f"  {row.name:<36} {number(row.value):<9} {words[row.within(tolerance)]:<15} {row.source}"
+        whose = row.source.partition(" (")[0]
+        yield f"  {row.name:<36} {number(row.value):<9} {words[row.within(tolerance)]:<15} {whose}"
+    yield from (f"  {source}" for source in sorted({row.source for row in measures}))

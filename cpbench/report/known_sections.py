@@ -109,6 +109,7 @@ def _never_started(run: Run) -> Iterator[str]:
     for reason in sorted(refusals, key=lambda reason: -reason.count):
         solvers = listed(list(reason.labels), 3)
         lines.append(f"- {reason.status}: {counted(reason.count, 'pair')} of {solvers}: {plain(cut(reason.message))}")
+    lines += [f"- {plain(line)}" for line in attendance.left_out_lines(run.meta.get("left_out") or [])]
     if not lines:
         return
     yield "## Could not be run"

@@ -152,7 +152,7 @@ def shifted(P: Any, u: Vector) -> Vector:
 
 
 def _units(P: Any) -> Vector:
-    """What reactions are divided and velocities multiplied by: lengths for moments, the axes of an elliptic cone."""
+    """Return what divides reactions and multiplies velocities: lengths of moments, axes of an elliptic cone."""
     if P.node == "afc":
         mu = dense(P.mu)
         return np.column_stack([np.ones(P.nc), mu]).ravel()

@@ -138,7 +138,7 @@ def conditions(problem: Problem) -> Polyhedron | None:
 
 
 def objective(problem: Problem) -> Objective | None:
-    """What a program minimises over its conditions; None of other problems."""
+    """Return what a program minimises over its conditions; None for other problems."""
     return Objective(problem.Q, problem.p) if isinstance(problem, QP | ConeQP) else None
 
 

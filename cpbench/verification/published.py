@@ -18,14 +18,16 @@ from cpbench.matrices import Vector, max_abs
 from cpbench.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.merit_functions import NODES, path_norms
+from cpbench.verification.projections import project
 
 PATH = "PATH (Ferris and Munson; Billups, Dirkse and Ferris 1997)"
 OSQP = "OSQP (Stellato, Banjac, Goulart, Bemporad and Boyd 2020, section 3.4)"
 QPBENCHMARK = "qpbenchmark (Caron et al.)"
 CONTACTBENCH = "ContactBench (Le Lidec et al. 2024)"
-FCLIB2018 = "Acary, Brémond and Huber 2018"
-CPBENCH = "cpbench, where its solvers stop"
-VERDICT = "cpbench, gives the verdict"
+FCLIB2018 = "FCLIB (Acary, Brémond and Huber 2018)"
+CPBENCH = "cpbench (by which its solvers stop)"
+VERDICT = "cpbench (backward gives the verdict)"
+ANGLE = "cpbench (no tolerance is for angles)"
 CONTACT = ("fc", "fcm", "gfc", "nfc")
 """Formulations of Coulomb's law with one coefficient a contact."""
 
@@ -42,7 +44,8 @@ SOURCES: Mapping[tuple[str, str], str] = {
 
 @dataclass(frozen=True)
 class Measured:
-    """One number of an answer. An angle is compared with no tolerance: its `bounded` is False."""
+    """One number of an answer, and its source: a name, and in brackets more of it. An angle is compared with no
+    tolerance: its `bounded` is False."""
 
     name: str
     value: float
@@ -107,7 +110,7 @@ def contactbench(problem: Any, point: Any, known: Mapping[str, float]) -> dict[s
     hat = u.copy()
     hat[:, 0] += mu * _norms(u[:, 1:])
     short = np.abs(mu * np.abs(r[:, 0]) - _norms(r[:, 1:]))
-    lacking = sets.project(Cone.SECOND_ORDER, -hat, mu, np.zeros_like(mu))  # Moreau: P_K*(û) − û
+    lacking = project(Cone.SECOND_ORDER, -hat, mu, np.zeros_like(mu))  # Moreau: P_K*(û) − û
     return {
         "contactbench_signorini [J]": max_abs(r[:, 0] * u[:, 0]),
         "contactbench_complementarity [J]": max_abs(np.einsum("ci,ci->c", r, hat)),
@@ -150,7 +153,7 @@ def all_measures(
     for name, value in known.items():
         source = SOURCES.get((problem.node, name), CPBENCH if name in stops else "")
         if name.endswith("[deg]"):
-            rows.append(Measured(name, value, "cpbench, an angle", bounded=False))
+            rows.append(Measured(name, value, ANGLE, bounded=False))
         elif source:
             rows.append(Measured(name, value, source))
     return rows + published(problem, point, known)

@@ -1,7 +1,4 @@
-"""Sets of the unknowns of a problem, with the judge's own projections.
-
-Nothing here is shared with what solves: a wrong projection there must not hide behind the same one here.
-"""
+"""Sets of the unknowns of a problem, and what is measured of an answer in them."""
 
 from __future__ import annotations
 
@@ -14,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.matrices import Dense, Vector
+from cpbench.matrices import Vector
 from cpbench.product_cones import Cone, ProductCone
+from cpbench.verification.projections import project, row_norms
 
 Components = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -24,7 +22,7 @@ INFINITE = 1e19
 
 
 class Set(ABC):
-    """What some of the unknowns are in, blocks of them by themselves; answers are values in their places."""
+    """A set that some of the unknowns are in, blocks of them by themselves; answers are values in their places."""
 
     @cached_property
     @abstractmethod
@@ -105,7 +103,7 @@ class Box(Set):
 
     @classmethod
     def of(cls, at: Components, lb: Vector | float, ub: Vector | float) -> Box:
-        """With sides from `INFINITE` on taken for infinite."""
+        """Make one, with sides from `INFINITE` on taken for infinite."""
         lower, upper = (np.broadcast_to(np.asarray(b, dtype=np.float64), at.shape) for b in (lb, ub))
         return cls(at, np.where(lower <= -INFINITE, -np.inf, lower), np.where(upper >= INFINITE, np.inf, upper))
 
@@ -255,7 +253,7 @@ class Factors(Set):
         if not self.moored:
             return np.zeros(self.at.shape, dtype=bool)
         part = x[self.at][:, 1:] if self.kind is Cone.CYLINDER else x[self.at]
-        near = (self.mu > 0) & (_norms(part) >= 0.5 * self.mu)
+        near = (self.mu > 0) & (row_norms(part) >= 0.5 * self.mu)
         return np.broadcast_to(near[:, None], self.at.shape)
 
     def amplification(self) -> Vector:
@@ -284,12 +282,12 @@ class Factors(Set):
         if self.kind in (Cone.CYLINDER, Cone.BALL):
             radius = self.mu * unit
             return float(
-                np.max(_norms(own - project(self.kind, own - other, radius, self.mu_r)), initial=0.0)
+                np.max(row_norms(own - project(self.kind, own - other, radius, self.mu_r)), initial=0.0)
             ), products
-        outside = _norms(own - project(self.kind, own, self.mu, self.mu_r))
+        outside = row_norms(own - project(self.kind, own, self.mu, self.mu_r))
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
-        negative = _norms(project(self.kind, -other, self.mu, self.mu_r))
-        size = np.maximum(1.0, _norms(own)) * np.maximum(1.0, _norms(other))
+        negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
+        size = np.maximum(1.0, row_norms(own)) * np.maximum(1.0, row_norms(other))
         products[:, 0] = np.abs(np.einsum("ij,ij->i", own, other)) / size
         return float(np.max(np.concatenate([outside, negative]), initial=0.0)), products
 
@@ -302,7 +300,7 @@ class Factors(Set):
             beside = own - project(self.kind, own, self.mu, self.mu_r)
         else:  # Moreau: the part of −y in K is what y lacks of being in the dual cone
             beside = project(self.kind, -own, self.mu, self.mu_r)
-        return float(np.max(_norms(beside), initial=0.0))
+        return float(np.max(row_norms(beside), initial=0.0))
 
     def own_unit(self) -> Vector:
         if self.kind is not Cone.BALL:
@@ -338,63 +336,6 @@ def of_product(K: ProductCone, first: int = 0, *, rows: bool = False) -> list[Se
     return found
 
 
-def project(kind: Cone, y: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """Euclidean projection of every row of y on its factor, shape (count, size)."""
-    match kind:
-        case Cone.SECOND_ORDER:
-            return _second_order(y, mu)
-        case Cone.ROLLING:
-            return _rolling(y, mu, mu_r)
-        case Cone.ROLLING_DUAL:  # Moreau: P_K*(y) = y + P_K(−y)
-            return y + _rolling(-y, mu, mu_r)
-        case Cone.CYLINDER:
-            return np.column_stack([np.maximum(y[:, 0], 0.0), _cut(y[:, 1:], mu)])
-        case Cone.BALL:
-            return _cut(y, mu)
-        case _:
-            raise ValueError(f"{kind.name} is a box")
-
-
-def _second_order(y: Dense, mu: Vector) -> Dense:
-    """On {‖y_T‖ ≤ μ y_N}: the better of y itself, 0, and the foot on the ray through y_T; μ = ∞ is y_N ≥ 0."""
-    n, t = y[:, 0], _norms(y[:, 1:])
-    half_space = np.isinf(mu)
-    slope = np.where(half_space, 0.0, mu)
-    # the ray (cos a, sin a) with tan a = μ; its foot is the part of (n, t) along it
-    cos = 1.0 / np.sqrt(1.0 + slope * slope)
-    along = np.maximum((n + slope * t) * cos, 0.0)
-    inside = (t <= slope * n) & (n >= 0)
-    new_n = np.where(inside, n, along * cos)
-    new_t = np.where(inside, t, along * slope * cos)
-    new_n, new_t = np.where(half_space, np.maximum(n, 0.0), new_n), np.where(half_space, t, new_t)
-    return np.column_stack([new_n, y[:, 1:] * _ratio(new_t, t)[:, None]])
-
-
-def _rolling(y: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """On {‖y_T‖ ≤ μ y_N, ‖y_M‖ ≤ μ_r y_N}: the largest of the feet r with each choice of active parts, and of 0.
-
-    The derivative r − n − μ(t − μr)₊ − μ_r(m − μ_r r)₊ of half the squared distance is the least of the rising lines
-    of the choices, so its root is the largest of theirs. Squared distances differ by too little to choose by.
-    """
-    k = (y.shape[1] - 1) // 2
-    n, t, m = y[:, 0], _norms(y[:, 1 : 1 + k]), _norms(y[:, 1 + k :])
-    best = np.zeros(len(y))
-    for a in (0.0, 1.0):
-        for b in (0.0, 1.0):
-            best = np.maximum(best, (n + a * mu * t + b * mu_r * m) / (1.0 + a * mu**2 + b * mu_r**2))
-    return np.column_stack([best, _cut(y[:, 1 : 1 + k], mu * best), _cut(y[:, 1 + k :], mu_r * best)])
-
-
-def _cut(y: Dense, length: Vector) -> Dense:
-    """Every row, no longer than its length."""
-    size = _norms(y)
-    return y * _ratio(np.minimum(size, length), size)[:, None]
-
-
-def _norms(y: Dense) -> Vector:
-    return np.sqrt(np.einsum("ij,ij->i", y, y))
-
-
 def slice_of(at: Components) -> Any:
     """The same places as a slice, where they are one run."""
     if at.size and int(at[-1]) - int(at[0]) + 1 == at.size and (np.diff(at) == 1).all():
@@ -405,8 +346,3 @@ def slice_of(at: Components) -> Any:
 def _inverse_size(size: Vector) -> Vector:
     """1/size, 0 where the size is 0 or infinite."""
     return np.divide(1.0, size, out=np.zeros(size.shape), where=(size > 0) & np.isfinite(size))
-
-
-def _ratio(a: Vector, b: Vector) -> Vector:
-    """a/b, 0 where b = 0."""
-    return np.divide(a, b, out=np.zeros_like(a), where=b > 0)

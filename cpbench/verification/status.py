@@ -54,6 +54,8 @@ class Status(StrEnum):
 
 VERIFIED = (str(Status.SOLVED),)
 """Statuses of an answer that counts as solved."""
+REFUSED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE), str(Status.NOT_RUN))
+"""Statuses of pairs in which the solver never started."""
 MET_TOLERANCE = (*VERIFIED, str(Status.STATIONARY))
 """Statuses of an answer that meets the tolerance on the problem that was asked: enough to go on from it."""
 PROVEN = (str(Status.INFEASIBLE), str(Status.UNBOUNDED))

@@ -128,5 +128,5 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
 
 
 def beside_rows(relief: Vector | None, rows: int) -> Vector | float:
-    """What is cancelled in the rows beside z, and nothing in the others."""
+    """Put what is cancelled in the rows beside z before nothing in the others."""
     return 0.0 if relief is None else np.concatenate([relief, np.zeros(rows)])

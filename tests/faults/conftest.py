@@ -35,7 +35,8 @@ class Bench:
     def command(self, problems: Sequence[str], solvers: Sequence[str], *options: str) -> list[str]:
         chosen = [a for name in solvers for a in ("-s", name)]
         run = [sys.executable, "-m", "cpbench", "--plugin", str(PLUGIN), "run", *problems, *chosen]
-        return [*run, "--no-report", "-q", "-o", "r.sqlite", *options]
+        output = [] if "-o" in options else ["-o", "r.sqlite"]
+        return [*run, "--no-report", "-q", *output, *options]
 
     def run(
         self, problems: Sequence[str], solvers: Sequence[str], *options: str, **environment: str

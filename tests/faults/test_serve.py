@@ -25,7 +25,7 @@ SERVED: dict[str, tuple[str, float | None, float | None, str]] = {  # status, si
     "stall": ("timeout", None, None, "killed after 1 s"),
     "segfault": ("crash", 11, None, "last words of a program"),
     "exit": ("crash", None, 3, "exited with code 3"),
-    "exit-0": ("crash", None, 1, "exited with code 1"),  # a death is no success, whatever its code
+    "exit-0": ("crash", None, 0, "exited with code 0"),  # a death is no success, whatever its code
     "late": ("crash", 6, None, "SIGABRT"),
     "noise": ("error", None, None, "answered solve with 'iteration 1: 0.5'"),
     "json": ("error", None, None, "answered solve with '{\"ok\": true'"),

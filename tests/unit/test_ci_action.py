@@ -254,9 +254,16 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
     assert {row["status"] for row in base} == {"solved"}  # of its own checkout, whatever head does
     if change == "wrong":  # the commands of the summary run, when the run is over
         command = re.search(r"`(cpbench solve [^`]*)`", done.summary)
+        path = re.search(r"`export PYTHONPATH=([^`]*)`", done.summary)
         assert command is not None, done.summary
+        assert path is not None, done.summary
         again = subprocess.run(
-            shlex.split(command[1]), cwd=toy, env={**os.environ, **ENV}, capture_output=True, text=True, check=False
+            shlex.split(command[1]),
+            cwd=toy,
+            env={**os.environ, **ENV, "PYTHONPATH": path[1]},
+            capture_output=True,
+            text=True,
+            check=False,
         )
         assert (again.returncode, "by mine@head" in again.stdout, "wrong" in again.stdout) == (1, True, True), again
 

@@ -144,7 +144,7 @@ def test_a_dry_run_tells_the_matrix_the_grids_and_what_is_done(folder: Path) -> 
     assert "solvers: 1 lemke, 2 psor" in told
     assert "set loose: 2 problems x 4 solvers with options, routes exact, tolerance 0.001, 1e-06: 16 pairs" in told
     assert "  psor[omega=1:1.2:0.1]: 3 entries, 12 pairs" in told
-    assert "18 pairs to run: at most 6 min" in told
+    assert "18 pairs to run: worst case 6 min" in told
     told = run(folder, "--dry-run").stdout
     assert "night.sqlite has 2 of the 18 pairs; 16 are to be run" in told
     assert {path: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
@@ -261,9 +261,9 @@ def _assembly(limits: Limits, problems: int = 3, solver: str = "lemke") -> Assem
 )
 def test_the_bound_is_what_the_limits_allow(limits: Limits, asked: RunPlan, seconds: float) -> None:
     told = list(dry_run.lines(asked, _assembly(limits), {}))[-1]
-    assert told.startswith(f"3 pairs to run: at most {dry_run.duration(seconds)}")
+    assert told.startswith(f"3 pairs to run: worst case {dry_run.duration(seconds)}")
     recorded = _assembly(Limits(10.0, repeats=1, history=True), solver="pgs")
-    assert f"at most {dry_run.duration(6 * (10 + GRACE))}" in list(dry_run.lines(RunPlan(), recorded, {}))[-1]
+    assert f"worst case {dry_run.duration(6 * (10 + GRACE))}" in list(dry_run.lines(RunPlan(), recorded, {}))[-1]
     assert "without limit" in list(dry_run.lines(asked, _assembly(Limits(float("inf"))), {}))[-1]
 
 

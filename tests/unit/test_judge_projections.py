@@ -9,8 +9,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
 from cpbench.product_cones import Cone, ProductCone
-from cpbench.verification import sets
 from cpbench.verification.parallel_rows import ParallelRows
+from cpbench.verification.projections import project
 from cpbench.verification.verdict import judge
 
 EPS = float(np.finfo(np.float64).eps)
@@ -18,6 +18,8 @@ SIZES = (1e-12, 1e-4, 1.0, 1e4, 1e12)
 COEFFICIENTS = (0.0, 1e-8, 0.3, 1.0, 1e8)
 SHAPES = [
     *((Cone.SECOND_ORDER, 3, mu, 0.0) for mu in (*COEFFICIENTS, np.inf)),
+    (Cone.SECOND_ORDER, 2, 0.3, 0.0),
+    (Cone.SECOND_ORDER, 4, 1e-8, 0.0),
     *((Cone.ROLLING, size, mu, mu_r) for size in (3, 5) for mu, mu_r in ((0.3, 0.1), (0.0, 0.5), (1.0, 1e-8))),
     *((Cone.ROLLING_DUAL, size, 0.3, 0.1) for size in (3, 5)),
     *((Cone.CYLINDER, 3, mu, 0.0) for mu in COEFFICIENTS),
@@ -78,7 +80,7 @@ def _beyond_polar(kind: Cone, d: list[mpmath.mpf], mu: float, mu_r: float) -> mp
 def test_projections_satisfy_their_conditions(kind: Cone, size: int, mu: float, mu_r: float) -> None:
     """y = P(x) where y is in K, x − y is in the normal cone of K at y."""
     x = _points(size)
-    y = sets.project(kind, x, np.full(len(x), mu), np.full(len(x), mu_r))
+    y = project(kind, x, np.full(len(x), mu), np.full(len(x), mu_r))
     with mpmath.workdps(80):
         for row, image in zip(x, y, strict=True):
             a, b = [mpmath.mpf(float(v)) for v in row], [mpmath.mpf(float(v)) for v in image]
@@ -95,7 +97,7 @@ def test_projections_satisfy_their_conditions(kind: Cone, size: int, mu: float, 
 def test_projections_agree_with_those_of_the_solvers(kind: Cone, size: int, mu: float, mu_r: float) -> None:
     x = _points(size)
     count = len(x)
-    ours = sets.project(kind, x, np.full(count, mu), np.full(count, mu_r))
+    ours = project(kind, x, np.full(count, mu), np.full(count, mu_r))
     theirs = ProductCone.of((kind, count, size, mu, mu_r)).project(x.ravel()).reshape(x.shape)
     assert (np.abs(ours - theirs).max(axis=1) <= 100 * EPS * np.linalg.norm(x, axis=1)).all()
 

@@ -220,3 +220,31 @@ def test_nothing_to_do_on_a_large_problem(sweeps: int) -> None:
     assert output.claim is Claim.SOLVED
     assert output.point is not None
     assert not output.point.z.any()
+
+
+@pytest.mark.parametrize("n", [8, 300])
+def test_units_far_apart_change_neither_the_answer_nor_the_proof(n: int) -> None:
+    """A planted LCP, and one without a solution, with rows and unknowns in units 2^-40 to 2^40."""
+    rng = np.random.default_rng(n)
+    problem, point = planted.lcp(rng, n, "positive definite")
+    rows, unknowns = (np.exp2(rng.integers(-40, 41, n)) for _ in range(2))
+    uneven = LCP(M=np.asarray(problem.M) * rows[:, None] * unknowns, q=problem.q * rows)
+    solver, budget = lemke.Lemke(), Budget(tolerance=1e-8, seconds=60.0)
+    found = solver.run(uneven, budget)
+    assert found.claim is Claim.SOLVED
+    assert found.point is not None
+    np.testing.assert_allclose(found.point.z * unknowns, point.z, rtol=1e-8, atol=1e-9)
+    prepared = solver.setup(uneven, budget, lemke.LemkeOptions())
+    again = solver.solve(prepared, budget, lemke.LemkeOptions(), LCPPoint(point.z / unknowns))
+    assert again.claim is Claim.SOLVED
+    assert again.point is not None
+    np.testing.assert_allclose(again.point.z * unknowns, point.z, rtol=1e-8, atol=1e-9)
+    if n == 8:
+        none = LCP(M=-np.eye(n) * rows[:, None] * unknowns, q=-rows)
+        proof = solver.run(none, budget)
+        assert proof.claim is Claim.INFEASIBLE
+        y = proof.certificate  # of powers of two, as the data: nothing rounds
+        assert y is not None
+        assert (y >= 0.0).all()
+        assert (np.asarray(none.M).T @ y <= 0.0).all()
+        assert none.q @ y < 0.0

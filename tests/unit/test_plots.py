@@ -92,6 +92,8 @@ def test_a_solver_has_one_look_in_all_figures_whatever_is_shown() -> None:
         for chosen in ((), (label, other), (label,)):
             of_colour(draw(kind, run, Choice(solvers=chosen)), run.looks[label])
     assert len(set(run.looks.values())) == len(run.looks)
+    leading = profiles.performance_profile(rows_of.times(rows_of.normalised(SUITE))).leading(legend.EMPHASISED)
+    assert len({legend.colour(run.looks[name]) for name in leading}) == len(leading)
 
 
 def test_bands_are_around_the_leading_curves() -> None:

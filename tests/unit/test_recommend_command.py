@@ -97,6 +97,16 @@ def test_what_is_recommended_runs_and_solves(monkeypatch, capsys, problems: list
     assert json.loads(capsys.readouterr().out)["status"] == "solved"
 
 
+def test_one_tolerance_is_gone_by_and_asked_for(monkeypatch, capsys, problems: list[Path], measured: Path) -> None:
+    first = told(monkeypatch, capsys, problems[2], "--results", measured, "-t", "1e-6")["recommended"][0]
+    assert first["command"].endswith("--tolerance 1e-06")
+    assert first["similar"] == 2
+    assert cpbench(monkeypatch, "recommend", problems[2], "--results", measured, "-t", "1e-4") == 2
+    assert "nothing was measured at --tolerance 0.0001, but at 1e-06" in capsys.readouterr().err
+    assert cpbench(monkeypatch, "recommend", problems[2], "-t", "1e-6") == 2
+    assert "give --tolerance with --results of runs" in capsys.readouterr().err
+
+
 def test_by_the_shipped_table(monkeypatch, capsys, problems: list[Path]) -> None:
     assert cpbench(monkeypatch, "recommend", "builtin/lcp/lcp-classics.h5::murty-10", "--any") == 0
     said = capsys.readouterr().out

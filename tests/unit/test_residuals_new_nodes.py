@@ -383,19 +383,21 @@ def test_a_weak_coupling_hides_no_part_of_a_program() -> None:
     alone = QP.build(np.eye(1), np.array([-1.0]), lb=np.zeros(1))
     none = np.zeros(0)
     error = judge(problem, QPPoint(z=[1.0, 2.0], lam=none, mu=none, nu=np.zeros(2)), 1e-3).error
-    assert error == pytest.approx(judge(alone, QPPoint(z=[2.0], lam=none, mu=none, nu=[0.0]), 1e-3).error)
+    assert error == pytest.approx(judge(alone, QPPoint(z=[2.0], lam=none, mu=none, nu=[0.0]), 1e-3).error, rel=1e-3)
     assert error > 0.1
-    assert judge(problem, QPPoint(z=[1.0, 1.0], lam=none, mu=none, nu=np.zeros(2)), 1e-9).solved
+    right = [1.0 - 1e-16, 1.0 - 1e-8]
+    assert judge(problem, QPPoint(z=right, lam=none, mu=none, nu=np.zeros(2)), 1e-9).solved
 
 
 @pytest.mark.parametrize("decay", [0.5, 0.05, 0.005])
 def test_a_solution_that_decays_is_one_part(decay: float) -> None:
-    """Mz + q = 0 with z_k = decayᵏ, and each entry off by 1e-13 of the largest: as right as norms can say."""
-    n = 8
-    z = decay ** np.arange(n)
-    M = np.diag(np.full(n, 1.0)) - decay * np.diag(np.ones(n - 1), -1)
-    problem = LCP(M=M, q=-(M @ z))
-    assert judge(problem, LCPPoint(z=z + 1e-13), 1e-9).solved
+    """−z_{k−1} + (ρ + 1/ρ)z_k − z_{k+1} = 0 with z_k = ρᵏ, each off by 1e-13 of the largest: as right as norms say."""
+    n = 12
+    z = decay ** np.arange(n + 1)
+    M = (decay + 1.0 / decay) * E(n) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
+    q = np.zeros(n)
+    q[0], q[-1] = -1.0 / decay, -z[n]
+    assert judge(LCP(M=M, q=q), LCPPoint(z=z[:n] + 1e-13), 1e-9).solved
 
 
 def test_speed_hides_a_reaction_and_the_reader_is_told() -> None:

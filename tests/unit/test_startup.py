@@ -68,6 +68,7 @@ def test_a_plugin_may_not_take_the_name_of_a_solver_that_is_looked_for(tmp_path:
     [
         (["solve", "p.h5", "-s", "lemke"], True),
         (["run", "p.h5", "-s", "lemke", "--threads=1"], True),
+        (["run"], True),
         (["run", "--plan", "mine.toml"], False),
         (["run", "p.h5", "--plugin", "mine.py"], False),
         (["solve", "--help"], False),
@@ -100,3 +101,10 @@ def test_a_solver_that_compiles_is_put_off_and_others_are_timed_meanwhile(tmp_pa
     assert cold == ["daqp"] * 4 + ["psor"] * 4
     assert sorted(warm) == sorted(cold) != warm
     assert ["compiling" in "".join(lines) for lines in told] == [True, False]
+
+
+@pytest.mark.parametrize("command", ["run", "solve"])
+def test_what_tells_of_the_end_of_a_run_is_not_imported_at_its_beginning(command: str) -> None:
+    """Pandas takes longer to import than a small run to solve."""
+    code = f"import sys, cpbench.cli.{command}_command; print('pandas' in sys.modules, 'numba' in sys.modules)"
+    assert _said(code) == "False False"

@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from cpbench import storage
+from cpbench.analysis.attendance import left_out_lines
 from cpbench.bench import left_out
 from cpbench.bench.planning import grids, run_plan, suites
 from cpbench.bench.planning.plan import Entry, Pair, Request
@@ -133,7 +134,7 @@ def test_what_cannot_be_run_has_a_row_only_where_it_was_named(tmp_path: Path) ->
             ("asked", "unsupported"), ("asked", "unavailable"), ("kept", "unavailable"),
         ], "who is broken is no one's choice"  # fmt: skip
         told = store.meta()["left_out"]
-        assert left_out.lines(told) == [
+        assert left_out_lines(told) == [
             "no licence: kept (ask for one)",
             "not installed: gone (pip install gone)",
             "no route from lcp to guest, 2 pairs: M is not symmetric (0.3)",

@@ -115,15 +115,17 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
     first, more, again = _shares(todo, asked)
     limits = sorted({pair.limits.seconds for pair in todo})
     limit = duration(limits[0]) if len(limits) == 1 else f"{duration(limits[0])} to {duration(limits[-1])}"
-    parts = [f"solves to their limit of {limit} and {GRACE:g} s {duration(first)}"]
+    parts = [f"{duration(first)} if every solve times out ({limit} and {GRACE:g} s)"]
     if more:
-        parts.append(f"repeats of those below {SHORT:g} s {duration(more)}")
+        parts.append(f"{duration(more)} for repeats of those below {SHORT:g} s")
     if again:
-        parts.append(f"solves whose history is kept {duration(again)}")
+        parts.append(f"{duration(again)} for histories")
     if asked.retry:
         parts.append(f"{asked.retry} retries as much again each")
     lanes = f" on {asked.jobs} lanes" if asked.jobs > 1 else ""
-    return f"at most {duration(longest(todo, asked))}{lanes} ({'; '.join(parts)}); conversions and judging come on top"
+    return (
+        f"worst case {duration(longest(todo, asked))}{lanes} ({'; '.join(parts)}); conversions and judging come on top"
+    )
 
 
 def _recorded(pair: Pair) -> bool:

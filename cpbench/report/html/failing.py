@@ -61,6 +61,10 @@ def reasons(run: Run) -> Iterator[Markup]:
         head = ["route", "answers lost", "worst factor"]
         lines = ([code(r.route), r.lost, number(r.factor)] for r in each(lost))
         yield table("Conversions that lost answers", head, lines, right=[1, 2])
+    planned = attendance.left_out_lines(run.meta.get("left_out") or [])
+    if planned:
+        yield element("h3", "Could not be run")
+        yield element("ul", *(element("li", line) for line in planned))
     gone = attendance.absences(run.rows)
     if gone:
         yield element("h3", "Not available here")

@@ -30,8 +30,8 @@ def overview(run: Run) -> Iterator[Markup]:
     if waiting:
         told = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
         yield element("p", told, class_="note warning")
-    for remark in run.remarks:
-        yield element("p", f"{remark}.", class_="note warning")
+    if run.remarks:
+        yield element("p", " ".join(f"{remark}." for remark in run.remarks), class_="note warning")
     yield from _choices(run)
     yield element("p", class_="answer", data_answer="")
     yield element("div", data_figure="profile")

@@ -28,4 +28,26 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     return code, judged(q, z, w, z_unit)
 
 
+@njit(float64(MATRIX), cache=True, nogil=True)
+def spread(M):
+    """By how much the largest entries of the rows differ, or those of the columns; those without any do not count."""
+    n = M.shape[0]
+    column = np.zeros(n)
+    low, high = np.inf, 0.0
+    for i in range(n):
+        row = 0.0
+        for j in range(n):
+            size = abs(M[i, j])
+            row = max(row, size)
+            column[j] = max(column[j], size)
+        if row > 0.0:
+            low, high = min(low, row), max(high, row)
+    found = high / low
+    low, high = np.inf, 0.0
+    for j in range(n):
+        if column[j] > 0.0:
+            low, high = min(low, column[j]), max(high, column[j])
+    return max(found, high / low)
+
+
 READY = True

@@ -14,6 +14,7 @@ from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
+from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lcp_claims import conclude, dense_obstacle, ended_in_basis, error_of, farkas
 from cpbench.solvers.native.lcp.lemke_columns import BLOCKS, Columns
@@ -53,6 +54,8 @@ class Lemke(Solver):
     A start, or sweeps on a large problem, name a complementary basis, and the pivots begin at the principal transform
     of the LCP there, which has the same solutions and covers its own q' by e. Where that basis is singular, or the
     way from it ends in a ray or takes more than n pivots, all begins again at w = q: claims of a ray come from there.
+
+    Where rows or unknowns are in units far apart, everything happens in even ones (`even_units`), the claim too.
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -69,8 +72,10 @@ class Lemke(Solver):
     def obstacle(self, problem: LCP) -> str | None:
         return dense_obstacle(problem)
 
-    def setup(self, problem: LCP, budget: Budget, options: LemkeOptions) -> DenseLCP:
-        return dense_lcp(problem, by_columns=problem.q.size > SMALL)
+    def setup(self, problem: LCP, budget: Budget, options: LemkeOptions) -> DenseLCP | EvenLCP:
+        by_columns = problem.q.size > SMALL
+        lcp = dense_lcp(problem, by_columns=by_columns)
+        return in_even_units(lcp, by_columns) if APART < _spread()(lcp.M) < np.inf else lcp
 
     def warmup(self) -> None:
         linear_program.load()
@@ -79,12 +84,15 @@ class Lemke(Solver):
 
     def solve(
         self,
-        prepared: DenseLCP,
+        prepared: DenseLCP | EvenLCP,
         budget: Budget,
         options: LemkeOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
+        if isinstance(prepared, EvenLCP):
+            begin = None if start is None else prepared.entered(start)
+            return prepared.left(self.solve(prepared.lcp, budget, options, begin))
         n = prepared.problem.q.size
         if start is None and n <= SMALL:
             limit = budget.iterations or options.max_pivots or pivot_limit(n)
@@ -120,6 +128,11 @@ def _in_one_call(lcp: DenseLCP, limit: int, options: LemkeOptions) -> tuple[Vect
 @cache
 def _judged() -> tuple[Any, int]:
     return compiled(load("cpbench.solvers.kernels.lemke_judged").lemke_judged), load(PIVOTING).CODES
+
+
+@cache
+def _spread() -> Any:
+    return compiled(load("cpbench.solvers.kernels.lemke_judged").spread)
 
 
 def pivot_limit(n: int) -> int:

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Compares two builds of a solver: that of this checkout and that of the commit which it branched from. Both run on the
 # same problems in one interleaved run of cpbench, the base twice, which tells the noise of this machine; then
-# `cpbench compare` gives the verdict.
+# `cpbench compare` gives the verdict. What alarms is run once more by itself, and is an alarm if it alarms again.
 #
 #     compare.sh --solver FILE --base REF [--build COMMAND] [...]        in a git checkout
 #
@@ -145,8 +145,11 @@ if [ ${#both[@]} = 0 ]; then # nothing to compare with; wrong answers and crashe
   for name in "${fresh[@]}"; do asked+=(-s "$name@head"); done
   statuses+=$(tr , '\n' <<< "$fail_on" | sed -e '/^regression$/d' -e '/^inconclusive$/d' -e '/^$/d' -e 's/^/,/' | tr -d '\n')
 fi
+needed='' # to run a command of the summary again
 case $solver in
-  *.py) PYTHONPATH="$top/$(dirname "$solver"):$top/src:$top${PYTHONPATH:+:$PYTHONPATH}" && export PYTHONPATH ;;
+  *.py)
+    needed="$top/$(dirname "$solver"):$top/src:$top"
+    PYTHONPATH="$needed${PYTHONPATH:+:$PYTHONPATH}" && export PYTHONPATH ;;
 esac
 code=0
 logged timeout --foreground --signal INT --kill-after 60 "$budget" \
@@ -179,6 +182,7 @@ git diff --quiet HEAD || changed=' with changes that are not committed'
 {
   echo "\`$solver\`: base ${before:0:12}, head ${after:0:12}$changed."
   [ "$left" = 0 ] || echo "The budget of $budget was used up: $left of $((solves + left)) solves had no turn."
+  [ -z "$needed" ] || echo "Commands that run a pair again import from this checkout: \`export PYTHONPATH=$needed\` first."
   [ ${#fresh[@]} = 0 ] || echo "Only head has ${fresh[*]}: nothing to compare with."
 } > "$work/out/summary.md"
 verdict=new
@@ -191,6 +195,7 @@ else
     one=0
     logged python3 -m cpbench compare "$work/results.sqlite" --a "$name@base" --b "$name@head" \
       --noise "$name@base,$name@again" ${fail_on:+--fail-on "$fail_on"} \
+      --confirm --plugin "$solver" --plugin "$work/variants.toml" \
       -o "$work/$name.md" -o "$work/out/$name.json" -o "$work/out/$name.xml" || one=$?
     [ "$one" -le 1 ] || die "$name: the comparison ended with $one: $(last_words)"
     [ "$one" = 0 ] || code=1
