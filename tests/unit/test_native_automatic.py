@@ -42,7 +42,7 @@ def test_a_choice_solves_what_a_member_solves(name: str) -> None:
     choice = solvers.get(name)
     assert isinstance(choice, AutomaticChoice)
     for case in cases(choice.spec.node):
-        found = choice.run(case.problem, Budget(tolerance=1e-6, seconds=20.0))
+        found = choice.run(case.problem, Budget(tolerance=1e-6, seconds=120.0))
         if found.claim is Claim.SOLVED:
             assert_claim(case.problem, found.point, 1e-6)
         else:
@@ -50,7 +50,7 @@ def test_a_choice_solves_what_a_member_solves(name: str) -> None:
             assert not solved, f"{case.name}: {found.message}"
             for member in map(solvers.get, choice.members):
                 if member.obstacle(case.problem) is None:
-                    other = member.run(case.problem, Budget(tolerance=1e-6, seconds=20.0))
+                    other = member.run(case.problem, Budget(tolerance=1e-6, seconds=120.0))
                     assert other.claim is not Claim.SOLVED, f"{case.name}: {member.spec.name} solves it"
 
 

@@ -170,7 +170,7 @@ def test_every_line_search_and_regularization(name: str, search: Search, regular
         planted.fc(np.random.default_rng(1), 8, 3, "positive definite")[0],
         hyperstatic(np.random.default_rng(1), 12, 4, 3, sparse=False),
     ):
-        output = solvers.get(name).run(problem, Budget(tolerance=1e-8, seconds=10.0), options)
+        output = solvers.get(name).run(problem, Budget(tolerance=1e-8, seconds=120.0), options)
         assert output.claim is Claim.SOLVED, output.message
         assert judge(problem, answer(output), 1e-8).solved
 
@@ -195,7 +195,7 @@ def test_what_has_no_solution_ends_soon() -> None:
     """W_NN = 0 and q_N < 0: no reaction opens the contact."""
     problem = FrictionContact(W=np.diag([0.0, 1.0, 1.0]), q=np.array([-1.0, 0.5, 0.0]), mu=np.array([0.5]))
     for name in NEWTON:
-        output = solvers.get(name).run(problem, Budget(seconds=20.0))
+        output = solvers.get(name).run(problem, Budget(seconds=120.0))
         assert output.claim is Claim.FAILED
         assert "stalled" in output.message or "diverged" in output.message
 
@@ -269,6 +269,6 @@ def test_void_blocks_raise_nothing(name: str) -> None:
 )
 def test_real_files(shared_data: Path, name: str, file: str) -> None:
     problem = storage.load(shared_data / "fc3d_local" / file)
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-6, seconds=60.0))
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-6, seconds=120.0))
     assert output.claim is Claim.SOLVED, output.message
     assert_claim(problem, output.point, 1e-6)

@@ -153,7 +153,7 @@ def test_planted_contacts_are_solved(name: str, dimension: int) -> None:
 @pytest.mark.parametrize("name", VARIANTS)
 def test_what_has_no_solution_stalls(name: str) -> None:
     problem = FrictionContact(W=np.diag([0.0, 1.0, 1.0]), q=np.array([-1.0, 0.5, 0.0]), mu=np.array([0.5]))
-    output = solvers.get(name).run(problem, Budget(seconds=20.0))
+    output = solvers.get(name).run(problem, Budget(seconds=120.0))
     assert output.claim is Claim.FAILED
     assert "stalled" in output.message or "diverged" in output.message
 
@@ -186,6 +186,6 @@ def test_a_seed_gives_the_same_order(rng: np.random.Generator) -> None:
 )
 def test_real_files(shared_data: Path, name: str, file: str) -> None:
     problem = storage.load(shared_data / "fc3d_local" / file)
-    output = solvers.get(name).run(problem, Budget(tolerance=1e-6, seconds=30.0))
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-6, seconds=120.0))
     assert output.claim is Claim.SOLVED, output.message
     assert judge(problem, answer(output), 1e-6).solved

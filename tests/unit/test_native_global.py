@@ -122,7 +122,7 @@ def test_a_body_without_mass_is_refused() -> None:
 )
 def test_real_files(shared_data: Path, file: str, tolerance: float) -> None:
     problem = storage.load(shared_data / file)
-    output = solvers.get(SOLVERS[problem.node]).run(problem, Budget(tolerance=tolerance, seconds=60.0))
+    output = solvers.get(SOLVERS[problem.node]).run(problem, Budget(tolerance=tolerance, seconds=120.0))
     assert output.claim is Claim.SOLVED, output.message
     assert_claim(problem, output.point, tolerance)
 
@@ -202,6 +202,6 @@ def test_what_gauss_seidel_on_velocities_refuses() -> None:
 @pytest.mark.filterwarnings("ignore:.*6 digits")
 def test_real_files_by_gauss_seidel_on_velocities(shared_data: Path, file: str, tolerance: float) -> None:
     problem = storage.load(shared_data / file)
-    output = solvers.get("nsgs-global").run(problem, Budget(tolerance=tolerance, seconds=60.0))
+    output = solvers.get("nsgs-global").run(problem, Budget(tolerance=tolerance, seconds=120.0))
     assert output.claim is Claim.SOLVED, output.message
     assert_claim(problem, output.point, tolerance)
