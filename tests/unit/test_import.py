@@ -116,7 +116,7 @@ def test_every_form_is_found_and_judged(monkeypatch, capsys, tmp_path: Path, ask
     assert "nobody" in told.err
     assert "no row: mlcp 1" in told.err
     assert "no answer, and a row that says failed: 1 problem" in told.err
-    assert "4 answers have no time" in told.err
+    assert "no time (--times not given, or without a line): 4 answers" in told.err
     with Store(out) as store:
         kept = {key: answers.unpack(blob) for key, blob in store.answers()}
     np.testing.assert_array_equal(kept[first["key"]], PLANTED["planted-1"][1])

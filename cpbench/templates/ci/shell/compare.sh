@@ -129,6 +129,7 @@ fi
 mapfile -t both < <(comm -12 "$work/base.names" "$work/head.names")
 mapfile -t fresh < <(comm -13 "$work/base.names" "$work/head.names")
 cat "$work"/{base,again}.toml > "$work/others.toml"
+cat "$work"/{base,again,head}.toml > "$work/variants.toml" # for the comparison, which may solve again
 mkdir -p "$output"
 cp "$work/head.toml" "$output/variants.toml"
 
