@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Compares two builds of a solver: that of this checkout and that of the commit which it branched from. Both run on the
 # same problems in one interleaved run of cpbench, the base twice, which tells the noise of this machine; then
-# `cpbench compare` gives the verdict.
+# `cpbench compare` gives the verdict. What alarms is run once more by itself, and is an alarm if it alarms again.
 #
 #     compare.sh --solver FILE --base REF [--build COMMAND] [...]        in a git checkout
 #
@@ -196,6 +196,7 @@ else
     one=0
     logged python3 -m cpbench compare "$work/results.sqlite" --a "$name@base" --b "$name@head" \
       --noise "$name@base,$name@again" ${fail_on:+--fail-on "$fail_on"} \
+      --confirm --plugin "$solver" --plugin "$output/variants.toml" --plugin "$work/others.toml" \
       -o "$work/$name.md" -o "$work/out/$name.json" -o "$work/out/$name.xml" || one=$?
     [ "$one" -le 1 ] || die "$name: the comparison ended with $one: $(last_words)"
     [ "$one" = 0 ] || code=1
