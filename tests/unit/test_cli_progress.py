@@ -35,6 +35,9 @@ class Slow(Solver):
         return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z=-prepared.q / 2.0))
 """
 
+LEMKE = r"lemke\s+[1-9]\d*\s"
+"""A row of the live table: the solver, and that it has solved some."""
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -76,12 +79,12 @@ def on_a_terminal(folder: Path, arguments: list[str], until: Callable[[str], boo
 def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder: Path) -> None:
     """Interrupted while the second problem is being solved: exit code 130, nothing half-written, and it goes on."""
     arguments = command("-s", "lemke", "-s", "slow", "--timeout", "20s", "-o", "r.sqlite")
-    code, seen = on_a_terminal(folder, arguments, lambda text: "slow on p" in text and "solved" in text)
+    code, seen = on_a_terminal(folder, arguments, lambda text: "slow on p" in text and bool(re.search(LEMKE, text)))
     assert code == 130, seen
     assert re.search(r"done\s+\d+ of 80 pairs", seen), seen
     assert re.search(r"solving\s+slow on p\d+\s+[\d.]+ s of 20 s", seen), seen
     assert re.search(r"solver\s+solved\s+failed\s+time", seen), seen
-    assert re.search(r"lemke\s+[1-9]\d*\s+·\s+[\d.]+ s", seen), seen
+    assert re.search(LEMKE, seen), seen
     assert "left" in seen
     assert "interrupted; r.sqlite has what was done, the same command goes on" in " ".join(seen.split())
     with Store(folder / "r.sqlite") as store:
