@@ -2,7 +2,8 @@
 
 A nonlinear map is taken as its linearization at the answer, F(x) = F′(z)x + (F(z) − F′(z)z): the terms of a row are
 those of F′(z)z and the rest is its constant, however F is written down. Where F has degree 0 (excess demand of prices),
-the rest is F(z), 0 at a solution; but 0 does not solve it: such a row has a constant, as large as its terms.
+the rest is F(z), 0 at a solution; but 0 does not solve it: such a row has a constant, as large as its terms. Where F
+has degree d > 0 (a square), the rest is (1 − d)F(z), as small as the row: such a row has no constant.
 """
 
 from __future__ import annotations
@@ -138,7 +139,7 @@ def _with_rows(
     first = int(block[-1]) + 1 if len(block) else 0
     constant = force - slope @ z
     if P.node != "nlp":
-        constant = _of_degree_0(P.F, z, slope, constant)
+        constant = _of_one_degree(P.F, z, force, slope, constant)
     load = _norms(constant, block)
     if multipliers is None:
         return System(Frame(Terms.of_blocks(slope, block, block), load, own, block), z, force)
@@ -167,13 +168,20 @@ def _with_rows(
     )
 
 
-def _of_degree_0(F: Any, z: Vector, slope: Any, constant: Vector) -> Vector:
-    """The constants of the rows of F; where one is 0 although the row is not 0 at 0, the size of its terms."""
+DEGREES = (1.0, 2.0, 3.0, 4.0)
+"""Degrees of homogeneous rows that are told from others: F(2z) = 2ᵈF(z) holds without rounding."""
+
+
+def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vector) -> Vector:
+    """Correct the constants of homogeneous rows: of degree 0 the size of their terms, of other degrees 0."""
+    at_0 = F(np.zeros_like(z))
     empty = constant == 0
-    if not empty.any():
-        return constant
-    empty &= F(np.zeros_like(z)) != 0  # no number counts as not 0
-    return np.where(empty, abs(slope) @ np.abs(z), constant)
+    result = np.where(empty & (at_0 != 0), abs(slope) @ np.abs(z), constant)  # no number counts as not 0
+    if ((at_0 == 0) & ~empty).any():
+        doubled = F(2.0 * z)
+        homogeneous = np.any([doubled == 2.0**degree * value for degree in DEGREES], axis=0)
+        result[(at_0 == 0) & homogeneous] = 0.0
+    return result
 
 
 def _simple(P: Any, K: Any, lb: Vector, ub: Vector, n: int) -> tuple[list[Any], Any]:

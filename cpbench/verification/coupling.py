@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.matrices import Vector
+from cpbench.verification.backward_error import EPS
 from cpbench.verification.frame import Terms, inverse, segment_max
 from cpbench.verification.parts import Parts
 from cpbench.verification.sets import Flags
@@ -26,13 +27,18 @@ FELT = 1e-3
 
 
 def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts:
-    """The parts, without small blocks that no felt term couples to the others, by the sizes of an answer.
+    """Part off small blocks that no felt term couples to the others, by the sizes of an answer.
 
-    `sizes` are those of the unknowns, `gross` the sums of the rows. What would have no size by itself stays; `held`
-    unknowns have one, at a bound that is not 0.
+    `sizes` are those of the unknowns, `gross` the sums of the rows. What would have no size by itself stays, and so
+    does what has only sides that are rounding beside its part; `held` unknowns have a size, at a bound that is not 0.
+    Rows beside z and rows beside multipliers are compared apart: the objective's unit is in one of them only.
     """
     compared = gross * parts.per_row
-    small = np.flatnonzero(compared < FELT * parts.every.spread(parts.every.largest(compared)))
+    prices, sides = (group.largest(compared[group.at]) for group in (parts.z, parts.multipliers))
+    scale = np.zeros(compared.size)
+    for group, largest in ((parts.z, prices), (parts.multipliers, sides)):
+        scale[group.at] = group.spread(largest)
+    small = np.flatnonzero(compared < FELT * scale)
     if not small.size:
         return parts
     pairs = _felt_pairs(parts.frame.terms, small, sizes, gross)
@@ -53,8 +59,9 @@ def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts
     if not new.any():
         return parts
     apart = _with(parts, small[new], parts.count + label[: small.size][new])
-    sized = apart.every.spread((apart.sides > 0) | ((apart.prices > 0) & apart.curved) | apart.every.any(held))
-    new &= sized[small]
+    sided = apart.every.spread(apart.sides) > EPS * parts.every.spread(sides)
+    priced = apart.every.spread((apart.prices > 0) & apart.curved)
+    new &= (sided | priced | apart.every.spread(apart.every.any(held)))[small]
     return _with(parts, small[new], parts.count + label[: small.size][new]) if new.any() else parts
 
 

@@ -8,6 +8,8 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations import LCP, QP, FCPoint, FrictionContact, LCPPoint, QPPoint
+from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.generators.equations import powell_singular
 from cpbench.testing import planted
 from cpbench.testing.cases import cases
 from cpbench.verification import judge
@@ -109,3 +111,14 @@ def test_a_problem_without_constants_is_measured_absolutely() -> None:
     verdict = judge(problem, LCPPoint(z=[1e-9, 0.0]), 1e-6)
     assert verdict.solved
     assert verdict.flags == ("absolute",)
+
+
+@pytest.mark.parametrize(("step", "solved"), [(1e-5, True), (1e-2, False)])
+def test_rows_of_degree_2_have_no_constants(step: float, solved: bool) -> None:
+    """Powell's singular function: whatever z ≠ 0 is, a third of a squared row's terms is left, and no unit is given."""
+    problem = powell_singular().problem
+    assert isinstance(problem, Equation)
+    verdict = judge(problem, EquationPoint(z=step * np.array([1.0, -0.1, 0.5, 0.5])), 1e-6)
+    assert verdict.solved == solved
+    assert verdict.flags == ("absolute",)
+    assert verdict.error == pytest.approx(np.abs(problem.F(step * np.array([1.0, -0.1, 0.5, 0.5]))).max())

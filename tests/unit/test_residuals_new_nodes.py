@@ -389,6 +389,17 @@ def test_a_weak_coupling_hides_no_part_of_a_program() -> None:
     assert judge(problem, QPPoint(z=right, lam=none, mu=none, nu=np.zeros(2)), 1e-9).solved
 
 
+@pytest.mark.parametrize("side", [0.0, 1e-17])
+def test_a_side_that_is_rounding_gives_no_part_a_size(side: float) -> None:
+    """z₂ − z₃ = 1e-17 beside z₁ = 100, as subtractions leave it in files: z₂ = 1e-12 is no error of 100,000."""
+    none, p = np.zeros(0), np.array([-200.0, 1e-2, 1e-2])
+    C = np.array([[1.0, 1e-9, 0.0], [0.0, 1.0, -1.0], [0.0, 1.0, 1.0]])
+    problem = QP.build(E(3), p, C=C, d=np.array([100.0, side, 0.0]))
+    z = np.array([100.0, 1e-12, 1e-12])
+    point = QPPoint(z=z, lam=none, mu=np.linalg.solve(C.T, z + p), nu=np.zeros(3))
+    assert judge(problem, point, 1e-9).solved
+
+
 @pytest.mark.parametrize("decay", [0.5, 0.05, 0.005])
 def test_a_solution_that_decays_is_one_part(decay: float) -> None:
     """−z_{k−1} + (ρ + 1/ρ)z_k − z_{k+1} = 0 with z_k = ρᵏ, each off by 1e-13 of the largest: as right as norms say."""
