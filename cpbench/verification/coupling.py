@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from cpbench.matrices import Vector
 from cpbench.verification.backward_error import EPS
 from cpbench.verification.frame import Terms, inverse, segment_max
-from cpbench.verification.parts import Parts
+from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
 
 FELT = 1e-3
@@ -45,16 +45,20 @@ def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts
     number = np.full(sizes.size, -1)
     number[small] = np.arange(small.size)
     ends = number[pairs]
-    linked = np.zeros(small.size, dtype=bool)
-    linked[ends.max(axis=0)[ends.min(axis=0) < 0]] = True
-    if linked.all():  # each by itself, to what is not small
-        return parts
     nodes = small.size + parts.count  # what is not small is one node a part
     row, column = np.where(ends < 0, small.size + parts.part[pairs], ends)
+    if parts.measure is Measure.PAIRS:  # an unknown is where it is felt, whatever the size of the row beside it
+        column = nodes + pairs[1]
+        nodes += sizes.size
+    else:
+        linked = np.zeros(small.size, dtype=bool)
+        linked[ends.max(axis=0)[(ends.min(axis=0) < 0) & (ends.max(axis=0) >= 0)]] = True
+        if linked.all():  # each by itself, to what is not small
+            return parts
     graph = sp.coo_array((np.ones(row.size), (row, column)), shape=(nodes, nodes))
     count, label = connected_components(graph, directed=False)
     own = np.full(count, -1)
-    own[label[small.size :]] = np.arange(parts.count)
+    own[label[small.size : small.size + parts.count]] = np.arange(parts.count)
     new = own[label[: small.size]] < 0
     if not new.any():
         return parts
@@ -66,7 +70,7 @@ def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts
 
 
 def _felt_pairs(terms: Terms, small: Any, sizes: Vector, gross: Vector) -> Any:
-    """Rows and unknowns of the terms that are felt, of those with a small row or a small unknown; shape (2, count)."""
+    """Rows and unknowns of the terms that are felt, of the unknowns of small rows and pairs; shape (2, count)."""
     rows = terms.rows[small]
     asked = np.zeros(sizes.size, dtype=bool)
     asked[small] = asked[rows.indices] = True
@@ -77,9 +81,6 @@ def _felt_pairs(terms: Terms, small: Any, sizes: Vector, gross: Vector) -> Any:
     extent = np.maximum(sizes[of_unknown], inverse(segment_max(share, columns.indptr)))
     unknown = np.repeat(of_unknown, np.diff(columns.indptr))
     felt = ~(share * np.repeat(extent, np.diff(columns.indptr)) < FELT)
-    touched = np.zeros(sizes.size, dtype=bool)
-    touched[small] = True
-    felt &= touched[unknown] | touched[columns.indices]
     return np.stack([columns.indices[felt], unknown[felt]])
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.matrices import Vector, norm
@@ -85,7 +86,7 @@ class Parts:
     ----------
     frame : the problem. measure : what is summed over a part.
     per_row, per_unknown : (k,) equilibration: rows and unknowns of a part are compared times these.
-    part : (k,) number of the part of each block. count : how many there are.
+    part : (k,) number of the part of each block, of pairs that of its row. count : how many there are.
     inner : (k,) whether a row beside z has a term in some z. split : whether terms couple parts that are apart.
     """
 
@@ -101,16 +102,22 @@ class Parts:
     @classmethod
     def of(cls, frame: Frame, sizes: Any, measure: Measure) -> Parts:
         """Find them by the sizes of the problem's terms."""
-        if measure is Measure.PAIRS:  # rows and unknowns may have units of their own
+        if measure is Measure.PAIRS:  # rows and unknowns may have units of their own, and prices go beside sides
             rows, unknowns = equilibrate_apart(sizes)
+            both = connected_components(sp.block_array([[None, sizes], [sizes.T, None]]), directed=False)[1]
+            of_rows, of_unknowns = np.split(both, 2)
+            split = bool((of_rows != of_unknowns).any())
+            found, part = np.unique(of_rows, return_inverse=True)
+            count = found.size
         else:
             rows = unknowns = equilibrate(sizes + sizes.T)
-        count, part = connected_components(sizes, directed=False)
+            count, part = connected_components(sizes, directed=False)
+            split = False
         if frame.multiplier is None:
             inner = np.diff(sizes.indptr) > 0
         else:
             inner = ~frame.multiplier & (sizes @ (~frame.multiplier).astype(np.float64) > 0)
-        return cls(frame, measure, rows, 1.0 / unknowns, part, int(count), inner)
+        return cls(frame, measure, rows, 1.0 / unknowns, part, int(count), inner, split)
 
     @cached_property
     def every(self) -> Group:
