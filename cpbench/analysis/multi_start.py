@@ -120,6 +120,7 @@ def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[Fo
 def clustered(points: Sequence[Vector]) -> tuple[list[int], list[Vector]]:
     """The number of each point's solution, from 1, and the first point of each; numbered by how many points they have.
 
+    >>> import numpy as np
     >>> numbers, centres = clustered([np.array([0.0, 1.0]), np.array([2.0, 0.0]), np.array([2.0, 1e-6])])
     >>> numbers, centres[0].tolist()
     ([2, 1, 1], [2.0, 0.0])

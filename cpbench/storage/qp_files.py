@@ -108,7 +108,7 @@ class QPNpz(Format):
         no_member(path, member)
         shapes = npz_shapes(path)
         size = max(shapes["q"], default=0)  # a vector, or a column
-        if shapes["P"] != (size, size):
+        if len(shapes["P"]) == 2 and shapes["P"] != (size, size):
             shown = "x".join(map(str, shapes["P"]))
             raise FormatError(path, "P", f"is {shown}, expected {size}x{size} (q has {size} numbers)")
         found = read_npz(path, optional=frozenset(_NPZ_KEYS[2:]))

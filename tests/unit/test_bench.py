@@ -281,7 +281,6 @@ def test_a_file_that_is_gone_after_planning_is_an_error(lane: Lane, tmp_path: Pa
 
 def _hanging(path: Path) -> Path:
     """A file that never opens, as on a network drive that does not answer: a pipe nobody writes to."""
-    path.unlink(missing_ok=True)
     os.mkfifo(path)
     return path
 
@@ -292,13 +291,15 @@ def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
     survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     lane.survey(str(_lcp(tmp_path, "other")), [plan.exact()])  # the referee holds one problem
-    hanging = _hanging(tmp_path / "p.h5")
-    monkeypatch.setattr(lanes, "REFEREE", replace(lanes.REFEREE, floor=0.3))
-    quick = replace(pair, limits=replace(LIMITS, seconds=0.2))
+    address = tmp_path / "p.h5"
+    address.unlink()
+    _lcp(tmp_path, n=4000)  # 128 MB, for which 20 ms are not enough
+    monkeypatch.setattr(lanes, "REFEREE", replace(lanes.REFEREE, floor=0.02))
+    quick = replace(pair, limits=replace(LIMITS, seconds=0.02))
     row = lane.run(quick, lane.prepare(quick)).row
-    assert (row["status"], row["message"]) == ("error", "loading: no reply within 0.3 s")
+    assert (row["status"], row["message"]) == ("error", "loading: no reply within 0.02 s")
     monkeypatch.undo()
-    hanging.unlink()
+    address.unlink()
     _lcp(tmp_path)
     assert lane.run(pair, lane.prepare(pair)).status == "solved"
 

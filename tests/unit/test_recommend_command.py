@@ -135,7 +135,8 @@ def test_warm_goes_by_warm_rows_and_says_when_there_are_none(
     assert cold["recommended"][0]["label"] == "psor"
     assert "lcp-enumeration" not in {one["label"] for one in cold["recommended"]}, "it takes no starting point"
     assert any("no warm start was measured" in remark for remark in cold["remarks"])
-    assert cold["recommended"][0]["command"].endswith(" --start file")
+    assert "the file has no starting point (guesses), so the command starts cold" in cold["remarks"]
+    assert "--start" not in cold["recommended"][0]["command"]
     warm = results(tmp_path / "warm.sqlite", problems[:2], {"psor": 1.0, "pgs": 0.1}, start="file")
     found = told(monkeypatch, capsys, problems[2], "--results", measured, "--results", warm, "--warm")
     assert found["recommended"][0]["label"] == "pgs"

@@ -259,7 +259,7 @@ def test_what_may_follow_the_last_number(end: str, tmp_path: Path) -> None:
         ("0.5", "fits the layouts of plasticity as older files have it and siconos-rfc2d: say which with --format"),
         ("1.0", "fits the layouts of plasticity as older files have it and siconos-rfc2d"),
         ("2", "fits the layouts of plasticity as older files have it and siconos-rfc2d"),
-        ("0.1 0.2 0.3", "has 2 more numbers after the last one .*, nearest siconos-rfc2d"),
+        ("0.1 0.2 0.3", "has more than 1 numbers after the last one .*, nearest siconos-rfc2d"),
     ],
 )
 def test_other_numbers_after_the_last_are_refused(end: str, reason: str, tmp_path: Path) -> None:
@@ -270,7 +270,9 @@ def test_other_numbers_after_the_last_are_refused(end: str, reason: str, tmp_pat
     if " " not in end:
         rolling: Any = storage.load(tmp_path / "a.dat", format="siconos-rfc2d")
         assert (rolling.node, rolling.dimension, rolling.mu_r.tolist()) == ("rfc", 3, [float(end)])
-    with pytest.raises(FormatError, match=r"end: has [13] more numbers after the last one of this layout"):
+    with pytest.raises(
+        FormatError, match=r"end: has (more than )?[13] (more )?numbers after the last one of this layout"
+    ):
         storage.load(tmp_path / "a.dat", format="siconos-fc3d")
 
 
