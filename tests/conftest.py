@@ -23,10 +23,7 @@ for _variable in THREAD_VARIABLES:  # as in a run; numba takes no other number o
     os.environ[_variable] = "1"
 _state = tempfile.TemporaryDirectory(prefix="cpbench-state-")
 os.environ["XDG_STATE_HOME"] = _state.name  # the key with which results are sealed is the user's own, not a test's
-for _variable in (
-    "COLUMNS",
-    "LINES",
-):  # the `readline` that pytest imports leaves them to the processes of a parallel run
+for _variable in ("COLUMNS", "LINES"):  # readline, which pytest imports, leaves them to parallel runs
     os.environ.pop(_variable, None)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell leaves it that starts this in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)  # else no child would hear the Ctrl-C of a test

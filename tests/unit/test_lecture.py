@@ -268,7 +268,9 @@ def test_commands_on_the_page_work(sections, tmp_path, monkeypatch):
         program, *arguments = line.split()
         assert program == "cpbench"
         done = runner.invoke(cli, arguments, catch_exceptions=False)
-        assert done.exit_code == 0, f"{line}: {done.output}"
+        # of an answer on facets, say, `solve` measures the error and ends with 1
+        measured = arguments[0] in ("solve", "verify") and "error " in done.output
+        assert done.exit_code == 0 or (measured and done.exit_code == 1), f"{line}: {done.output}"
 
 
 def test_tutorial_command(tmp_path, monkeypatch):

@@ -114,7 +114,7 @@ def problems(known: dict[str, Problem]) -> dict[str, Problem]:
     four, program, plant = four_unknowns(np.array([0.9, 0.1, 2.8, 0.1])), program_14(), ball()
     return {
         "kojima-shindo": four,
-        "kojima-shindo-equation": converted(four, "ncp-micp", "micp-equation-fb"),
+        "kojima-shindo-equation": converted(four, "ncp-micp", "micp-equation-min"),
         "program": program,
         "program-conditions": converted(program, "nlp-micp"),
         "program-inclusion": converted(program, "nlp-ge"),
