@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ import pytest
 
 from cpbench import kernel_cache
 from cpbench.bench.processes.launch import THREAD_VARIABLES
+from cpbench.registry import DECLARED, PLUGIN_FILES
 
 for _variable in THREAD_VARIABLES:  # as in a run; numba takes no other number once its threads are there
     os.environ[_variable] = "1"
@@ -39,6 +41,18 @@ collect_ignore = [
     "faults/served_faults.py",
 ]
 _unexpected: list[str] = []
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_plugins_of_others() -> Iterator[None]:
+    """What a command in the test's process loads or declares reaches the processes of its own module only."""
+    before = {name: os.environ.get(name) for name in (PLUGIN_FILES, DECLARED)}
+    yield
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
 
 
 @pytest.fixture

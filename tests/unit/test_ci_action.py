@@ -30,6 +30,8 @@ SCRIPT = ROOT / "cpbench/templates/ci/shell/compare.sh"
 TOY = ROOT / "tests/ci_toy"
 COMPILER = shutil.which("c++") or shutil.which("g++")
 ENV = {
+    "CPBENCH_PLUGINS": "",
+    "CPBENCH_SOLVERS": "",
     "PATH": os.pathsep.join([os.path.dirname(sys.executable), os.environ["PATH"]]),
     "GIT_CONFIG_GLOBAL": os.devnull,
     **{f"GIT_{who}_{what}": f"{what}@example.org" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")},
