@@ -1,6 +1,8 @@
-"""Numbers with their nouns, in messages and reports."""
+"""Numbers with their nouns, and names of which there are many, in messages and reports."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 
 def counted(value: int, noun: str, nouns: str = "") -> str:
@@ -10,3 +12,13 @@ def counted(value: int, noun: str, nouns: str = "") -> str:
     ('1 problem', '2 problems', '2 families')
     """
     return f"{value} {noun}" if value == 1 else f"{value} {nouns or noun + 's'}"
+
+
+def some_of(names: Sequence[str], most: int) -> str:
+    """Join the first names, and count the others.
+
+    >>> some_of("abc", 6), some_of("abc", 2)
+    ('a, b, c', 'a, b and 1 more')
+    """
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

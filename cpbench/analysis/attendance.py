@@ -1,4 +1,4 @@
-"""Who took part: solvers that could not run here, and those whose figures may not be published."""
+"""Solvers that could not run here, and those whose figures may not be published."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 
 import pandas as pd
 
+from cpbench.plurals import counted, some_of
 from cpbench.verification import REFUSED, Status
 
 LACK = {"missing": "not installed", "licence": "no licence"}
-"""What is said of solvers that a run left out, by the status of the entry."""
+"""Words for solvers that a run left out, by the status of the entry."""
 _ROUTE = re.compile(r"^no \w+ route from \w+ to \w+: ")
 """How a reason begins that says of one node what its line says of the solvers."""
 NAMED, FEW = 6, 2
@@ -75,11 +76,11 @@ def without(table: pd.DataFrame, solvers: Collection[str]) -> pd.DataFrame:
 
 
 def left_out_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
-    """What a run left out (`left_out` of the facts of its results): a line for each way to install what is not there,
-    for each licence, and for each formulation without a route."""
+    """Write a line for each way to install what a run left out, for each licence, and for each formulation without a
+    route; `entries` are `left_out` of the facts of its results."""
     entries = list(entries)
     told = [
-        f"{LACK[entry['status']]}: {_some(entry['solvers'])} ({entry['reason']})"
+        f"{LACK[entry['status']]}: {some_of(sorted(entry['solvers']), NAMED)} ({entry['reason']})"
         for entry in entries
         if entry["status"] in LACK
     ]
@@ -91,17 +92,8 @@ def left_out_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
         solvers = {name: 0 for entry in reasons for name in entry["solvers"]}
         count = sum(len(entry["keys"]) for entry in reasons)
         most = max(reasons, key=lambda entry: len(entry["keys"]))
-        pairs = "1 pair" if count == 1 else f"{count} pairs"
-        told.append(f"no route from {node} to {_some(solvers, FEW)}, {pairs}: {_ROUTE.sub('', most['reason'])}")
+        pairs = counted(count, "pair")
+        told.append(
+            f"no route from {node} to {some_of(sorted(solvers), FEW)}, {pairs}: {_ROUTE.sub('', most['reason'])}"
+        )
     return told
-
-
-def _some(solvers: Iterable[str], most: int = NAMED) -> str:
-    """Some names, and how many more there are.
-
-    >>> _some("abc"), _some("abcdefghi")
-    ('a, b, c', 'a, b, c, d, e, f and 3 more')
-    """
-    names = sorted(solvers)
-    more = len(names) - most
-    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

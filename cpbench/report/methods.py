@@ -45,7 +45,7 @@ unknowns, idle rows and bounds, other problems beside, the order and the number 
 measured by the sum of the sizes of its terms, an unknown by its largest effect on a row, and the error is the largest
 natural map of a pair in these units (Oettli and Prager 1964). Methods hold their conditions in norms: in linear
 problems, programs (QP, cone QP, NLP) and contact problems every connected part, equilibrated, has one size for its
-rows; small rows that no term couples noticeably to large ones are a part of their own.
+rows; small rows that no term couples noticeably to large ones are a part of their own, and so are prices beside sides.
 Programs are measured by feasibility, stationarity and the gap (the sum of the products of pairs), contact by the
 natural map of the friction law, the equations of motion and the joints in energy; nonlinear problems row by row.
 No idle side sets a size. What no answer may have (penetration, violated rows) is held against the data alone,

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from cpbench.plurals import counted as counted  # part of the words of a report
+from cpbench.plurals import some_of
 
 _SPECIAL = re.compile(r"([\\`*\[\]#~$!|])|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 _FACETS = re.compile(r"(inner|outer)(\d+)(?:-(\w+))?")
@@ -110,8 +111,7 @@ def listed_plainly(labels: Sequence[str], most: int = 4) -> str:
     >>> listed_plainly(["a", "b", "c"], 2)
     'a, b and 1 more'
     """
-    shown = ", ".join(one_line(label) for label in labels[:most])
-    return f"{shown} and {len(labels) - most} more" if len(labels) > most else shown
+    return some_of([one_line(label) for label in labels], most)
 
 
 def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:

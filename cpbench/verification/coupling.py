@@ -52,7 +52,8 @@ def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts
         nodes += sizes.size
     else:
         linked = np.zeros(small.size, dtype=bool)
-        linked[ends.max(axis=0)[(ends.min(axis=0) < 0) & (ends.max(axis=0) >= 0)]] = True
+        low, high = ends.min(axis=0), ends.max(axis=0)
+        linked[high[(low < 0) & (high >= 0)]] = True
         if linked.all():  # each by itself, to what is not small
             return parts
     graph = sp.coo_array((np.ones(row.size), (row, column)), shape=(nodes, nodes))

@@ -12,6 +12,7 @@ beside the multipliers. With the rows f in these sizes, and every unknown by its
 The sum of products is the duality gap: a pair of which both are √ε is optimal to ε.
 
 - No idle side, price or open contact sets a size: its constant counts as far as other terms of its row balance it.
+- Rows and unknowns of pairs may have no term in common (prices beside sides): each such system is a part.
 - Small rows that no felt term couples to large ones are parts of their own (`coupling`).
 - What no constant feeds has the solution 0 and no size: it is measured absolutely. A part without an objective needs
   no multipliers.
