@@ -16,6 +16,8 @@ Rows without a constant need one more rule. Where all of their unknowns should b
 such a row has no size of its own. A row is therefore only as *definite* as what feeds it: a constant makes it
 definite without limit, an unknown as far as it has an effect on another definite row. An error in a row counts up to
 that, and so does an effect. What no constant feeds is homogeneous: 0 solves it, and it is measured absolutely.
+What vanishes with an unknown that a nonlinear row says is 0 makes the row no more definite than that unknown is small
+in it (`vanishing`).
 """
 
 from __future__ import annotations
@@ -114,15 +116,16 @@ def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector, asked: 
 def _definite(frame: Frame, sizes: Vector, scale: Vector, fixed: Flags) -> Vector:
     """How definite every row is: ∞ with a constant or a fixed unknown, else as far as an unknown is that it has."""
     rows, columns = frame.terms.rows, frame.terms.columns
-    definite = np.where(frame.constants > 0, np.inf, 0.0)
+    caps = frame.caps
+    definite = np.where(frame.constants > 0, np.inf if caps is None else caps.constants, 0.0)
     if ((definite > 0) | (scale <= 0)).all():
         return definite
     known = np.where(fixed & (sizes > 0), np.inf, 0.0)
     effect = columns.data * inverse(scale)[columns.indices] * np.repeat(sizes, np.diff(columns.indptr))
-    some = (rows.data > 0) & (sizes[rows.indices] > 0)
+    some = np.where((rows.data > 0) & (sizes[rows.indices] > 0), np.inf if caps is None else caps.entries, 0.0)
     for _ in range(PASSES):
         unknowns = np.maximum(known, segment_max(np.minimum(effect, definite[columns.indices]), columns.indptr))
-        risen = np.maximum(definite, segment_max(np.where(some, unknowns[rows.indices], 0.0), rows.indptr))
+        risen = np.maximum(definite, segment_max(np.minimum(some, unknowns[rows.indices]), rows.indptr))
         if np.array_equal(risen, definite):
             return definite
         definite = risen

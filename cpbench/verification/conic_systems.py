@@ -18,6 +18,7 @@ from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms, block_norms
 from cpbench.verification.parallel_rows import ParallelRows
 from cpbench.verification.systems import RowsFrame, beside_rows, kept
+from cpbench.verification.vanishing import ROUNDING, caps
 
 
 def soclcp(P: Any, point: Any) -> System:
@@ -142,7 +143,8 @@ def _with_rows(
         constant = _of_one_degree(P.F, z, force, slope, constant)
     load = _norms(constant, block)
     if multipliers is None:
-        return System(Frame(Terms.of_blocks(slope, block, block), load, own, block), z, force)
+        found = caps(P.F, z, force, slope) if P.node in ("ncp", "micp", "equation") else None
+        return System(Frame(Terms.of_blocks(slope, block, block), load, own, block, caps=found), z, force)
     n, m = z.size, multipliers.size
     A = sp.csr_array(sp.vstack(rows)) if len(rows) else sp.csr_array((0, n))
     whole = np.concatenate([block, first + np.arange(m)])
@@ -175,12 +177,13 @@ DEGREES = (1.0, 2.0, 3.0, 4.0)
 def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vector) -> Vector:
     """Correct the constants of homogeneous rows: of degree 0 the size of their terms, of other degrees 0."""
     at_0 = F(np.zeros_like(z))
-    empty = constant == 0
-    result = np.where(empty & (at_0 != 0), abs(slope) @ np.abs(z), constant)  # no number counts as not 0
-    if ((at_0 == 0) & ~empty).any():
-        doubled = F(2.0 * z)
-        homogeneous = np.any([doubled == 2.0**degree * value for degree in DEGREES], axis=0)
-        result[(at_0 == 0) & homogeneous] = 0.0
+    looks_linear = (constant == 0) & (at_0 != 0)  # no number counts as not 0
+    looks_curved = (constant != 0) & (at_0 == 0)
+    if not (looks_linear | looks_curved).any():
+        return constant
+    doubled, terms = F(2.0 * z), abs(slope) @ np.abs(z)
+    result = np.where(looks_linear & (np.abs(doubled - value) <= ROUNDING * terms), terms, constant)
+    result[looks_curved & np.any([doubled == 2.0**degree * value for degree in DEGREES], axis=0)] = 0.0
     return result
 
 

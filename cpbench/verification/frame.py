@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from cpbench.matrices import Vector
 from cpbench.verification.sets import Flags, Set, joined
+from cpbench.verification.vanishing import Caps
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,7 @@ class Frame:
     terms : sizes of the blocks of ∂f/∂x. constants : (k,) sizes of what else is in a row.
     sets : what the unknowns are in; together they hold every component once.
     multiplier : (k,) whether an unknown only certifies others; without constants it may be anything.
+    caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
     """
 
     terms: Terms
@@ -78,6 +80,7 @@ class Frame:
     sets: Sequence[Set]
     block: Any = None
     multiplier: Flags | None = None
+    caps: Caps | None = None
 
     @property
     def k(self) -> int:

@@ -1,0 +1,85 @@
+"""Rows of a nonlinear map that say that an unknown is 0, and how definite what else is in them makes them.
+
+Fischer and Burmeister's function of a pair a, b with a = 0 < b says a = 0: its row is a + O(a²/b). At an answer with
+a = 1e-15 the rest of the row is 1e-30, constants and unknowns alike, and tells nothing about the size of a; yet by the
+linearization alone it would be what the row is measured by, and a = 1e-15 be wrong by as much as it is. In a product ab
+all terms vanish with a, at one rate.
+
+So a row that one of its terms explains is looked at again where the unknown of that term is halved, and where it is 0.
+What vanishes there makes the row as definite as its share changes in between, twice that change, for half of a is left:
+this is the size of a over that at which the row is no more linear in it. What does not vanish, as all of a linear
+row, counts in full.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.matrices import Vector
+
+EXPLAINED = 0.5
+"""A term explains its row where the row without it is less than this share of the row."""
+VANISHED = 0.25
+"""What is less than this share of itself where the unknown is 0 vanishes with it."""
+ROUNDING = 16 * float(np.finfo(np.float64).eps)
+"""A row below this share of its terms is 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Caps:
+    """Up to what rows are definite: (n,) by their constants, (nnz,) by the unknown of each of their entries."""
+
+    constants: Vector
+    entries: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearization:
+    """F(z) = F′(z)z + constants, with the shares of both in the terms of their rows."""
+
+    slope: Any
+    constants: Vector
+    shares: Vector
+    share: Vector
+
+    @classmethod
+    def at(cls, F: Any, z: Vector) -> _Linearization:
+        """Take it at a point. Its entries are the same ones everywhere."""
+        slope = sp.csr_array(F.jacobian(z))
+        constants = np.abs(F(z) - slope @ z)
+        terms = np.abs(slope.data * z[slope.indices])
+        scale = abs(slope) @ np.abs(z) + constants
+        unit = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+        return cls(slope, constants, terms * np.repeat(unit, np.diff(slope.indptr)), constants * unit)
+
+
+def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
+    """Find them for an answer z with F(z) and F′(z) as CSR; None where no row says that an unknown is 0."""
+    terms = slope.data * z[slope.indices]
+    row = np.repeat(np.arange(value.size), np.diff(slope.indptr))
+    large = np.abs(value) > ROUNDING * (abs(slope) @ np.abs(z))
+    left = np.abs(value[row] - terms)
+    best = np.full(value.size, np.inf)
+    np.minimum.at(best, row, left)
+    explained = (left == best[row]) & (left < EXPLAINED * np.abs(value[row])) & large[row]
+    faint = slope.indices[explained]
+    if not faint.size:
+        return None
+    half, none = z.copy(), z.copy()
+    half[faint] *= 0.5
+    none[faint] = 0.0
+    here, there, end = (_Linearization.at(F, at) for at in (z, half, none))
+    rows = np.zeros(value.size, dtype=bool)
+    rows[row[explained]] = True
+    known = rows & np.isfinite(end.constants) & np.isfinite(there.constants)
+    known &= np.bincount(row, ~(np.isfinite(end.slope.data) & np.isfinite(there.slope.data)), value.size) == 0
+    gone = known & (end.constants < VANISHED * here.constants)
+    thin = known[row] & (np.abs(end.slope.data) < VANISHED * np.abs(here.slope.data))
+    return Caps(
+        constants=np.where(gone, 2.0 * np.abs(here.share - there.share), np.inf),
+        entries=np.where(thin, 2.0 * np.abs(here.shares - there.shares), np.inf),
+    )
