@@ -69,8 +69,8 @@ def smoothed(a: Vector, b: Vector, mu: float) -> Values:
 
 
 def symbolic_fischer_burmeister(a: Any, b: Any) -> Any:
-    """Write a + b − √(a² + b²) of two SX columns, as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would lose
-    all digits of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""
+    """Write a + b − √(a² + b²) of two SX columns, as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would
+    lose all digits of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""
     import casadi as ca
 
     squares = a * a + b * b
