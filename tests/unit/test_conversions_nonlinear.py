@@ -11,7 +11,6 @@ import pytest
 from cpbench import graph
 from cpbench.bench.planning import plan
 from cpbench.conversions import make
-from cpbench.conversions.complementarity_functions import fischer_burmeister
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.expressions import Map
 from cpbench.formulations import (
@@ -27,6 +26,7 @@ from cpbench.formulations import (
 )
 from cpbench.formulations.conic import cone_fields
 from cpbench.generators import generators
+from cpbench.ncp_functions import symbolic_fischer_burmeister
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.routes import nodes_of_maps
 from cpbench.solvers.base import solvers
@@ -267,7 +267,7 @@ def test_the_minimum_gives_the_natural_map():
 
 def test_fischer_burmeister_keeps_its_digits_and_has_a_derivative_everywhere():
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
-    phi = Map.from_casadi(ca.vertcat(a, b), fischer_burmeister(a, b))
+    phi = Map.from_casadi(ca.vertcat(a, b), symbolic_fischer_burmeister(a, b))
     assert phi(np.array([1e8, 1e-8]))[0] == pytest.approx(1e-8, rel=1e-12)
     for point in (
         [0.0, 0.0],
