@@ -14,7 +14,7 @@ from cpbench.solvers.native.nonlinear.projection_run import ProjectionSolver, ru
 
 
 class NaturalMapSolver(ProjectionSolver):
-    """Newton on the natural map of the optimality conditions. Tolerance: on the judged error itself."""
+    """Newton on the natural map of the optimality conditions. Tolerance: on that map, with a step or two beyond."""
 
     method = NaturalNewton
 
