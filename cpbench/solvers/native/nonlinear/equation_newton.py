@@ -31,7 +31,6 @@ class EquationNewton(Solver):
         citation="Dennis and Schnabel 1983, Numerical Methods for Unconstrained Optimization and Nonlinear Equations",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=NaturalNewtonOptions,
-        quick=True,
     )
 
     def setup(self, problem: Equation, budget: Budget, options: NaturalNewtonOptions) -> VI:

@@ -80,4 +80,5 @@ class QVINewton(NaturalMapSolver):
         "semismooth Newton on the natural map of the moving set, extragradient steps where it does not descend",
         "Alart and Curnier 1991, Comput. Methods Appl. Mech. Eng. 92; Facchinei, Kanzow and Sagratella 2014, "
         "Math. Program. 144",
+        quick=True,
     )
