@@ -345,7 +345,7 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)
     removed = len(store.opened.broken)
     if removed:
-        click.echo(f"cpbench: {asked.results}: {removed} rows could not be believed and were removed", err=True)
+        click.echo(f"cpbench: {asked.results}: removed {counted(removed, 'row')} that could not be believed", err=True)
     if gaps or failed or removed or not (counts or asked.shard != (1, 1)):
         sys.exit(1)
 
@@ -363,7 +363,9 @@ def _tell_absent(store: Store) -> None:
     for name, reason in sorted(reasons.items())[:ABSENT]:
         click.echo(f"not available: {name}: {printable(reason)}", err=True)
     if len(reasons) > ABSENT:
-        click.echo(f"and {len(reasons) - ABSENT} more solvers: cpbench doctor says what each lacks", err=True)
+        click.echo(
+            f"and {counted(len(reasons) - ABSENT, 'more solver')}: cpbench doctor says what each lacks", err=True
+        )
 
 
 def _nothing(asked: RunPlan) -> str:

@@ -146,7 +146,7 @@ def test_a_dry_run_tells_the_matrix_the_grids_and_what_is_done(folder: Path) -> 
     assert "  psor[omega=1:1.2:0.1]: 3 entries, 12 pairs" in told
     assert "18 pairs to run: worst case 6 min" in told
     told = run(folder, "--dry-run").stdout
-    assert "night.sqlite has 2 of the 18 pairs; 16 are to be run" in told
+    assert "night.sqlite has 2 of the 18 pairs; 16 to be run" in told
     assert {path: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
     assert "18 pairs to run" in run(folder, "--dry-run", "--rerun", "all").stdout
     assert "shard 1 of 2" in run(folder, "--dry-run", "--shard", "1/2").stdout

@@ -210,7 +210,7 @@ def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
         title = text(f"{one_line(family) or '(no family)'}: {counted(int(sizes[family]), 'problem')}")
         found[title] = profiles.performance_profile(rows_of.times(_with_labels(own, rows)))
     rest = len(sizes) - len(found)
-    return found, f"{rest} families with fewer problems are not shown." if rest else ""
+    return found, f"Not shown: {counted(rest, 'family', 'families')} with fewer problems." if rest else ""
 
 
 def _with_labels(own: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
