@@ -23,6 +23,7 @@ from cpbench.bench.staff import Setting
 from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
+from cpbench.cli.terminal import folded, width
 from cpbench.errors import CpbenchError, StoreError
 from cpbench.plain_text import printable
 from cpbench.report.text import counted
@@ -303,8 +304,8 @@ def _tell_removed(store: Store) -> None:
 
 
 def _print_plan(asked: RunPlan, assembly: Assembly) -> None:
-    for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results)):
-        click.echo(line)
+    for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results), width()):
+        click.echo("\n".join(folded(line)))
     _tell_refused(assembly.refused)
 
 

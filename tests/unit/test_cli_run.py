@@ -272,6 +272,14 @@ def test_many_problems_are_counted_by_family() -> None:
     assert told[1].split() == ["lcp", "few,", "61", "problems", "61", "61"]
 
 
+def test_a_plan_fits_its_terminal() -> None:
+    """Where columns of solvers are too many there are sums, and names."""
+    wide, narrow = (list(dry_run.lines(RunPlan(), _assembly(Limits()), {}, room)) for room in (80, 40))
+    assert (wide[0].split(), wide[1].split()) == (["problem", "1", "all"], ["lcp", "p0", "1", "1"])
+    assert (narrow[0].split(), narrow[1].split()) == (["problem", "pairs"], ["lcp", "p0", "1"])
+    assert "solvers: lemke" in narrow
+
+
 def test_a_file_that_is_not_there_has_no_rows(tmp_path: Path) -> None:
     assert campaign.statuses(tmp_path / "absent.sqlite") == {}
     assert not list(tmp_path.iterdir())

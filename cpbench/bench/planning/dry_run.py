@@ -21,9 +21,12 @@ ROWS = 60
 WIDTH = 44
 
 
-def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str]) -> Iterator[str]:
-    """The plan for a reader; `before` has the status of every row that the results file has, by key."""
-    yield from _matrix(assembly.pairs)
+def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str], room: int | None = None) -> Iterator[str]:
+    """The plan for a reader; `before` has the status of every row that the results file has, by key.
+
+    A matrix that is wider than `room` columns is left to its sums.
+    """
+    yield from _matrix(assembly.pairs, room)
     yield ""
     yield from _sets(assembly)
     todo = to_run(assembly.pairs, before, asked.rerun)
@@ -44,8 +47,8 @@ def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list
     return [pair for pair in pairs if pair.key not in skipped]
 
 
-def _matrix(pairs: Sequence[Pair]) -> Iterator[str]:
-    """Pairs of every problem by every solver; solvers have numbers, which are told below."""
+def _matrix(pairs: Sequence[Pair], room: int | None) -> Iterator[str]:
+    """Pairs of every problem by every solver, or their sums; solvers have numbers, which are told below."""
     names = sorted({pair.entry.solver for pair in pairs})
     single = len({pair.address for pair in pairs}) <= ROWS
     counts = Counter((_row(pair, single), pair.entry.solver) for pair in pairs)
@@ -55,13 +58,15 @@ def _matrix(pairs: Sequence[Pair]) -> Iterator[str]:
     width = max(3, *(len(str(n)) for n in counts.values()), 0) + 1
     problems = Counter({row: len(there) for row, there in _problems(pairs, single).items()})
     head = "problem" if single else "family"
-    yield f"{head:<{WIDTH}}" + "".join(f"{i:>{width}}" for i in range(1, len(names) + 1)) + f"{'all':>{width + 3}}"
+    fits = room is None or WIDTH + width * (len(names) + 1) + 3 <= room
+    numbers = "".join(f"{i:>{width}}" for i in range(1, len(names) + 1)) if fits else ""
+    yield f"{head:<{WIDTH}}{numbers}{'all' if fits else 'pairs':>{width + 3}}"
     for row in rows:
         told = row if single else f"{row}, {counted(problems[row], 'problem')}"
         cells = [counts[row, name] for name in names]
-        shown = "".join(f"{count or '.':>{width}}" for count in cells)
+        shown = "".join(f"{count or '.':>{width}}" for count in cells) if fits else ""
         yield f"{_fitted(told):<{WIDTH}}{shown}{sum(cells):>{width + 3}}"
-    yield "solvers: " + ", ".join(f"{i} {name}" for i, name in enumerate(names, 1))
+    yield "solvers: " + ", ".join(f"{i} {name}" if fits else name for i, name in enumerate(names, 1))
 
 
 def _row(pair: Pair, single: bool) -> str:
