@@ -51,7 +51,7 @@ def print_answer(store: Store) -> None:
     for line in told[:LINES]:
         click.echo(_fitted(line))
     if len(told) > LINES:
-        click.echo(f"and {len(told) - LINES} more reasons why pairs could not be run")
+        click.echo(f"and {counted(len(told) - LINES, 'more reason')} why pairs could not be run")
     click.echo("\n".join(["", *(line for ranking in found for line in folded(ranking.sentence))]))
 
 

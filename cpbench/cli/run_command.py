@@ -23,6 +23,7 @@ from cpbench.bench.staff import Setting
 from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
+from cpbench.cli.terminal import folded, width
 from cpbench.errors import CpbenchError, StoreError
 from cpbench.plain_text import printable
 from cpbench.report.text import counted
@@ -303,8 +304,8 @@ def _tell_removed(store: Store) -> None:
 
 
 def _print_plan(asked: RunPlan, assembly: Assembly) -> None:
-    for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results)):
-        click.echo(line)
+    for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results), width()):
+        click.echo("\n".join(folded(line)))
     _tell_refused(assembly.refused)
 
 
@@ -345,7 +346,7 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)
     removed = len(store.opened.broken)
     if removed:
-        click.echo(f"cpbench: {asked.results}: {removed} rows could not be believed and were removed", err=True)
+        click.echo(f"cpbench: {asked.results}: removed {counted(removed, 'row')} that could not be believed", err=True)
     if gaps or failed or removed or not (counts or asked.shard != (1, 1)):
         sys.exit(1)
 
@@ -363,7 +364,9 @@ def _tell_absent(store: Store) -> None:
     for name, reason in sorted(reasons.items())[:ABSENT]:
         click.echo(f"not available: {name}: {printable(reason)}", err=True)
     if len(reasons) > ABSENT:
-        click.echo(f"and {len(reasons) - ABSENT} more solvers: cpbench doctor says what each lacks", err=True)
+        click.echo(
+            f"and {counted(len(reasons) - ABSENT, 'more solver')}: cpbench doctor says what each lacks", err=True
+        )
 
 
 def _nothing(asked: RunPlan) -> str:

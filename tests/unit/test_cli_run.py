@@ -146,7 +146,7 @@ def test_a_dry_run_tells_the_matrix_the_grids_and_what_is_done(folder: Path) -> 
     assert "  psor[omega=1:1.2:0.1]: 3 entries, 12 pairs" in told
     assert "18 pairs to run: worst case 6 min" in told
     told = run(folder, "--dry-run").stdout
-    assert "night.sqlite has 2 of the 18 pairs; 16 are to be run" in told
+    assert "night.sqlite has 2 of the 18 pairs; 16 to be run" in told
     assert {path: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
     assert "18 pairs to run" in run(folder, "--dry-run", "--rerun", "all").stdout
     assert "shard 1 of 2" in run(folder, "--dry-run", "--shard", "1/2").stdout
@@ -270,6 +270,14 @@ def test_the_bound_is_what_the_limits_allow(limits: Limits, asked: RunPlan, seco
 def test_many_problems_are_counted_by_family() -> None:
     told = list(dry_run.lines(RunPlan(), _assembly(Limits(), dry_run.ROWS + 1), {}))
     assert told[1].split() == ["lcp", "few,", "61", "problems", "61", "61"]
+
+
+def test_a_plan_fits_its_terminal() -> None:
+    """Where columns of solvers are too many there are sums, and names."""
+    wide, narrow = (list(dry_run.lines(RunPlan(), _assembly(Limits()), {}, room)) for room in (80, 40))
+    assert (wide[0].split(), wide[1].split()) == (["problem", "1", "all"], ["lcp", "p0", "1", "1"])
+    assert (narrow[0].split(), narrow[1].split()) == (["problem", "pairs"], ["lcp", "p0", "1"])
+    assert "solvers: lemke" in narrow
 
 
 def test_a_file_that_is_not_there_has_no_rows(tmp_path: Path) -> None:

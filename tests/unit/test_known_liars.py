@@ -66,7 +66,7 @@ def test_gams_beside_a_worker_is_no_child_of_a_solve(lane: Lane, tmp_path: Path)
         pytest.skip("does not apply: the licence of GAMS ran out")
     row = row_of(lane, LCP(M=np.eye(3), q=-np.ones(3)), "gams-path", tmp_path)
     assert (row["status"], row["flags"]) == ("solved", "")
-    assert row["reported"] > 0.0
+    assert row["reported"] is None, "GAMS counts the launch of PATH, which is not PATH's own time"
 
 
 CLOCK = """

@@ -285,6 +285,19 @@ def test_warm_starts_are_set_beside_cold_ones(tmp_path: Path) -> None:
     assert "## Warm against cold" not in report(table(*cold), tmp_path)
 
 
+def test_what_does_not_compare_has_a_mark_in_the_table_of_times(tmp_path: Path) -> None:
+    rows = table(
+        row("a", "s", "solved", 1.0, start="previous", started="cold: no ids"),
+        row("b", "s", "solved", 1.0, start="previous", started="previous"),
+        row("a", "path", "solved", 1.0, start="previous", started="previous"),
+    )
+    text = report(rows, tmp_path, solvers={"path": {"launches": True}})
+    assert "| `s`‡ |" in text
+    assert "| `path`† |" in text
+    assert "† Every solve of path launches a program, and its launch is in the time." in text
+    assert "‡ Fell back to a cold start: s 1 of 2." in text
+
+
 def test_stationary_has_a_column_and_is_counted_where_that_is_asked_for(tmp_path: Path) -> None:
     rows = table(
         row("a-1", "lemke", "solved", 1e-3),

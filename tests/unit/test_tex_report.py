@@ -63,6 +63,15 @@ def counts() -> pd.DataFrame:
     return summary.solve_counts(rows, means.charge(times, means.LIMIT, 10.0)).set_index("label")
 
 
+def test_a_table_says_whose_time_has_the_launch_of_a_program_in_it(tmp_path: Path) -> None:
+    sheets = {**SHEETS, "pgs": {**SHEETS["pgs"], "launches": True}}
+    write_document(SUITE, meta(solvers=sheets), tmp_path, "A run")
+    document = (tmp_path / "report.tex").read_text()
+    assert r"\texttt{pgs}\ensuremath{^\dagger} &" in document
+    assert r"\ensuremath{^\dagger} Every solve of pgs launches a program" in document
+    assert r"\texttt{psor} &" in document
+
+
 def test_macros_tables_and_analysis_have_the_same_numbers(tmp_path: Path) -> None:
     folder = written(tmp_path)
     numbers, document = defined(folder), (folder / "report.tex").read_text()
