@@ -1,13 +1,15 @@
 """Every registered plugin through every check of its kind; a new plugin is found by itself.
 
-Other people's solvers that no run takes by default (most members of the large families) get a few checks by day and
-all of them at night.
+By day native solvers get the checks that hold their answers to account, and of other people's one a module of adapters
+solves a case; all checks of one native solver a room, and of one solver a large family. The rest is for the night.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,29 +40,58 @@ def test_conversion(edge, check) -> None:
     check(edge, cases(edge.source))
 
 
-BY_DAY = {
+OF_THE_SPEC = {
     "check_options_are_known_by_name",
-    "check_some_case_is_solved",
     "check_the_spec_is_complete",
     "check_the_spec_is_read_without_the_package",
 }
-"""What tells of a member of a family that its line in the family's table is right: one solve, and the spec."""
+"""What solves nothing, and needs no package."""
+BY_DAY = {
+    "native": {
+        "check_options_are_known_by_name",
+        "check_the_spec_is_complete",
+        "check_some_case_is_solved",
+        "check_claims_are_true",
+        "check_one_iteration_claims_nothing_false",
+        "check_answers_have_their_shape",
+        "check_infeasibility_is_proved_or_not_claimed_solved",
+        "check_warm_starts_are_taken",
+    },
+    "foreign": {"check_options_are_known_by_name", "check_the_spec_is_complete"},
+}
+"""Checks of every solver. What is left solves once more what these have solved; or is that of a family's table."""
+SAMPLED = {"siconos-lcp-lemke", "clarabel", "scipy-root-hybr", "casadi-sqpmethod", "auto-lcp"}
+"""These, and the first native solver of each room, get all checks by day."""
+LARGE = {("auto-contact", "check_infeasibility_is_proved_or_not_claimed_solved")}
+"""What takes seconds; an automatic choice proves what the solvers prove among which it chooses."""
 
 
 def _solvers() -> list:
-    found = []
+    found, rooms, modules = [], set(), set()
     for solver in solvers:
-        every = solver.spec.by_default or type(solver).__module__.startswith("cpbench.solvers.native.")
-        for name, check in checks("solver").items():
-            marks = () if every or name in BY_DAY else pytest.mark.nightly
-            found.append(pytest.param(solver, check, id=f"{solver.spec.name}-{name}", marks=marks))
+        name, module = solver.spec.name, type(solver).__module__
+        room = module.rpartition(".")[0]
+        native = module.startswith("cpbench.solvers.native.")
+        day = set(BY_DAY["native" if native else "foreign"])
+        if native and room not in rooms and not name.startswith("auto-"):
+            rooms.add(room)
+            day = set(checks("solver"))
+        elif name in SAMPLED:
+            day = set(checks("solver"))
+        elif solver.spec.by_default and module not in modules:
+            modules.add(module)  # the first of every module of adapters solves something
+            day.add("check_some_case_is_solved")
+        for check, call in checks("solver").items():
+            by_day = check in day and (name, check) not in LARGE
+            marks = () if by_day else pytest.mark.nightly
+            found.append(pytest.param(solver, call, id=f"{name}-{check}", marks=marks))
     return found
 
 
 @pytest.mark.parametrize(("solver", "check"), _solvers())
 def test_solver(solver, check, request: pytest.FixtureRequest) -> None:
-    available = solver.availability()
-    if not available.ok:
+    available = None if check.__name__ in OF_THE_SPEC else solver.availability()
+    if available is not None and not available.ok:
         if solver.spec.licence == "proprietary":
             state = "not installed" if available.state == "missing" else f"without use here ({available.state})"
             pytest.skip(f"does not apply: proprietary package {state}")
@@ -71,6 +102,16 @@ def test_solver(solver, check, request: pytest.FixtureRequest) -> None:
     if reason is not None:
         request.applymarker(pytest.mark.xfail(reason=reason, strict=True, raises=(AssertionError, Ended)))
     check(solver, cases(solver.spec.node))
+
+
+def test_specs_are_read_where_no_package_is_installed() -> None:
+    """All of them by one process that can import none of the packages that some solver needs."""
+    code = "import sys; sys.modules |= dict.fromkeys(sys.argv[1:]); from cpbench.solvers.base import solvers"
+    code += "; print(*(s.spec.name for s in solvers))"
+    packages = sorted({package for solver in solvers for package in solver.spec.requires})
+    done = subprocess.run([sys.executable, "-c", code, *packages], capture_output=True, text=True, check=True)
+    assert len(packages) > 20
+    assert done.stdout.split() == [solver.spec.name for solver in solvers]
 
 
 @pytest.mark.parametrize(("form", "check"), _product("format", [(f.name, f) for f in formats if f.writes]))
