@@ -110,8 +110,9 @@ SAME = ["problem", "solver", "status", "claim", "error", "flags", "parts", "coun
 HANGS = [name for name, (status, *_) in EXPECTED.items() if status == "timeout" or name == "then-hang"]
 LIMITS = {"hangs": LIMIT, "others": AMPLE}
 FEW = (
-    "abort", "exit-0", "orphan", "hang", "children", "daemon", "burst", "malloc", "flood", "close", "junk", "half", "write",
-    "overwrite", "raise", "mute", "verbose", "nan", "liar", "nothing", "short", "none", "counters", "then-abort", "then-raise",
+    "abort", "exit-0", "orphan", "hang", "children", "daemon", "burst", "malloc", "flood", "close", "junk", "half",
+    "write", "overwrite", "raise", "mute", "verbose", "nan", "liar", "nothing", "short", "none", "counters",
+    "then-abort", "then-raise",
 )  # fmt: skip
 """Of each kind some, which take one problem and few seconds."""
 

@@ -36,6 +36,7 @@ SPAWN = {
     "faulty-nan": "wrong",
     "lemke": "solved",
 }
+FEW = ("faulty-abort", "faulty-hang", "faulty-burst", "lemke")
 FRESH = {
     "faulty-abort": "crash",
     "faulty-exit-0": "crash",
@@ -70,19 +71,28 @@ def _table(bench, expected: dict[str, str], *options: str, limit: float = LIMIT,
 @pytest.mark.parametrize(
     ("isolation", "expected", "limit"),
     [
-        ("group", GROUP, LIMIT),
+        ("group", {name: GROUP[name] for name in FEW}, LIMIT),
+        pytest.param("group", GROUP, LIMIT, marks=pytest.mark.nightly),
         # every process imports everything; memory that is watched is seen late
         pytest.param("spawn", SPAWN, SPAWNED_LIMIT, marks=pytest.mark.nightly),
     ],
-    ids=["group", "spawn"],
+    ids=["few", "group", "spawn"],
 )
 def test_other_systems(bench, isolation: str, expected: dict[str, str], limit: float) -> None:
     _table(bench, expected, limit=limit, CPBENCH_ISOLATION=isolation)
 
 
-def test_a_process_a_solve(bench) -> None:
+@pytest.mark.parametrize(
+    "faults",
+    [
+        ("faulty-abort", "faulty-hang", "faulty-burst", "faulty-then-abort", "faulty-then-raise", "lemke"),
+        pytest.param(tuple(FRESH), marks=pytest.mark.nightly),
+    ],
+    ids=["few", "all"],
+)
+def test_a_process_a_solve(bench, faults: tuple[str, ...]) -> None:
     """What a solver keeps for its next call is not there: it has no next call."""
-    table = _table(bench, FRESH, "--isolate", "fresh")
+    table = _table(bench, {name: FRESH[name] for name in faults}, "--isolate", "fresh")
     assert list(table["flags"][["faulty-then-abort", "faulty-then-raise", "lemke"]]) == ["", "", ""]
     assert table.repeats["faulty-then-abort"] == 3
 
@@ -94,6 +104,7 @@ def test_an_unknown_isolation_is_refused(bench) -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.nightly
 def test_modules_of_the_folder_are_not_taken_for_others(bench) -> None:
     """A `numpy.py` where the run is started is the user's affair, and nobody's import."""
     for name in ("numpy", "json", "cpbench"):
