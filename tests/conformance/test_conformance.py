@@ -1,7 +1,7 @@
 """Every registered plugin through every check of its kind; a new plugin is found by itself.
 
 By day native solvers get the checks that hold their answers to account, and of other people's one a module of adapters
-solves a case; all checks of one native solver a room, and of one solver a large family. The rest is for the night.
+solves a case; some of both get all. The rest is for the night.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from cpbench.formulations import formulations
 from cpbench.graph import edges
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.storage import formats
-from cpbench.testing import cases, checks
+from cpbench.testing import Case, cases, checks
 from cpbench.testing.cases import draw
 from cpbench.verification import judge
 
@@ -35,9 +35,26 @@ def test_formulation(node, check) -> None:
     check(node, cases(node.node))
 
 
+SAVING = "check_lift_works_in_another_process"
+"""Writes a file for every case: three a conversion by day."""
+
+
 @pytest.mark.parametrize(("edge", "check"), _product("conversion", [(e.name, e) for e in edges()]))
 def test_conversion(edge, check) -> None:
-    check(edge, cases(edge.source))
+    if check.__name__ == SAVING:
+        check(edge, _taken(edge)[:3])
+    else:
+        check(edge, cases(edge.source))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("edge", [pytest.param(e, id=e.name) for e in edges()])
+def test_every_case_is_lifted_in_another_process(edge) -> None:
+    checks("conversion")[SAVING](edge, _taken(edge)[3:])
+
+
+def _taken(edge) -> list[Case]:
+    return [case for case in cases(edge.source) if edge.obstacle(case.problem) is None]
 
 
 OF_THE_SPEC = {
@@ -57,33 +74,37 @@ BY_DAY = {
         "check_infeasibility_is_proved_or_not_claimed_solved",
         "check_warm_starts_are_taken",
     },
+    "automatic": {
+        "check_options_are_known_by_name",
+        "check_the_spec_is_complete",
+        "check_some_case_is_solved",
+        "check_answers_have_their_shape",
+    },
     "foreign": {"check_options_are_known_by_name", "check_the_spec_is_complete"},
 }
-"""Checks of every solver. What is left solves once more what these have solved; or is that of a family's table."""
-SAMPLED = {"siconos-lcp-lemke", "clarabel", "scipy-root-hybr", "casadi-sqpmethod", "auto-lcp"}
-"""These, and the first native solver of each room, get all checks by day."""
-LARGE = {("auto-contact", "check_infeasibility_is_proved_or_not_claimed_solved")}
-"""What takes seconds; an automatic choice proves what the solvers prove among which it chooses."""
+"""Checks of every solver. An automatic choice is among solvers that are checked themselves; the line of another
+package's table is right if one of the table solves something."""
+SAMPLED = {
+    "pgs", "rpgs-mlcp", "newton-relay", "mprgp-qp", "apgd", "alart-curnier-newton", "semismooth-newton-fb", "auto-lcp",
+    "siconos-lcp-lemke", "clarabel", "scipy-root-hybr", "casadi-sqpmethod",
+}  # fmt: skip
+"""A native solver of each room, and one of each large family of others, that get all checks by day."""
 
 
 def _solvers() -> list:
-    found, rooms, modules = [], set(), set()
+    found = []
+    modules = {type(solver).__module__ for solver in solvers if solver.spec.name in SAMPLED}
     for solver in solvers:
         name, module = solver.spec.name, type(solver).__module__
-        room = module.rpartition(".")[0]
-        native = module.startswith("cpbench.solvers.native.")
-        day = set(BY_DAY["native" if native else "foreign"])
-        if native and room not in rooms and not name.startswith("auto-"):
-            rooms.add(room)
+        kind = "native" if module.startswith("cpbench.solvers.native.") else "foreign"
+        day = BY_DAY["automatic" if kind == "native" and name.startswith("auto-") else kind]
+        if name in SAMPLED:
             day = set(checks("solver"))
-        elif name in SAMPLED:
-            day = set(checks("solver"))
-        elif solver.spec.by_default and module not in modules:
-            modules.add(module)  # the first of every module of adapters solves something
-            day.add("check_some_case_is_solved")
+        elif kind == "foreign" and solver.spec.by_default and module not in modules:
+            modules.add(module)
+            day = day | {"check_some_case_is_solved"}
         for check, call in checks("solver").items():
-            by_day = check in day and (name, check) not in LARGE
-            marks = () if by_day else pytest.mark.nightly
+            marks = () if check in day else pytest.mark.nightly
             found.append(pytest.param(solver, call, id=f"{name}-{check}", marks=marks))
     return found
 
@@ -114,7 +135,13 @@ def test_specs_are_read_where_no_package_is_installed() -> None:
     assert done.stdout.split() == [solver.spec.name for solver in solvers]
 
 
-@pytest.mark.parametrize(("form", "check"), _product("format", [(f.name, f) for f in formats if f.writes]))
+def _formats() -> list:
+    made = _product("format", [(form.name, form) for form in formats if form.writes])
+    long = "native-check_files_are_not_overwritten"  # other formats have it by day
+    return [pytest.param(*one.values, id=one.id, marks=pytest.mark.nightly) if one.id == long else one for one in made]
+
+
+@pytest.mark.parametrize(("form", "check"), _formats())
 def test_format(form, check) -> None:
     for node in sorted(form.writes):
         check(form, cases(node))

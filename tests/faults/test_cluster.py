@@ -304,10 +304,13 @@ def test_a_cluster_of_no_known_kind() -> None:
         lenders.start("slurn", Setting())
 
 
-def test_a_batch_system_that_is_not_configured() -> None:
-    with pytest.raises(CpbenchError, match="the cluster 'slurm' cannot be started: ") as refusal:
-        lenders.start("slurm", Setting())
-    assert "\n" not in str(refusal.value)
+@pytest.mark.nightly
+def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
+    _problems(tmp_path / "p", range(2, 3))
+    done = Loopback(tmp_path).run("p", "-s", "lemke", "--cluster", "slurm")
+    assert done.returncode == 2
+    assert "the cluster 'slurm' cannot be started: " in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_a_station_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
