@@ -58,8 +58,8 @@ FRESH = {
 
 
 def _table(bench, expected: dict[str, str], *options: str, limit: float = LIMIT, **environment: str):
-    """Rows of two runs: those that only the clock ends, and all others, whose end must not depend on how busy the machine
-    is."""
+    """Rows of two runs: those that only the clock ends, and all others, whose end must not depend on how busy the
+    machine is."""
     path, tables = bench.problem("p", 3), []
     for seconds, hangs in ((limit, True), (AMPLE, False)):
         chosen = [name for name, status in expected.items() if (status == "timeout") == hangs]
