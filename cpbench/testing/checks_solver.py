@@ -59,7 +59,8 @@ _memory = _Memory()
 
 def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) -> SolverOutput:
     begun = None if start is None else tuple((part, value.tobytes()) for part, value in start.arrays().items())
-    asked = Budget(**{"tolerance": TOLERANCE, "seconds": SECONDS, **budget})
+    limits: dict[str, Any] = {"tolerance": TOLERANCE, "seconds": SECONDS, **budget}
+    asked = Budget(**limits)
     return _memory.get(solver, case.problem, ("run", begun, asked), lambda: solver.run(case.problem, asked, start=start))
 
 
