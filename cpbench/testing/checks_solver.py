@@ -61,7 +61,8 @@ def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) ->
     begun = None if start is None else tuple((part, value.tobytes()) for part, value in start.arrays().items())
     limits: dict[str, Any] = {"tolerance": TOLERANCE, "seconds": SECONDS, **budget}
     asked = Budget(**limits)
-    return _memory.get(solver, case.problem, ("run", begun, asked), lambda: solver.run(case.problem, asked, start=start))
+    key = ("run", begun, asked)
+    return _memory.get(solver, case.problem, key, lambda: solver.run(case.problem, asked, start=start))
 
 
 def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
