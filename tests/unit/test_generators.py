@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+import generated
 import numpy as np
 import pytest
 
@@ -15,8 +16,8 @@ from cpbench.generators.collection import builtin_folder, write_collections
 from cpbench.solvers import Budget, solvers
 from cpbench.testing.checks_problem import KNOWN
 
-INSTANCES = {f"{c.name}-{i.name}": i for c in generators if c.builtin for i in c.instances()}
-LARGER = {i.name: i for name in ("contact-planted-large", "contact-stacks") for i in generators.get(name).instances()}
+INSTANCES = {f"{c.name}-{i.name}": i for c in generators if c.builtin for i in generated.instances(c.name)}
+LARGER = {i.name: i for name in ("contact-planted-large", "contact-stacks") for i in generated.instances(name)}
 
 
 @pytest.mark.parametrize("name", [*INSTANCES, *LARGER])

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from fractions import Fraction
 
+import generated
 import numpy as np
 import pytest
 
@@ -14,7 +15,11 @@ from cpbench.generators import Instance, generators
 from cpbench.product_cones import Cone
 
 INSTANCES = {
-    f"{c.name}-{i.name}": i for c in generators if c.builtin for i in c.instances() if not i.problem.maps()
+    f"{c.name}-{i.name}": i
+    for c in generators
+    if c.builtin
+    for i in generated.instances(c.name)
+    if not i.problem.maps()
 }  # those with maps: test_generators_nonlinear
 SOLVED = [name for name, i in INSTANCES.items() if i.solution is not None]
 

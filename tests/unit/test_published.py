@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
+import generated
 import numpy as np
 import pytest
 
@@ -39,7 +40,7 @@ INSTANCES = {
     f"{instance.problem.node}-{instance.name}": instance
     for collection in generators
     if collection.builtin
-    for instance in collection.instances()
+    for instance in generated.instances(collection.name)
     if instance.known == "published" and instance.problem.maps()
 }
 
