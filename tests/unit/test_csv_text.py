@@ -82,6 +82,7 @@ def test_a_return_in_a_text_is_quoted() -> None:
     assert found["a"].tolist() == ["x\ry", "z"]
 
 
+@pytest.mark.nightly
 def test_many_rows_take_less_time_than_with_pandas() -> None:
     rows = rows_of.with_time(rows_of.normalised(suite(problems=300, labels=30)))
 

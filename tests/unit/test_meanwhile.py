@@ -90,6 +90,7 @@ def test_a_copy_that_is_ended_leaves_no_file_behind(tmp_path: Path, monkeypatch:
     assert [path.name for path in tmp_path.iterdir()] == ["begun"]
 
 
+@pytest.mark.nightly
 def test_a_report_of_many_rows_is_the_same_but_for_what_it_says_of_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
