@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import os
 import sys
 from pathlib import Path
@@ -33,6 +34,8 @@ def cpbench(folder: Path, *arguments: str) -> CompletedProcess[str]:
             main()
         except SystemExit as leave:
             code = int(leave.code or 0)
+        for handler in logging.getLogger("cpbench.run").handlers:  # a process closes its log when it ends
+            handler.close()
     return CompletedProcess(list(arguments), code, out.getvalue(), err.getvalue())
 
 
