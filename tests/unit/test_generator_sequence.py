@@ -110,6 +110,7 @@ def test_steps_are_chained() -> None:
     assert instances(LOCAL)[0].problem.sequence.name != instances(GLOBAL)[0].problem.sequence.name
 
 
+@pytest.mark.nightly
 def test_a_second_run_gives_the_same() -> None:
     for one, other in zip(scene(), scene.__wrapped__(), strict=True):
         np.testing.assert_array_equal(one.r, other.r)

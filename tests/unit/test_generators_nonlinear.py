@@ -12,6 +12,7 @@ import mpmath
 import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize, root
+from tiers import some_by_day
 
 from cpbench import matrices, verification
 from cpbench.expressions import Map, Operator
@@ -40,7 +41,7 @@ def instance(name: str) -> Instance:
 # ------------------------------------------------------------------------------------------ all of them
 
 
-@pytest.mark.parametrize("name", SOLVED)
+@pytest.mark.parametrize("name", some_by_day(SOLVED, 30))
 def test_known_solutions_solve(name: str) -> None:
     _solves(instance(name))
 
@@ -70,7 +71,7 @@ def test_there_are_some_of_every_kind() -> None:
     assert not any(generators.get(name).builtin for name in LARGE)
 
 
-@pytest.mark.parametrize("name", INSTANCES)
+@pytest.mark.parametrize("name", some_by_day(INSTANCES, 30))
 def test_starts_are_where_everything_is_defined(name: str) -> None:
     problem, starts = instance(name).problem, instance(name).starts
     for point in starts:
@@ -85,7 +86,7 @@ def test_starts_are_where_everything_is_defined(name: str) -> None:
             assert np.isfinite(F.jacobian(at).data).all()
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", some_by_day(FAMILIES, 8))
 def test_the_last_bits_of_a_library_do_not_matter(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where sines, exponentials and powers are one unit in the last place larger, the problems have the same bits."""
     collection = COLLECTIONS[name]
