@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+import pkgutil
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from cpbench.formulations.base import Problem
 from cpbench.kernel_cache import load_all
 from cpbench.solvers.base import (
+    ROOMS,
     Budget,
     Claim,
     NoOptions,
@@ -106,6 +109,25 @@ def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
     return SolverSpec(
         name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
     )
+
+
+def automatic_solvers() -> dict[str, str]:
+    """Return the automatic choice of each node that has one, by node; modules of other solvers are not imported."""
+    for room in ROOMS:
+        package = importlib.import_module(f"cpbench.solvers.native.{room}")
+        for info in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+            if info.name.rpartition(".")[2].startswith("auto_"):
+                importlib.import_module(info.name)
+    specs = [cls.spec for cls in _subclasses(AutomaticChoice) if cls.__module__.startswith("cpbench.")]
+    return {spec.node: spec.name for spec in specs}
+
+
+def _subclasses(cls: type[AutomaticChoice]) -> Iterator[type[AutomaticChoice]]:
+    """Yield the classes below one that have a spec."""
+    for below in cls.__subclasses__():
+        if "spec" in vars(below):
+            yield below
+        yield from _subclasses(below)
 
 
 class _Run:
