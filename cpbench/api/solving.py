@@ -42,9 +42,7 @@ class Way:
     seconds: float = 0.0
 
 
-def solve(
-    problem: Problem, solver: str | None = None, *, tolerance: float = 1e-6, seconds: float = 10.0
-) -> Solution:
+def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-6, seconds: float = 10.0) -> Solution:
     """Solve a problem, in this process, and measure the answer on it.
 
     Parameters

@@ -22,7 +22,7 @@ from cpbench.plurals import counted
 if TYPE_CHECKING:
     from cpbench.analysis.experience import Experience
     from cpbench.analysis.recommendation import Recommendation
-    from cpbench.cli.candidates import Candidate
+    from cpbench.api.candidates import Candidate
     from cpbench.formulations import Problem
 
 CHECKED = 200
@@ -83,7 +83,8 @@ def command(
     """
     if sum((problem is not None, evaluate, make is not None)) != 1:
         raise click.UsageError("give a PROBLEM, or --evaluate, or --make TABLE")
-    from cpbench.cli import advice_tables, evidence
+    from cpbench.api import evidence
+    from cpbench.cli import advice_tables
 
     if make is not None:
         advice_tables.make(make, results, force)
@@ -114,8 +115,8 @@ def _recommend(
     from cpbench import storage
     from cpbench.analysis import recommendation as rec
     from cpbench.analysis import validation
+    from cpbench.api import candidates
     from cpbench.bench.planning.features import features
-    from cpbench.cli import candidates
 
     asked = storage.load(address, format=file_format)
     if any(case.fingerprint == asked.fingerprint for case in known.cases):
