@@ -104,6 +104,8 @@ __all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
+        if name in _FORMULATIONS:
+            importlib.import_module("cpbench.api")  # problems show themselves in notebooks
         return getattr(importlib.import_module(f"cpbench.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'cpbench' has no attribute '{name}'")
 

@@ -11,7 +11,7 @@ from cpbench.api.solution import Solution
 from cpbench.formulations.base import Kind, Point, Problem
 
 if TYPE_CHECKING:
-    from cpbench.graph import Apply, DeadEnd
+    from cpbench.graph import Apply
     from cpbench.verification import Verdict
 
 
@@ -120,15 +120,28 @@ def pinned_edges(via: str | Sequence[str] | None, **knobs: Any) -> tuple[Any, ..
     return plan.parse_request(plan.pinned(names, knobs).header)[1]
 
 
-def explain(problem: Problem, to: str) -> tuple[DeadEnd, ...]:
-    """Return the exact routes that do not bring a problem to a formulation, each with its obstacle.
+def explain(problem: Problem, to: str) -> list[str]:
+    """Return what exact routes to a formulation there are: a line on each that refuses, and one on what leads there.
 
-    Those that come before the first that does; empty where the first one leads there.
+    Raises UnknownName on an unknown formulation.
+
+    >>> import cpbench
+    >>> for line in cpbench.explain(cpbench.LCP(M=[[2.0, 1.0], [0.0, 2.0]], q=[-5.0, -6.0]), "qp"):
+    ...     print(line)
+    lcp-qp refuses: M is not symmetric, asymmetry = 5.0e-01; use lcp-qp-nonsymmetric
+    lcp-avi > avi-qp: avi-qp refuses: M is not symmetric, asymmetry = 5.0e-01: it is no gradient; use avi-mlcp
+    lcp-qp-nonsymmetric leads there (equivalent)
     """
     from cpbench import graph
+    from cpbench.errors import NoRoute
 
     graph.formulations.get(to)
-    return graph.explain(problem, to)
+    dead = [str(end) for end in graph.explain(problem, to)]
+    try:
+        arrival = graph.arrive(problem, to)
+    except NoRoute:
+        return [*dead, f"no exact route from {problem.node} to {to}"]
+    return [*dead, f"{arrival.route.label} leads there ({arrival.kind})"]
 
 
 def verify(

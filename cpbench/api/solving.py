@@ -18,6 +18,7 @@ from cpbench.verification import Status
 
 PROOF_SHARE = 0.5
 """The part of the time limit within which a proof is looked for that there is no solution."""
+NATIVE = "cpbench.solvers.native."
 _warm: set[str] = set()
 """Solvers that have warmed up in this process."""
 
@@ -49,7 +50,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
     ----------
     problem : of any formulation; where the solver is for another one, exact conversions lead there and back.
     solver : a name, with options where wanted: ``"nsgs[omega=1.2]"``. None: the automatic choice of cpbench's own
-        solvers for this formulation, or for the nearest one that has such a choice.
+        solvers for this formulation, or for the nearest one that has such a choice and takes the problem.
     tolerance : the largest error of an answer that counts as solved (see `Solution.error`).
     seconds : limit of set-up and solve [s], from after the warm-up on. It is told to the solver; one that does not look
         at the clock is not stopped, and its answer has the status `timeout`. `cpbench.run` stops whatever does not end.
@@ -114,12 +115,13 @@ def _automatic(problem: Problem) -> Way:
         refused.append(f"{name}: {why}")
     raise NoRoute(
         f"no automatic choice takes this problem ({problem.node}); name a solver (cpbench.list_solvers). "
-        f"{'; '.join(refused[:2])}"
+        f"{refused[0] if refused else ''}"
     )
 
 
 def _nearest(node: str) -> Iterator[str]:
-    """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first."""
+    """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first; then our
+    other solvers of that formulation."""
     from cpbench.solvers.native.automatic import automatic_solvers
 
     known = automatic_solvers()
@@ -130,6 +132,8 @@ def _nearest(node: str) -> Iterator[str]:
     first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
     ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
     yield from (name for _, name in ordered)
+    ours = (one for one in solvers if one.spec.node == node and type(one).__module__.startswith(NATIVE))
+    yield from (one.spec.name for one in ours if one.spec.by_default and one.spec.name not in known.values())
 
 
 def _brought(problem: Problem, solver: Solver, options: Any, name: str) -> Way:

@@ -7,7 +7,7 @@ import math
 import pkgutil
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -113,21 +113,15 @@ def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
 
 def automatic_solvers() -> dict[str, str]:
     """Return the automatic choice of each node that has one, by node; modules of other solvers are not imported."""
+    found: dict[str, str] = {}
     for room in ROOMS:
         package = importlib.import_module(f"cpbench.solvers.native.{room}")
-        for info in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-            if info.name.rpartition(".")[2].startswith("auto_"):
-                importlib.import_module(info.name)
-    specs = [cls.spec for cls in _subclasses(AutomaticChoice) if cls.__module__.startswith("cpbench.")]
-    return {spec.node: spec.name for spec in specs}
-
-
-def _subclasses(cls: type[AutomaticChoice]) -> Iterator[type[AutomaticChoice]]:
-    """Yield the classes below one that have a spec."""
-    for below in cls.__subclasses__():
-        if "spec" in vars(below):
-            yield below
-        yield from _subclasses(below)
+        for info in pkgutil.iter_modules(package.__path__):
+            if info.name.startswith("auto_"):
+                module = importlib.import_module(f"{package.__name__}.{info.name}")
+                own = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
+                found |= {c.spec.node: c.spec.name for c in own if issubclass(c, Solver)}
+    return found
 
 
 class _Run:
