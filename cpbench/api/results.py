@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import io
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -85,7 +86,9 @@ class Results:
         choice = Choice(node, tuple(solvers), tuple(families), tolerance, start)
         run = assembled(self._rows, self.meta, Path(), history.table(self._histories))
         with run_canvas.drawing():
-            return found.draw(run, choice, **options).figure
+            figure = found.draw(run, choice, **options).figure
+        setattr(figure, "_repr_png_", lambda: _png(figure))  # noqa: B010  (it came without pyplot, which notebooks know)
+        return figure
 
     def profile(self, node: str = "", *, metric: str = "time", **choice: Any) -> Figure:
         """Draw the performance profile: the fraction of problems solved within τ times the least cost.
@@ -153,3 +156,10 @@ class Results:
 
 def _shown(value: float) -> str:
     return f"{value:.3g}" if math.isfinite(value) else ""
+
+
+def _png(figure: Figure) -> bytes:
+    """Return the picture that a notebook shows."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110, bbox_inches="tight")
+    return buffer.getvalue()

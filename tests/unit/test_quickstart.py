@@ -46,7 +46,9 @@ def test_its_cells_run_and_end_with_a_figure() -> None:
             shown.append(eval(compile(ast.Expression(last.value), str(NOTEBOOK), "eval"), space))
     problem, solution, (route, error), results, figure = shown
     assert "0 ≤ z ⟂" in problem._repr_html_()
-    assert solution and route and error <= 1e-6
+    assert solution
+    assert route
+    assert error <= 1e-6
     solved = results.frame[results.frame["status"] == "solved"]
     assert set(solved["solver"]) == {"lemke", "psor", "bpp"}
     assert figure.axes[0].lines
