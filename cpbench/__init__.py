@@ -14,7 +14,36 @@ The names below are imported on first use, so that `import cpbench` costs nothin
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
+    from cpbench.api.advice import list_solvers as list_solvers
+    from cpbench.api.advice import recommend as recommend
+    from cpbench.api.gallery import gallery as gallery
+    from cpbench.api.problems import Converted as Converted
+    from cpbench.api.problems import convert as convert
+    from cpbench.api.problems import explain as explain
+    from cpbench.api.problems import load as load
+    from cpbench.api.problems import verify as verify
+    from cpbench.api.results import Results as Results
+    from cpbench.api.runs import run as run
+    from cpbench.api.solution import Solution as Solution
+    from cpbench.api.solving import solve as solve
+    from cpbench.bench.results.store import read_results as read_results
+    from cpbench.conversions import make as make
+    from cpbench.errors import CpbenchError as CpbenchError
+    from cpbench.graph import arrive as arrive
+    from cpbench.graph import lift as lift
+    from cpbench.graph import push as push
+    from cpbench.product_cones import Cone as Cone
+    from cpbench.product_cones import ProductCone as ProductCone
+    from cpbench.solvers.base import Budget as Budget
+    from cpbench.solvers.base import Claim as Claim
+    from cpbench.storage import Recorder as Recorder
+    from cpbench.storage import save as save
+    from cpbench.verification import Status as Status
+    from cpbench.verification import Verdict as Verdict
+    from cpbench.verification import judge as judge
 
 __version__ = "0.1.0"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ from cpbench.api.solution import Solution
 from cpbench.formulations.base import Kind, Point, Problem
 
 if TYPE_CHECKING:
-    from cpbench.graph import Apply
+    from cpbench.graph import Apply, Arrival
     from cpbench.verification import Verdict
 
 
@@ -21,15 +21,26 @@ class Converted:
 
     Attributes
     ----------
-    source : the problem that was converted. problem : what became of it. route : the conversions, in their order.
-    kind : what an answer to `problem` is worth on `source`.
+    source : the problem that was converted. arrival : what became of it, and how (`graph.Arrival`).
     """
 
     source: Problem
-    problem: Problem
-    route: str
-    kind: Kind
-    steps: int
+    arrival: Arrival
+
+    @property
+    def problem(self) -> Problem:
+        """The problem in its new formulation."""
+        return self.arrival.problem
+
+    @property
+    def route(self) -> str:
+        """The conversions, in their order."""
+        return self.arrival.route.label
+
+    @property
+    def kind(self) -> Kind:
+        """What an answer to `problem` is worth on `source`."""
+        return self.arrival.kind
 
     def lift(self, answer: Solution | Point | Sequence[float]) -> Any:
         """Carry an answer to `problem` back to `source`; returns a point of `source`.
@@ -42,7 +53,7 @@ class Converted:
         """
         from cpbench import graph
 
-        return graph.lift(self.problem, point_of(self.problem, answer), self.steps)
+        return graph.lift(self.problem, point_of(self.problem, answer), len(self.arrival.route.steps))
 
     def __repr__(self) -> str:
         return f"Converted by {self.route} ({self.kind}):\n{self.problem}"
@@ -80,6 +91,7 @@ def convert(
     via: str | Sequence[str] | None = None,
     *,
     kinds: frozenset[Kind] | None = None,
+    knobs: Mapping[str, Any] | None = None,
     apply: Apply | None = None,
 ) -> Converted:
     """Convert a problem to another formulation, by the cheapest route whose every answer is an answer.
@@ -89,7 +101,8 @@ def convert(
     to : the formulation to reach (`cpbench list formulations`); None: where `via` leads.
     via : conversions that the route must take, by name or its end, with knobs: ``"inner[facets=16]"``. They are taken
         whatever they promise.
-    kinds : the promises that other steps may have, None for exact ones. apply : takes each step (see `graph.arrive`).
+    kinds : the promises that other steps may have, None for exact ones. knobs : for conversions of `via` that have them
+        and whose text sets none. apply : takes each step (see `graph.arrive`).
 
     Raises NoRoute with the obstacles met, UnknownName.
 
@@ -102,22 +115,16 @@ def convert(
     from cpbench import graph
     from cpbench.conversions.base import Conversion
 
-    pinned = pinned_edges(via)
+    pinned: tuple[Conversion, ...] = ()
+    if via:
+        from cpbench.bench.planning import plan
+
+        asked = plan.pinned([via] if isinstance(via, str) else list(via), knobs or {})
+        pinned = plan.parse_request(asked.header)[1]
     if to is not None:
         graph.formulations.get(to)
     target = to or (pinned[-1].target if pinned else problem.node)
-    arrival = graph.arrive(problem, target, kinds or graph.EXACT, pinned, apply or Conversion.step)
-    return Converted(problem, arrival.problem, arrival.route.label, arrival.kind, len(arrival.route.steps))
-
-
-def pinned_edges(via: str | Sequence[str] | None, **knobs: Any) -> tuple[Any, ...]:
-    """Return the conversions of a text or several, with the knobs that they have; raises UnknownName."""
-    if not via:
-        return ()
-    from cpbench.bench.planning import plan
-
-    names = [via] if isinstance(via, str) else list(via)
-    return plan.parse_request(plan.pinned(names, knobs).header)[1]
+    return Converted(problem, graph.arrive(problem, target, kinds or graph.EXACT, pinned, apply or Conversion.step))
 
 
 def explain(problem: Problem, to: str) -> list[str]:

@@ -190,7 +190,7 @@ def test_solvers_are_listed_by_formulation() -> None:
 
 
 def test_a_notebook_shows_law_verdict_and_families() -> None:
-    assert "0 ≤ z ⟂" in LCP._repr_html_()
+    assert "0 ≤ z ⟂" in str(LCP._repr_html_())
     shown = cpbench.solve(LCP, "lemke")._repr_html_()
     assert "two: solved" in shown
     assert "measured" in shown
@@ -200,7 +200,7 @@ def test_a_notebook_shows_law_verdict_and_families() -> None:
 def test_markup_in_a_name_is_text() -> None:
     named = formulations.LCP(M=[[1.0]], q=[-1.0], name="<script>alert(1)</script>")
     for shown in (named._repr_html_(), cpbench.solve(named, "lemke")._repr_html_()):
-        assert "<script>" not in shown
+        assert "<script>" not in str(shown)
 
 
 def test_a_run_of_problems_from_memory_and_files(tmp_path: Path) -> None:
