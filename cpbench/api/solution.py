@@ -5,8 +5,9 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
-from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
 from cpbench.verification import MET_TOLERANCE, Status, Verdict
 
@@ -33,7 +34,7 @@ class Solution:
     tolerance: float
     route: str
     kind: Kind
-    point: Point | None = None
+    point: Any = None
     claim: str = ""
     seconds: Mapping[str, float] = field(default_factory=dict)
     counters: Mapping[str, int] = field(default_factory=dict)
