@@ -11,4 +11,6 @@ from cpbench.report import show
 def problem_html(problem: Problem) -> str:
     """Return what `cpbench show` prints, the law above the rest, which keeps its columns."""
     head = html.escape(f"{problem.name or problem.node}: {problem.title}")
-    return f'<b>{head}</b><pre style="line-height:1.15">{html.escape(show.text(problem))}</pre>'
+    # dots and frame are aligned where one font has both
+    style = "line-height:1.15;font-family:DejaVu Sans Mono,monospace"
+    return f'<b>{head}</b><pre style="{style}">{html.escape(show.text(problem))}</pre>'

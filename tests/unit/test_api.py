@@ -213,14 +213,19 @@ def test_a_run_of_problems_from_memory_and_files(tmp_path: Path) -> None:
     ]
     assert "lcp: " in repr(results)
     assert "<table>" in results._repr_html_()
-    assert results.profile().axes
     assert results.compare(results).verdict == "same"
-    page = results.report(tmp_path / "report")
-    assert page.name == "report.html"
-    assert page.stat().st_size > 10_000
     again = cpbench.Results(tmp_path / "r.sqlite")
     assert len(again) == 4
     assert (tmp_path / "r.problems.h5").exists()
+
+
+@pytest.mark.nightly
+def test_the_report_and_the_figures_of_a_run(tmp_path: Path) -> None:
+    results = cpbench.run(LCP, ["lemke", "psor"], repeats=1)
+    assert results.profile().axes
+    page = results.report(tmp_path / "report")
+    assert page.name == "report.html"
+    assert page.stat().st_size > 10_000
 
 
 def test_a_run_says_what_it_cannot_do(tmp_path: Path) -> None:
@@ -234,6 +239,7 @@ def test_a_run_says_what_it_cannot_do(tmp_path: Path) -> None:
     assert not (tmp_path / "r.sqlite").exists()
 
 
+@pytest.mark.nightly
 def test_a_script_needs_no_guard(tmp_path: Path) -> None:
     """Its processes do not import it: without `if __name__ == "__main__"` it would begin the run again."""
     script = tmp_path / "mine.py"
