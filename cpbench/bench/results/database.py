@@ -135,6 +135,8 @@ class Database:
         """What SQLite or a value it cannot store raises becomes a StoreError with the cause."""
         try:
             yield
+        except UnicodeDecodeError as cause:  # of a name in the schema, as sqlite3 hands it on
+            raise _explained(self._path, sqlite3.DatabaseError(str(cause)), sqlite3.SQLITE_CORRUPT) from cause
         except (sqlite3.Error, OverflowError) as cause:
             raise _explained(self._path, cause) from cause
 
