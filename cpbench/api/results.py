@@ -30,10 +30,9 @@ class Results:
     Raises StoreError where it is no results file, SealError where rows are not as a run wrote them.
     """
 
-    def __init__(self, path: str | Path, *, remarks: Sequence[str] = (), keep: object = None) -> None:
+    def __init__(self, path: str | Path, *, remarks: Sequence[str] = ()) -> None:
         self.path = Path(path)
         self.remarks = tuple(remarks)
-        self._keep = keep  # a temporary folder lives as long as the results that are in it
         with sealed(self.path) as store:
             self._rows, self.meta = store.table(), store.meta()
             self._histories = list(store.histories())

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
+import weakref
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,8 +62,19 @@ def run(
     for key in plan:
         if key not in (*SET_KEYS, *RUN_KEYS) or key in ("report", "output", "timeout", "fail_on"):
             raise UnknownName("key of a plan", key, [key for key in (*SET_KEYS, *RUN_KEYS) if key not in _NAMED])
-    temporary = tempfile.TemporaryDirectory(prefix="cpbench-") if out is None else None
-    path = Path(out) if out is not None else Path(str(temporary and temporary.name)) / "run.sqlite"
+    if out is None:
+        folder = tempfile.mkdtemp(prefix="cpbench-")
+        try:
+            into = Path(folder) / "run.sqlite"
+            results = run(
+                problems, solvers, tolerance=tolerance, seconds=seconds, repeats=repeats, jobs=jobs, out=into, **plan
+            )
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        weakref.finalize(results, shutil.rmtree, folder, ignore_errors=True)
+        return results
+    path = Path(out)
     told: dict[str, Any] = {
         **plan,
         "problems": _addresses(problems, path),
@@ -87,7 +100,7 @@ def run(
 
     with _environment_kept():
         execute_plan(asked, builtin_folder, Silent(), "cpbench.run from Python", planned, finished)
-    return Results(path, remarks=remarks, keep=temporary)
+    return Results(path, remarks=remarks)
 
 
 _NAMED = ("problems", "solvers", "tolerance", "timeout", "repeats", "jobs", "output", "report", "fail_on")
