@@ -14,7 +14,7 @@ from cpbench import __version__
 from cpbench.analysis import validation
 from cpbench.analysis.experience import Experience, to_text
 from cpbench.analysis.profiles import FLOOR
-from cpbench.cli import evidence
+from cpbench.api import evidence
 from cpbench.cli.solver_tables import columns
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted

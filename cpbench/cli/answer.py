@@ -12,8 +12,8 @@ import click
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import left_out_lines
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
+from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
-from cpbench.cli.sealed import sealed
 from cpbench.cli.terminal import folded, width
 from cpbench.report.text import counted, seconds
 

@@ -17,12 +17,12 @@ from importlib.resources import files
 from pathlib import Path
 
 from cpbench.analysis.experience import Experience, from_text
+from cpbench.api.evidence import SHIPPED
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.worker import SHORT
-from cpbench.cli.evidence import SHIPPED
 from cpbench.plurals import counted
 
 BEFORE = ("quick.sqlite", "standard.sqlite", "builtin.sqlite")

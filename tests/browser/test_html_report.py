@@ -24,7 +24,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
 from cpbench.analysis.portraits import Portrait, portrait
 from cpbench.analysis.tolerances import judged_at
-from cpbench.cli.portraits import BYTES
+from cpbench.api.portraits import BYTES
 from cpbench.formulations import LCP, FCPoint, FrictionContact
 from cpbench.formulations.base import Kind
 from cpbench.formulations.mlcp import MLCP

@@ -17,9 +17,9 @@ from synthetic_results import meta, results_file, row, table
 from cpbench import storage
 from cpbench.analysis.contact_states import contact_states
 from cpbench.analysis.portraits import CELLS, CONTACTS, LEAST, portrait
+from cpbench.api import portraits
 from cpbench.bench.results.answers import pack
 from cpbench.bench.results.store import Store
-from cpbench.cli import portraits
 from cpbench.errors import PointError
 from cpbench.formulations import LCP, FCPoint, FrictionContact
 from cpbench.formulations.base import Problem
