@@ -34,17 +34,6 @@ Function: TypeAlias = Callable[[Any, Any], Any]
 """φ of two SX columns."""
 
 
-def fischer_burmeister(a: Any, b: Any) -> Any:
-    """a + b − √(a² + b²), written as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would lose all digits
-    of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""
-    import casadi as ca
-
-    squares = a * a + b * b
-    root = ca.if_else(squares > 0, ca.sqrt(ca.if_else(squares > 0, squares, 1)), 0)
-    upper = a + b > 0
-    return ca.if_else(upper, 2 * a * b / ca.if_else(upper, a + b + root, 1), a + b - root)
-
-
 def equations(problem: MiCP, phi: Function) -> Map:
     """Φ."""
     import casadi as ca

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.conversions.base import conversions
-from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation, fischer_burmeister
+from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation
 from cpbench.formulations.base import Trace
 from cpbench.formulations.micp import MiCP
+from cpbench.ncp_functions import symbolic_fischer_burmeister
 
 
 @conversions.register("micp-equation-pfb")
@@ -36,7 +37,7 @@ class MiCPtoEquationPenalized(MiCPtoEquation):
         import casadi as ca
 
         penalty = ca.fmax(a, 0) * ca.fmax(b, 0)
-        return self.share * fischer_burmeister(a, b) + (1.0 - self.share) * penalty
+        return self.share * symbolic_fischer_burmeister(a, b) + (1.0 - self.share) * penalty
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
         """As of Fischer and Burmeister's φ, of which this is at least λ times as large."""

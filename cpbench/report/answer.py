@@ -8,7 +8,6 @@ from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.plurals import counted
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
-from cpbench.report.easel import Easel
 from cpbench.report.run import Run, tunings
 from cpbench.report.text import code, number, plain, seconds, table
 
@@ -18,7 +17,7 @@ ROWS = 96
 """The most rows of the table of rankings, shared by the formulations."""
 
 
-def answer(run: Run, easel: Easel) -> Iterator[str]:
+def answer(run: Run) -> Iterator[str]:
     """The sentences, the figure of the formulations with most problems, and the rankings as one table."""
     told = [ranking for ranking in run.rankings if ranking.rows]
     if not told:
@@ -29,7 +28,7 @@ def answer(run: Run, easel: Easel) -> Iterator[str]:
     if len(told) > len(shown):
         left = counted(len(told) - len(shown), "more group")
         yield f"Not shown here: {left} with fewer problems, in `report.html` and `results.csv`."
-    name, guide = overview_figure.draw(run, easel, shown)
+    name, guide = overview_figure.draw(run, shown)
     if name:
         yield f"[![Performance profiles]({name}.png)]({name}.svg)"
         yield f"*{plain(guide)}*"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import cpbench
+from command_line import cpbench, with_plugins
 
 from cpbench import storage
 from cpbench.bench import campaign
@@ -64,10 +63,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, *arguments: str, plugin: bool = False, rc: int = 0) -> subprocess.CompletedProcess[str]:
-    if plugin:
-        command = [sys.executable, "-m", "cpbench", "--plugin", "flaky.py", "run", *arguments]
-        environment = {**os.environ, "CPBENCH_ISOLATION": "open"}  # `flaky` notes beside the results what it has met
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, env=environment)
+    if plugin:  # `flaky` notes beside the results what it has met
+        done = with_plugins(folder, "--plugin", "flaky.py", "run", *arguments, CPBENCH_ISOLATION="open")
     else:
         done = cpbench(folder, "run", *arguments)
     assert done.returncode == rc, done.stderr
@@ -152,6 +149,7 @@ def test_a_dry_run_tells_the_matrix_the_grids_and_what_is_done(folder: Path) -> 
     assert "shard 1 of 2" in run(folder, "--dry-run", "--shard", "1/2").stdout
 
 
+@pytest.mark.nightly
 def test_shards_make_up_the_whole(folder: Path) -> None:
     """One of three shards of two problems at least is empty, and merges all the same."""
     files = [f"{i}.sqlite" for i in range(1, 4)]
@@ -164,13 +162,25 @@ def test_shards_make_up_the_whole(folder: Path) -> None:
     assert "2 pairs of 3 files: 2 solved" in done.stdout, done.stderr
 
 
-def test_crashes_are_retried_and_failures_end_with_1(folder: Path) -> None:
-    """A solver that is killed the first time it sees a problem: one attempt, two, and what --rerun makes of it."""
+def test_a_crash_is_retried(folder: Path) -> None:
+    run(folder, "p2.h5", "-s", "flaky", "--retry", "2", "--no-report", "-o", "r.sqlite", plugin=True)
+    assert [(r["status"], r["attempts"]) for r in rows(folder / "r.sqlite")] == [("solved", 2)]
+
+
+def test_failures_end_with_1(folder: Path) -> None:
     path = folder / "r.sqlite"
     command = ("p2.h5", "p3.h5", "-s", "flaky", "-s", "liar", "--no-report", "-o", "r.sqlite")
     failed = run(folder, *command, "--fail-on", "crash,wrong", plugin=True, rc=1)
     assert "2 crash, 2 wrong (--fail-on)" in failed.stderr
     assert {(r["status"], r["attempts"]) for r in rows(path)} == {("crash", 1), ("wrong", 1)}
+
+
+@pytest.mark.nightly
+def test_what_is_run_again(folder: Path) -> None:
+    """A solver that is killed the first time it sees a problem: one attempt, two, and what --rerun makes of it."""
+    path = folder / "r.sqlite"
+    command = ("p2.h5", "p3.h5", "-s", "flaky", "-s", "liar", "--no-report", "-o", "r.sqlite")
+    run(folder, *command, plugin=True)
     again = run(folder, *command, "--rerun", "failed", "--fail-on", "crash", plugin=True)
     assert "2 solved" in again.stdout
     assert sorted((r["status"], r["attempts"]) for r in rows(path)) == [("solved", 2)] * 2 + [("wrong", 2)] * 2
@@ -188,7 +198,7 @@ def test_crashes_are_retried_and_failures_end_with_1(folder: Path) -> None:
     [
         (["p9*.h5"], "nothing matches p9*.h5"),
         (["p2.h5", "-s", "neuton-*"], "--solver: unknown solver 'neuton-*'"),
-        (["p2.h5", "--where", "nc >> 3"], "--where: 'nc >> 3': at '> 3'"),
+        (["p2.h5", "--where", "nc >> 3"], "--where: 'nc >> 3': at 'nc >> 3'"),
         (["p2.h5", "--where", "contacts > 3"], "unknown fact contacts"),
         (["p2.h5", "-k", "a b"], "--keyword: 'a b'"),
         (["p2.h5", "--where", "n > 3"], "none of 1 problems is what the plan selects"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.linalg import solve
+from tiers import some_by_day
 
 from cpbench.analysis.active_sets import Side, active_set
 from cpbench.cones import box_defect, project_box
@@ -20,17 +21,11 @@ from cpbench.expressions import Map
 from cpbench.formulations import AVI, AVIPoint, MiCP, MiCPPoint, NCPPoint
 from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
+from cpbench.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum, penalized, smoothed
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.solvers.native.lcp.box_linear import BoxLinear
-from cpbench.solvers.native.nonlinear.ncp_functions import (
-    Reformulation,
-    evtushenko_purtov,
-    fischer_burmeister,
-    minimum,
-    penalized,
-    smoothed,
-)
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
+from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 
 FUNCTIONS = {
     "min": minimum, "fb": fischer_burmeister, "pfb": penalized, "ep": evtushenko_purtov,
@@ -90,7 +85,7 @@ def test_the_degenerate_solution_is_told_apart() -> None:
     assert told == {True: 1.0, False: 0.0}
 
 
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("name", some_by_day(SOLVERS, 40))
 @pytest.mark.parametrize(
     ("collection", "instance"),
     [
@@ -111,7 +106,9 @@ def test_the_classics(name: str, collection: str, instance: str) -> None:
     assert micp.residuals(output.point).error <= 1e-10
 
 
-@pytest.mark.parametrize("name", [n for n in SOLVERS if n not in ("semismooth-newton-ep", "smoothing-newton")])
+@pytest.mark.parametrize(
+    "name", some_by_day([n for n in SOLVERS if n not in ("semismooth-newton-ep", "smoothing-newton")], 1)
+)
 def test_sparse_problems(name: str) -> None:
     for instance in ("bratu-20x20-12", "membrane-20x20", "minimal-surface-19x19"):
         micp = problem("membranes", instance)

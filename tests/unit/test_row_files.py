@@ -17,6 +17,7 @@ from synthetic_results import meta, results_file, row, suite, table
 from cpbench.cli import cli
 from cpbench.errors import FormatError
 from cpbench.report import row_files
+from cpbench.report.folder import write_folder
 
 INF = math.inf
 PARQUET = importlib.util.find_spec("pyarrow") is not None
@@ -76,6 +77,7 @@ def report(path: Path, *options: str) -> tuple[set[str], str]:
     return {p.name for p in (path.parent / "out").glob("results.*")}, done.output
 
 
+@pytest.mark.nightly
 def test_a_report_has_its_rows_in_every_format(tmp_path: Path) -> None:
     sheets = {"lemke": {"name": "lemke"}, "gams": {"name": "gams", "publishing": "ask before publishing"}}
     rows = table(row("a-1", "lemke", "solved", 1.0), row("a-1", "gams", "solved", 2.0))
@@ -89,6 +91,7 @@ def test_a_report_has_its_rows_in_every_format(tmp_path: Path) -> None:
         assert frame["time"].tolist() == [1.0], "the time that the profiles are of"
 
 
+@pytest.mark.nightly
 def test_a_report_without_pyarrow_says_so_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = results_file(tmp_path / "r.sqlite", small())
     monkeypatch.setitem(sys.modules, "pyarrow", None)
@@ -97,6 +100,7 @@ def test_a_report_without_pyarrow_says_so_and_goes_on(tmp_path: Path, monkeypatc
     assert told.count("no results.parquet: Parquet needs pyarrow: pip install 'cpbench[arrow]'\n") == 1
 
 
+@pytest.mark.nightly
 def test_a_report_has_the_formats_that_were_asked_for(tmp_path: Path) -> None:
     path = results_file(tmp_path / "r.sqlite", small())
     assert report(path, "--data", "csv")[0] == {"results.csv"}
@@ -123,6 +127,7 @@ def test_many_rows_are_written_where_they_are_asked_for(monkeypatch: pytest.Monk
     assert row_files.chosen(many, ["csv"]) == (["csv"], [])
 
 
+@pytest.mark.nightly
 def test_a_report_without_csv_does_not_speak_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(row_files.MOST, "csv", 1)
     sheets = {"lemke": {"name": "lemke"}, "gams": {"name": "gams", "publishing": "ask before publishing"}}
@@ -145,3 +150,16 @@ def test_export_has_the_digits_too(tmp_path: Path) -> None:
     assert errors["solved"] == 1.2345678901234567e-13
     assert errors["timeout"] in (None, "inf")
     assert CliRunner().invoke(cli, ["export", str(path), "--rows", str(tmp_path / "r.json")]).exit_code != 0
+
+
+def test_a_report_without_rows_as_csv_has_none(tmp_path: Path) -> None:
+    write_folder(suite(4, 3), meta(), tmp_path, "t", data=["json"])
+    assert {path.name for path in tmp_path.glob("results.*")} == {"results.json"}
+
+
+def test_cells_of_text_are_safe_and_numbers_are_as_they_were(tmp_path: Path) -> None:
+    """Text that repeats is made safe wherever it stands; a number that begins with a sign is no text."""
+    rows = pd.DataFrame({"text": ["=1+1", "=1+1", None, "\x1b[31m"], "number": [-1.5, math.nan, -INF, 1 / 3]})
+    row_files.write(rows, tmp_path / "r.csv")
+    expected = "text,number\n'=1+1,-1.5\n'=1+1,\n,-inf\n\\x1b[31m,0.3333333333333333\n"
+    assert (tmp_path / "r.csv").read_bytes().decode() == expected

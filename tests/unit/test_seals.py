@@ -169,6 +169,7 @@ def test_a_hundred_forgeries_are_found_by_later_readers(honest: Path, tmp_path: 
     assert not missed
 
 
+@pytest.mark.nightly
 def test_a_hundred_forgeries_are_found_by_the_run_whose_key_the_forger_has(honest: Path, tmp_path: Path) -> None:
     """He seals what he writes as the run would; the run remembers what it wrote, and marks it for later readers."""
     for seed in range(TRIES):
@@ -214,6 +215,15 @@ def test_flipped_bits_are_found_or_change_nothing(honest: Path, tmp_path: Path) 
         except StoreError:
             counts["found"] += 1
     assert counts["found"] >= 10
+
+
+def test_a_flipped_bit_in_a_name_of_the_schema_is_found(honest: Path, tmp_path: Path) -> None:
+    spoiled = bytearray(honest.read_bytes())
+    spoiled[spoiled.index(b"CREATE TABLE") + 8] ^= 0x80
+    path = tmp_path / "r.sqlite"
+    path.write_bytes(spoiled)
+    with pytest.raises(StoreError, match="is damaged"):
+        Store(path)
 
 
 def test_flipped_bits_in_values_are_always_found(honest: Path, tmp_path: Path) -> None:
@@ -351,6 +361,7 @@ def test_commands_refuse_rows_that_cannot_be_believed(
     assert {path.name for path in tmp_path.iterdir()} == {"good.sqlite", "r.sqlite"}
 
 
+@pytest.mark.nightly
 def test_what_it_costs(tmp_path: Path) -> None:
     """A file of 20,000 rows is checked in less than a second of this processor, and three on a busy one."""
     path = tmp_path / "r.sqlite"

@@ -153,6 +153,7 @@ def test_an_empty_run_is_a_document_too(tmp_path: Path) -> None:
     assert "No pair was planned" in (written(tmp_path, table()) / "report.tex").read_text()
 
 
+@pytest.mark.nightly
 def test_citations_of_collections_are_read_from_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     problems = Path(__file__).parents[2] / "problems" / "lcp" / "lcp-classics.h5"
     run = tmp_path / "r.sqlite"
@@ -186,6 +187,7 @@ def tex_is_there() -> bool:
     return len(asked.stdout.split()) == 2
 
 
+@pytest.mark.nightly
 def test_it_compiles_and_says_the_numbers(tmp_path: Path) -> None:
     """What pdflatex expands the macros to, written to its log, is what the analysis says."""
     if not tex_is_there():
@@ -228,6 +230,7 @@ def test_bad_input_is_refused(tmp_path: Path, options: list[str], message: str) 
     assert message in said
 
 
+@pytest.mark.nightly
 def test_a_baseline_has_a_section_in_the_markdown_report(tmp_path: Path) -> None:
     base = SUITE.copy()
     changed = SUITE.copy()

@@ -28,11 +28,12 @@ KNOWN = {name: type(value) for name, value in FACTS.items()} | {"absent": float,
         "node < 'h' and (n + (nc - 1)) * 2 >= 1e2",
         ".5 < density + 0.5 < 1.",
         "n == 7 == 7.0 != 8",
+        " n > 0x6 and\n nc < 1_000 ",
     ],
 )
 def test_reads_as_python_does(text: str) -> None:
     for facts in (FACTS, FACTS | {"n": 8.0, "nc": 3.0, "node": "fc"}):
-        assert condition(text, KNOWN).holds(facts) is eval(text, {}, dict(facts))
+        assert condition(text, KNOWN).holds(facts) is eval(" ".join(text.split()), {}, dict(facts))
 
 
 _NUMBERS = st.sampled_from(["1", "2.5", "3e1", "n", "nc", "density"])
@@ -68,6 +69,7 @@ def test_any_condition_reads_as_python_does(text: str) -> None:
     assert condition(text, KNOWN).holds(FACTS) is expected
 
 
+@pytest.mark.nightly
 @settings(max_examples=300, deadline=None)
 @given(st.text(max_size=60) | st.text("()<>=! *+-/%'\"n1.eandor", max_size=40))
 def test_no_text_does_anything_but_be_read_or_refused(text: str) -> None:
@@ -107,27 +109,34 @@ def test_what_is_unknown_selects_nothing_and_hides_nothing(text: str, expected: 
         ("", "the end"),
         ("nc >", "the end"),
         ("nc > 100)", "')'"),
-        ("(nc > 100", "expected ')'"),
+        ("(nc > 100", "'(' was never closed"),
         ("nc", "is a number, not a condition"),
         ("'fc'", "is a text, not a condition"),
         ("ncc > 1", "did you mean nc? Known are absent, density, family, n, nc, ndof, node, zero"),
         ("node > 3", "a text cannot be compared"),
         ("(n > 1) == (nc > 1)", "a condition cannot be compared"),
-        ("node + 1 > 2", "expected a number"),
-        ("not n", "expected a condition"),
-        ("n > 1 and nc", "expected a condition"),
-        ("n and nc > 1", "expected a condition"),
-        ("-node == 1", "expected a number"),
-        ("n = 7", "cannot be read"),
+        ("node + 1 > 2", "at 'node': is a text, not a number"),
+        ("not n", "at 'n': is a number, not a condition"),
+        ("n > 1 and nc", "at 'nc': is a number, not a condition"),
+        ("n and nc > 1", "at 'n': is a number, not a condition"),
+        ("-node == 1", "at 'node': is a text, not a number"),
+        ("n = 7", "at '= 7'"),
         ("n.real > 1", "cannot be read"),
-        ("n > 0x10", "cannot be read"),
-        ("__import__('os').system('true') == 0", "unknown fact __import__"),
-        ("(lambda: 1)() > 0", "unknown fact lambda"),
-        ("n if n else n > 1", "'if n else n > 1'"),
+        ("n >> 1", "write numbers, 'texts', facts, + - * / // % **, <"),
+        ("n > 1j", "cannot be read"),
+        ("n == True", "cannot be read"),
+        ("f'{n}' == node", "cannot be read"),
+        ("n > 1 if", "at the end"),
+        ("1if n else n > 1", "invalid decimal"),
+        ("n > \0", "null"),
+        ("__import__('os').system('true') == 0", "cannot be read"),
+        ("(lambda: 1)() > 0", "cannot be read"),
+        ("n if n else n > 1", "at 'n if n else n > 1': cannot be read"),
         ("[n] == [7]", "cannot be read"),
-        ("n > 1 and and", "expected a number, a name"),
+        ("n > 1 and and", "at 'and': invalid syntax; write numbers"),
         ("n" + "+n" * LONGEST + " > 1", f"at most {LONGEST}"),
-        ("(" * (DEEPEST + 1) + "n > 1" + ")" * (DEEPEST + 1), f"more than {DEEPEST} deep"),
+        ("(" * 900 + "n > 1" + ")" * 900, "too many nested parentheses"),
+        ("n" + "+n" * (DEEPEST + 1) + " > 1", f"more than {DEEPEST} deep"),
         ("not " * (DEEPEST + 1) + "n > 1", f"more than {DEEPEST} deep"),
         ("-" * (DEEPEST + 1) + "n > 1", f"more than {DEEPEST} deep"),
         ("2**" * (DEEPEST + 1) + "2 > 1", f"more than {DEEPEST} deep"),

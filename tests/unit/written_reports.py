@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pandas as pd
+from matplotlib.figure import Figure
 
-from cpbench.report import markdown
+from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
 
@@ -19,12 +22,16 @@ def write_report(
     folder: Path,
     title: str,
     histories: pd.DataFrame | None = None,
+    *,
+    drawn: bool = False,
     **chosen: Any,
 ) -> Path:
-    """report.md with its figures and results.csv; `chosen` is what `run.assembled` takes."""
+    """report.md and results.csv, and its figures if `drawn`; `chosen` is what `run.assembled` takes."""
     run = assembled(table, meta, folder, histories, **chosen)
-    with markdown.rows_beside(run), markdown.easel_of(run) as easel:
-        return markdown.write_text(run, easel, title)
+    run.folder.mkdir(parents=True, exist_ok=True)
+    row_files.write(run.timed, run.folder / "results.csv")
+    with nullcontext() if drawn else patch.object(Figure, "savefig"):  # three formats of one take half a second
+        return markdown.write_text(run, title)
 
 
 def whole(path: Path) -> str:
