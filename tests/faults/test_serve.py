@@ -101,7 +101,8 @@ def rows(module_bench, request: pytest.FixtureRequest) -> pd.DataFrame:
     from cpbench.formulations import LCP
 
     folder = module_bench.folder
-    storage.save(LCP(M=np.diag([2.0, 4.0, 5.0]), q=-np.array([2.0, -4.0, 5.0]), name="p"), folder / "p.h5")
+    if not (folder / "p.h5").exists():  # some first, all later
+        storage.save(LCP(M=np.diag([2.0, 4.0, 5.0]), q=-np.array([2.0, -4.0, 5.0]), name="p"), folder / "p.h5")
     for name, text in SCRIPTS.items():
         (folder / f"{name}.sh").write_text(text.replace("PYTHON", sys.executable))
         (folder / f"{name}.sh").chmod(0o755)
