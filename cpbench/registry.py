@@ -34,31 +34,39 @@ TABLES = ".toml"
 """Suffix of plugin files that are tables."""
 _READER = "cpbench.solvers.external.declared"
 """The module that makes solvers of tables, imported where there are any."""
-_plugins_loaded = False
+_asked_for: tuple[str, str] | None = None
+"""`CPBENCH_PLUGINS` and `CPBENCH_SOLVERS` as they were when plugins were last loaded."""
+_read: set[Path] = set()
+"""Files that were loaded."""
 
 
 def load_plugins() -> None:
     """Import every module named under ``cpbench.plugins`` and every file in ``CPBENCH_PLUGINS``, once.
 
-    Tables are read last: they may declare variants of what is in the files.
+    Tables are read last: they may declare variants of what is in the files. What the variables name later is loaded
+    when this is called again.
     """
-    global _plugins_loaded
-    if not _plugins_loaded:
-        _plugins_loaded = True
+    global _asked_for
+    asked = os.environ.get(PLUGIN_FILES, ""), os.environ.get(DECLARED, "")
+    if asked == _asked_for:
+        return
+    first, _asked_for = _asked_for is None, asked
+    if first:
         from importlib.metadata import entry_points  # a third of the start-up of `cpbench --help`
 
         for entry in entry_points(group=PLUGIN_GROUP):
             entry.load()
-        files = [Path(path) for path in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if path]
-        for path in files:
-            if path.suffix != TABLES:
-                load_plugin(path)
-        tables = [path for path in files if path.suffix == TABLES]
-        if tables or os.environ.get(DECLARED):
-            declared = importlib.import_module(_READER)
-            for path in tables:
-                declared.declare_file(path)
-            declared.declare_environment()
+    files = [path for path in map(Path, filter(None, asked[0].split(os.pathsep))) if path not in _read]
+    _read.update(files)
+    for path in files:
+        if path.suffix != TABLES:
+            load_plugin(path)
+    tables = [path for path in files if path.suffix == TABLES]
+    if tables or asked[1]:
+        declared = importlib.import_module(_READER)
+        for path in tables:
+            declared.declare_file(path)
+        declared.declare_environment()
 
 
 def load_plugin(path: Path) -> None:
@@ -118,13 +126,12 @@ class Registry(Generic[T]):
 
     def discover(self) -> None:
         """Import the registry's packages and the installed plugins, once."""
-        if self._discovered:
-            return
-        self._discovered = True
-        for package in self._packages:
-            module = importlib.import_module(package)
-            for info in pkgutil.iter_modules(module.__path__, f"{package}."):
-                importlib.import_module(info.name)
+        if not self._discovered:
+            self._discovered = True
+            for package in self._packages:
+                module = importlib.import_module(package)
+                for info in pkgutil.iter_modules(module.__path__, f"{package}."):
+                    importlib.import_module(info.name)
         load_plugins()
 
     def get(self, name: str) -> T:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from cpbench import verification
+from cpbench import brackets, verification
 from cpbench.api.solution import Solution
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
@@ -85,9 +85,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
 
 def _way_to(problem: Problem, name: str) -> Way:
     """Bring the problem to a named solver."""
-    from cpbench.bench.planning.plan import bracketed
-
-    base, given = bracketed("solver", name)
+    base, given = brackets.read("solver", name)
     solver = solvers.get(base)
     state = solver.availability()
     if not state.ok:

@@ -165,7 +165,8 @@ def test_a_file_that_may_not_grow_loses_nothing(tmp_path: Path) -> None:
     """The same by a limit on the size of files, which every user can set, in a process of its own."""
     path = tmp_path / "r.sqlite"
     code = f"""
-        import importlib.util, pathlib, resource
+        import importlib.util, pathlib, resource, sys
+        sys.path[:0] = {[folder for folder in sys.path if folder.endswith("unit")]!r}
         resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
         spec = importlib.util.spec_from_file_location("faults", {__file__!r})
         faults = importlib.util.module_from_spec(spec)

@@ -24,6 +24,7 @@ from typing import Any
 from cpbench.bench.processes import cgroup, confinement, guard, isolation
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.isolation import Isolation
+from cpbench.registry import DECLARED, PLUGIN_FILES
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -135,6 +136,8 @@ def _variables() -> Generator[None]:
     wanted = {
         SAFE_PATH: os.environ.get(SAFE_PATH, "1"),
         WARNINGS: ",".join(filter(None, (os.environ.get(WARNINGS), NO_LEAKS))),
+        PLUGIN_FILES: "",  # a child has those of its own run, which need not be those of the forkserver's first
+        DECLARED: "",
     }
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)
