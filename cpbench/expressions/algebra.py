@@ -39,10 +39,9 @@ class Algebra:
     def apply(self, operator: Operator, a: int, b: int = -1) -> int:
         value = self._value
         if a in value and (b < 0 or b in value):
-            with np.errstate(all="ignore"):
-                folded = float(NUMPY[operator](value[a], value[b]) if b >= 0 else NUMPY[operator](value[a]))
-            if np.isfinite(folded):  # a map has no other constants
-                return self.constant(folded)
+            folded = self._folded(operator, a, b)
+            if folded is not None:
+                return folded
         simple = self._simple(operator, a, b) if operator in _RULES else None
         if simple is not None:
             return simple
@@ -52,6 +51,13 @@ class Algebra:
         elif operator == NEG:
             self._negated[number] = a
         return number
+
+    def _folded(self, operator: Operator, a: int, b: int) -> int | None:
+        """The constant that an operation of constants is; None where it is not finite, which no constant may be."""
+        arguments = [self._value[a]] if b < 0 else [self._value[a], self._value[b]]
+        with np.errstate(all="ignore"):
+            result = float(NUMPY[operator](*arguments))
+        return self.constant(result) if np.isfinite(result) else None
 
     def _simple(self, operator: Operator, a: int, b: int) -> int | None:
         left, right = self._value.get(a), self._value.get(b)

@@ -100,8 +100,8 @@ def _mul(to: Algebra, a: int, b: int, v: int) -> tuple[Factor | None, Factor | N
 
 
 def _div(to: Algebra, a: int, b: int, v: int) -> tuple[Factor | None, Factor | None]:
-    by_second = to.neg(to.div(v, b))
-    return (lambda to, x: to.div(x, b)), _times(by_second)
+    inverse = _reciprocal(to, b)
+    return _times(inverse), _times(to.neg(to.mul(v, inverse)))
 
 
 def _pow(to: Algebra, a: int, b: int, v: int) -> tuple[Factor | None, Factor | None]:
