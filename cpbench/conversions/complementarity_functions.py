@@ -22,6 +22,7 @@ import numpy as np
 
 from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder, either, less, where
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
@@ -31,28 +32,25 @@ TSENG = (2.0 - 2.0**0.5) / (2.0 + 2.0**0.5)
 (2 − √2)|min(a, b)| ≤ |φ(a, b)| ≤ (2 + √2)|min(a, b)| (Tseng, J. Optimization Theory and Applications 89, 1996)."""
 
 Function: TypeAlias = Callable[[Any, Any], Any]
-"""φ of two SX columns."""
+"""φ of two columns of symbols."""
 
 
 def fischer_burmeister(a: Any, b: Any) -> Any:
     """a + b − √(a² + b²), written as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would lose all digits
     of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""
-    import casadi as ca
-
     squares = a * a + b * b
-    root = ca.if_else(squares > 0, ca.sqrt(ca.if_else(squares > 0, squares, 1)), 0)
-    upper = a + b > 0
-    return ca.if_else(upper, 2 * a * b / ca.if_else(upper, a + b + root, 1), a + b - root)
+    positive, upper = less(0.0, squares), less(0.0, a + b)
+    root = where(positive, np.sqrt(either(positive, squares, 1.0)))
+    return either(upper, 2 * a * b / either(upper, a + b + root, 1.0), a + b - root)
 
 
 def equations(problem: MiCP, phi: Function) -> Map:
     """Φ."""
-    import casadi as ca
-
-    z = ca.SX.sym("z", problem.start.size)
-    F, lb, ub = problem.F.sx(z), problem.lb, problem.ub
+    record = Recorder(problem.start.size)
+    z, lb, ub = record.z, problem.lb, problem.ub
+    F = record(problem.F, z)
     below, above = np.isfinite(lb), np.isfinite(ub)
-    result = ca.SX(z)
+    result = z.copy()
     for members, make in (
         (~below & ~above, lambda x, w, lo, up: w),
         (below & ~above, lambda x, w, lo, up: phi(x - lo, w)),
@@ -60,10 +58,10 @@ def equations(problem: MiCP, phi: Function) -> Map:
         (below & above & (lb < ub), lambda x, w, lo, up: phi(x - lo, -phi(up - x, -w))),
         (below & above & (lb == ub), lambda x, w, lo, up: x - lo),
     ):
-        at = np.flatnonzero(members).tolist()
-        if at:
-            result[at] = make(z[at], F[at], ca.DM(lb[at]), ca.DM(ub[at]))
-    return Map.from_casadi(z, result)
+        at = np.flatnonzero(members)
+        if at.size:
+            result[at] = make(z[at], F[at], lb[at], ub[at])
+    return record.map(result)
 
 
 @dataclass(frozen=True)

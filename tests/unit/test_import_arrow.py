@@ -24,7 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "toml_text": set(),
     "plain_text": set(),
     "plurals": set(),
-    "expressions": {"errors", "matrices"},
+    "expressions": {"errors", "matrices", "kernel_cache"},
     "formulations": BASE,
     "facts": BASE | {"formulations"},
     "exchange": BASE | {"formulations"},

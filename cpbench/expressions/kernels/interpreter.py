@@ -14,11 +14,15 @@ _TABLE = types.Array(int64, 2, "C", readonly=True)
 _NUMBERS = types.Array(int64, 1, "C", readonly=True)
 
 
-# No fastmath: comparisons must see NaN and infinity as NumPy does. The longest chains of tests are ordered as in
-# `Operator`; LLVM makes a switch of them.
+# No fastmath: comparisons must see NaN and infinity as NumPy does. LLVM makes a switch of the tests.
 
 
-@njit(types.void(_TABLE, _FLOATS, _FLOATS, _NUMBERS, float64[::1], float64[::1]), cache=True, nogil=True, error_model="numpy")
+@njit(
+    types.void(_TABLE, _FLOATS, _FLOATS, _NUMBERS, float64[::1], float64[::1]),
+    cache=True,
+    nogil=True,
+    error_model="numpy",
+)
 def run(operations, z, constants, outputs, values, result):
     """result[i] = the value of number outputs[i]; operations : rows (head, left, right); values : work, one a value."""
     n = z.size
