@@ -36,7 +36,7 @@ def script() -> str:
         import vl_convert
     except ImportError as cause:
         raise Unavailable(
-            "missing", "vl-convert-python, which carries the charts: pip install vl-convert-python"
+            "missing", "vl-convert-python, which carries the charts: pip install cpbench[page]"
         ) from cause
     import platformdirs
 
