@@ -1,9 +1,9 @@
 """Where compiled kernels are kept, and how several processes share them.
 
 Kernels live in `solvers/kernels`, `conversions/kernels` and `expressions/kernels`, and numba writes its cache beside
-the source. Where that is not writable (a system-wide installation, a read-only image) the user's cache directory is taken. One process
-compiles a module: the others wait and then read what it wrote, instead of compiling the same code and racing for
-the index. Different modules are compiled side by side.
+the source. Where that is not writable (a system-wide installation, a read-only image) the user's cache directory is
+taken. One process compiles a module: the others wait and then read what it wrote, instead of compiling the same code
+and racing for the index. Different modules are compiled side by side.
 """
 
 from __future__ import annotations
