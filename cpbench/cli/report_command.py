@@ -79,6 +79,7 @@ def command(
     from cpbench.cli.start_answers import start_answers
     from cpbench.report import row_files
     from cpbench.report.folder import write_folder
+    from cpbench.report.html import vega
 
     for unknown in [form for form in data if form not in row_files.FORMATS]:
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
@@ -111,7 +112,7 @@ def command(
     )
     for path in made:
         click.echo(f"report: {replaced(path, before)}")
-    for line in told:
+    for line in (*told, *filter(None, [vega.lacking()])):
         click.echo(line, err=True)
 
 

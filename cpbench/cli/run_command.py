@@ -331,12 +331,15 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         from cpbench.cli.portraits import Portraits
         from cpbench.cli.start_answers import start_answers
         from cpbench.report.folder import write_folder
+        from cpbench.report.html import vega
 
         title = _title(asked)
         iterates = history.table(store.histories())
         more = {"portraits": Portraits(store, table), "answers": start_answers(store, table)}
         for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, **more):
             click.echo(f"report: {path}")
+        if vega.lacking():
+            click.echo(vega.lacking(), err=True)
     gaps = campaign.gaps(store, assembly)
     if gaps:
         click.echo(f"cpbench: rows are missing: {', '.join(gaps)}; the same command goes on", err=True)
