@@ -213,7 +213,7 @@ def nlp(
     p = g_slopes.T @ lam + C.T @ mu + nu - Q @ z - E.T @ np.exp(E @ z)
 
     def f(x: Any) -> Any:
-        return 0.5 * (x @ (Q @ x)) + np.exp(E @ x).sum() + p @ x
+        return 0.5 * (x @ (Q @ x)) + (np.exp(E @ x).sum() if n else 3.0) + p @ x
 
     def g(x: Any) -> Any:
         d = x - z
