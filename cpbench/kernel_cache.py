@@ -22,6 +22,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from cpbench import locks
+
 LOG = logging.getLogger(__name__)
 """Hears of every module that has to be compiled, before it is."""
 VARIABLE = "NUMBA_CACHE_DIR"
@@ -187,13 +189,8 @@ def _writable(directory: Path) -> bool:
 def _one_at_a_time(path: Path) -> Generator[None]:
     """Hold the lock file while compiling; the system frees it when the holder dies.
 
-    Without lock files (no fcntl, a file system that refuses) numba's own atomic renames have to do.
+    Without lock files (a file system that refuses) numba's own atomic renames have to do.
     """
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
     try:
         handle = path.open("w")
     except OSError:
@@ -201,5 +198,5 @@ def _one_at_a_time(path: Path) -> Generator[None]:
         return
     with handle:
         with contextlib.suppress(OSError):
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            locks.exclusive(handle.fileno(), wait=True)
         yield

@@ -23,13 +23,13 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
 from cpbench.bench.referee import PROOF_SECONDS
-from cpbench.bench.scratch import Scratch
 from cpbench.bench.staff import Referee, Setting, Workers, hear, obituary
 from cpbench.bench.time_limits import GRACE, LOAD, REFEREE
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import folder
+from cpbench.temporary import RUN, TemporaryHome
 from cpbench.verification import PROVEN
 
 FELL_BACK = "cold: the step before was"
@@ -59,7 +59,7 @@ class Lane:
 
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
-        self._scratch = Scratch()
+        self._scratch = TemporaryHome(RUN)
         means = context(setting.threads, few=setting.single)
         self.referee = Referee(means, setting, self._scratch.folder)
         self.workers = Workers(means, setting, self._scratch.folder)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cpbench import brackets
 from cpbench.cli.options import Command, ListOption
 from cpbench.cli.sides import base as base_side
 from cpbench.cli.sides import side
@@ -150,7 +150,7 @@ def _checked(
 
 def _two(text: str) -> tuple[str, str]:
     """Two labels; a comma within brackets is part of one."""
-    labels = [part.strip() for part in re.split(r",(?![^\[]*\])", text)]
+    labels = brackets.split(text, ",")
     if len(labels) != 2 or not all(labels):
         raise click.UsageError(f"--noise {text}: takes two labels of equal code, as mine@base,mine@again")
     return labels[0], labels[1]

@@ -22,7 +22,7 @@ import numpy as np
 
 from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder, either, less, where
+from cpbench.expressions.recording import Recorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
@@ -33,15 +33,6 @@ TSENG = (2.0 - 2.0**0.5) / (2.0 + 2.0**0.5)
 
 Function: TypeAlias = Callable[[Any, Any], Any]
 """φ of two columns of symbols."""
-
-
-def fischer_burmeister(a: Any, b: Any) -> Any:
-    """a + b − √(a² + b²), written as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would lose all digits
-    of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""
-    squares = a * a + b * b
-    positive, upper = less(0.0, squares), less(0.0, a + b)
-    root = where(positive, np.sqrt(either(positive, squares, 1.0)))
-    return either(upper, 2 * a * b / either(upper, a + b + root, 1.0), a + b - root)
 
 
 def equations(problem: MiCP, phi: Function) -> Map:

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.conversions.base import conversions
-from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation, fischer_burmeister
+from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation
 from cpbench.formulations.base import Trace
+from cpbench.ncp_functions import symbolic_fischer_burmeister
 
 
 @conversions.register("micp-equation-fb")
@@ -26,7 +27,7 @@ class MiCPtoEquationFB(MiCPtoEquation):
     cost = 2.0
 
     def function(self, a: Any, b: Any) -> Any:
-        return fischer_burmeister(a, b)
+        return symbolic_fischer_burmeister(a, b)
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Tseng's bounds, used twice where a variable has two bounds. They hold where 0 is in the box: the scale of Φ

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.conversions.base import conversions
-from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation, fischer_burmeister
+from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation
 from cpbench.expressions.recording import maximum
 from cpbench.formulations.base import Trace
 from cpbench.formulations.micp import MiCP
+from cpbench.ncp_functions import symbolic_fischer_burmeister
 
 
 @conversions.register("micp-equation-pfb")
@@ -35,7 +36,7 @@ class MiCPtoEquationPenalized(MiCPtoEquation):
 
     def function(self, a: Any, b: Any) -> Any:
         penalty = maximum(a, 0.0) * maximum(b, 0.0)
-        return self.share * fischer_burmeister(a, b) + (1.0 - self.share) * penalty
+        return self.share * symbolic_fischer_burmeister(a, b) + (1.0 - self.share) * penalty
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
         """As of Fischer and Burmeister's φ, of which this is at least λ times as large."""

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
-from cpbench.report.easel import Easel
 from cpbench.report.run import Run, tunings
 from cpbench.report.text import code, number, plain, seconds, table
 
@@ -17,7 +16,7 @@ ROWS = 96
 """The most rows of the table of rankings, shared by the formulations."""
 
 
-def answer(run: Run, easel: Easel) -> Iterator[str]:
+def answer(run: Run) -> Iterator[str]:
     """The sentences, the figure of the formulations with most problems, and the rankings as one table."""
     told = [ranking for ranking in run.rankings if ranking.rows]
     if not told:
@@ -27,7 +26,7 @@ def answer(run: Run, easel: Easel) -> Iterator[str]:
     yield "\n".join(f"- **{plain(r.formulation)}**: {plain(sentence_of(r))}" for r in shown)
     if len(told) > len(shown):
         yield f"{len(told) - len(shown)} more groups with fewer problems are in `report.html` and `results.csv`."
-    name, guide = overview_figure.draw(run, easel, shown)
+    name, guide = overview_figure.draw(run, shown)
     if name:
         yield f"[![Performance profiles]({name}.png)]({name}.svg)"
         yield f"*{plain(guide)}*"

@@ -7,7 +7,6 @@ problems N is that of the group, whichever solvers are shown.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -15,6 +14,7 @@ from typing import Any
 
 import pandas as pd
 
+from cpbench import brackets
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
 from cpbench.analysis.metrics import Measured, measured, metric
@@ -128,7 +128,7 @@ def leading(chosen: Chosen, values: pd.DataFrame, most: int) -> list[str]:
 
 def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
     """`A,B` as two labels that are there; a comma within brackets is part of one. Raises CpbenchError, UnknownName."""
-    labels = [part.strip() for part in re.split(r",(?![^\[]*\])", text)]
+    labels = brackets.split(text, ",")
     if len(labels) != 2 or not all(labels) or labels[0] == labels[1]:
         raise CpbenchError(f"--against {text}: takes two different labels, as --against nsgs,lemke@inner8")
     for label in labels:

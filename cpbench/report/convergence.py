@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from cpbench.report.easel import Easel
     from cpbench.report.run import Run
 
 DECADES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
@@ -38,14 +37,14 @@ def guide(problems: int) -> str:
     )
 
 
-def section(run: Run, easel: Easel, rows: pd.DataFrame, title: str, name: str) -> Iterator[str]:
+def section(run: Run, rows: pd.DataFrame, title: str, name: str) -> Iterator[str]:
     """The figure, saved under `name`, and the table; nothing for a group without histories."""
     found = histories.work_precision(rows, run.histories)
     if not len(found):
         return
     problems = int(rows["fingerprint"].nunique())
     yield "### Error against time"
-    easel.draw(name, figure, found, problems, title, run.looks)
+    figures.save(figure(found, problems, title, run.looks), run.folder, name)
     yield f"[![Error against time, {plain(title)}]({name}.png)]({name}.svg)"
     yield f"*{guide(problems)}*"
     wanted = [e for e in DECADES if (found["error"] <= e).any()]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from cpbench.analysis.table import Group
-from cpbench.report.easel import Easel
 from cpbench.report.group_sections import group_sections, slug_of
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, group_name
@@ -20,11 +19,11 @@ def file_of(run: Run, group: Group) -> str:
     return f"details-{slug_of(run, group)}.md"
 
 
-def write_details(run: Run, easel: Easel, title: str) -> None:
-    """All of them into the folder of the run; `easel` is given their figures."""
+def write_details(run: Run, title: str) -> None:
+    """Write all of them and their figures into the folder of the run."""
     for group, rows in run.parts:
         head = f"# {plain(title)}: {group_name(run, group)}"
-        _write(run.folder / file_of(run, group), [head, *group_sections(run, easel, group, rows)])
+        _write(run.folder / file_of(run, group), [head, *group_sections(run, group, rows)])
     parts = [f"# {plain(title)}: all formulations", *run_sections(run), "## Methods", METHODS.strip()]
     _write(run.folder / WHOLE_RUN, parts)
 

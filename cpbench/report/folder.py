@@ -52,11 +52,10 @@ def write_folder(
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     chosen["count_stationary"] = count_stationary
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, answers=answers, **chosen)
-    with markdown.rows_beside(run), markdown.easel_of(run) as easel:
-        documents = [markdown.write_text(run, easel, title, comparison)]
-        if not vega.lacking():
-            documents.append(page.write(run, title))
-    files = [run.folder / f"results.{name}" for name in data if name != "csv"]
+    documents = [markdown.write_text(run, title, comparison)]
+    if not vega.lacking():
+        documents.append(page.write(run, title))
+    files = [run.folder / f"results.{name}" for name in data]
     for path in files:
         row_files.write(run.timed, path)
-    return (*documents, *files)
+    return (*documents, *(path for path in files if path.suffix != ".csv"))

@@ -12,7 +12,6 @@ from cpbench.analysis import bootstrap, failures, means, pairwise, profiles, rel
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
 from cpbench.report import convergence, figures, panels
-from cpbench.report.easel import Easel
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
 from cpbench.report.run import Run, each, tunings
@@ -31,8 +30,8 @@ def slug_of(run: Run, group: Group) -> str:
     return "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in told if part)])
 
 
-def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame) -> Iterator[str]:
-    """All of them, in order; the figures are drawn on the easel."""
+def group_sections(run: Run, group: Group, rows: pd.DataFrame) -> Iterator[str]:
+    """Yield all of them, in order; figures go into the folder of the run."""
     problems = rows["fingerprint"].nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
     most = rows_of.limit(rows)
@@ -51,7 +50,7 @@ def group_sections(run: Run, easel: Easel, group: Group, rows: pd.DataFrame) -> 
         leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
         yield from mean_section(times, bootstrap.families_of(rows), most, ranked, leading)
         yield from gap_section(times, ranked, leading)
-        yield from _figures(run, easel, group, rows, times)
+        yield from _figures(run, group, rows, times)
     yield from _verdicts(rows, labels)
     yield from _matrix(run, rows, labels, problems)
     yield from _families(rows)
@@ -94,7 +93,7 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
         )
 
 
-def _figures(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
+def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
     profile = profiles.performance_profile(times)
     kinds = rows_of.label_kinds(rows)
     slug = slug_of(run, group)
@@ -103,7 +102,7 @@ def _figures(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, times: pd
     title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}, {limit}"
     yield "### Performance profile"
     name = f"profile-{slug}"
-    easel.draw(name, figures.profile_figure, profile, title, kinds, run.looks)
+    figures.save(figures.profile_figure(profile, title, kinds, run.looks), run.folder, name)
     yield f"[![Performance profile, {plain(title)}]({name}.png)]({name}.svg)"
     yield (
         f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} are set to that. "
@@ -115,10 +114,11 @@ def _figures(run: Run, easel: Easel, group: Group, rows: pd.DataFrame, times: pd
         yield "\n".join(f"- {code(one)} is above {code(other)} here, below it pairwise" for one, other in swapped)
     if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
         name = f"profile-{slug}-each"
-        easel.draw(name, panels.panels_figure, profile, f"{title}, each solver apart", kinds, run.looks)
+        each = panels.panels_figure(profile, f"{title}, each solver apart", kinds, run.looks)
+        figures.save(each, run.folder, name)
         yield f"[![Each solver's curve, {plain(title)}]({name}.png)]({name}.svg)"
         yield f"*{panels.panels_guide()}*"
-    yield from convergence.section(run, easel, rows, title, f"errors-{slug}")
+    yield from convergence.section(run, rows, title, f"errors-{slug}")
 
 
 def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:

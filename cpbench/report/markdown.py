@@ -6,23 +6,17 @@ One fact a line and a fixed order everywhere, so that the difference of two repo
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
-from cpbench.report import row_files
 from cpbench.report.answer import answer
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.conditions import conditions
 from cpbench.report.details import WHOLE_RUN, file_of, write_details
-from cpbench.report.easel import FEW, Easel, cores
 from cpbench.report.html import vega
-from cpbench.report.html.columns import WHOLE
 from cpbench.report.known_sections import known_sections
-from cpbench.report.meanwhile import meanwhile
 from cpbench.report.run import Run, group_name
 from cpbench.report.text import counted, plain
 from cpbench.verification import Status
@@ -34,24 +28,10 @@ LINKED = 40
 """The most files of details that are linked."""
 
 
-def rows_beside(run: Run) -> AbstractContextManager[None]:
-    """results.csv, if it is to be there, by the time this is left; meanwhile, by a copy of this process, where rows are
-    many."""
+def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Path:
+    """Write report.md, its details and their figures into the folder of the run."""
     run.folder.mkdir(parents=True, exist_ok=True)
-    if not run.has_csv:
-        return nullcontext()
-    write_rows = partial(row_files.write, run.timed, run.folder / "results.csv")
-    return meanwhile(write_rows, copied=len(run.rows) > WHOLE and cores() > 1)
-
-
-def easel_of(run: Run) -> Easel:
-    """What draws the figures of report.md and its details; all are there when it is left."""
-    return Easel(run.folder, few=FEW if len(run.rows) <= WHOLE else 0)
-
-
-def write_text(run: Run, easel: Easel, title: str, comparison: Comparison | None = None) -> Path:
-    """report.md and its details; `easel` is given their figures."""
-    parts = [f"# {plain(title)}", *publishing(run), *_remarks(run), *answer(run, easel), _headline(run)]
+    parts = [f"# {plain(title)}", *publishing(run), *_remarks(run), *answer(run), _headline(run)]
     if comparison is not None:
         from cpbench.report.comparison.markdown import section as comparison_section
 
@@ -60,7 +40,7 @@ def write_text(run: Run, easel: Easel, title: str, comparison: Comparison | None
     path = run.folder / "report.md"
     path.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     if len(run.rows):
-        write_details(run, easel, title)
+        write_details(run, title)
     return path
 
 

@@ -12,8 +12,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
 from cpbench.analysis.ranking import Ranking
 from cpbench.report import legend
-from cpbench.report.easel import Easel
-from cpbench.report.figures import INEXACT, STYLE, frame, marked, profile_guide, right_end
+from cpbench.report.figures import INEXACT, STYLE, frame, marked, profile_guide, right_end, save
 from cpbench.report.group_sections import slug_of
 from cpbench.report.run import Run
 
@@ -42,8 +41,8 @@ class Panel:
     named: tuple[str, ...]
 
 
-def draw(run: Run, easel: Easel, rankings: Sequence[Ranking]) -> tuple[str, str]:
-    """Have the figure drawn; gives its name and how to read it, ('', '') where nothing was solved.
+def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
+    """Draw the figure into the folder of the run; gives its name and how to read it, ('', '') where nothing was solved.
 
     Of one formulation it is the profile that its details have.
     """
@@ -55,7 +54,7 @@ def draw(run: Run, easel: Easel, rankings: Sequence[Ranking]) -> tuple[str, str]
         return "", ""
     if len(run.parts) == 1:
         return f"profile-{slug_of(run, run.parts[0][0])}", profile_guide(panels[0].profile.problems)
-    easel.draw(NAME, overview_figure, panels, run.looks)
+    save(overview_figure(panels, run.looks), run.folder, NAME)
     left = "" if len(panels) == len(rankings) else f" Shown are {len(panels)} of {len(rankings)} formulations."
     return NAME, (
         "A curve at τ is the fraction of the problems that the solver solved within τ times the time of the fastest "

@@ -9,20 +9,22 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Collection, Mapping
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import pandas as pd
 
 from cpbench.errors import FormatError
-from cpbench.report import csv_text
+from cpbench.plain_text import cell
 from cpbench.storage.base import write_atomic
 
 FORMATS = ("csv", "json", "parquet")
 MOST = {"csv": 200_000, "json": 20_000, "parquet": 200_000}
 """Rows up to which a report has them in a format unasked: 180 MB of CSV, 40 MB of JSON; Parquet is made in a second."""
 _CHUNK = 10_000
+_REMEMBERED = 10_000
+"""Texts that are made safe once."""
 _NO_PARQUET = "Parquet needs pyarrow: pip install 'cpbench[arrow]'"
 
 
@@ -64,6 +66,16 @@ def _has_parquet() -> bool:
     return True
 
 
+def _csv(rows: pd.DataFrame, file: BinaryIO) -> None:
+    """Write rows as pandas does; cells of text, which others wrote, are made safe first."""
+    safe = lru_cache(_REMEMBERED)(cell)  # most texts repeat
+    texts = {
+        str(name): [safe(value) if isinstance(value, str) else value for value in values]
+        for name, values in rows.select_dtypes(["object", "str"]).items()
+    }
+    rows.assign(**texts).to_csv(file, index=False, lineterminator="\n")
+
+
 def _parquet(rows: pd.DataFrame, file: BinaryIO) -> None:
     rows.to_parquet(file, index=False, engine="pyarrow")
 
@@ -85,7 +97,7 @@ def _valid(value: Any) -> Any:
 
 
 _PUT: Mapping[str, Callable[[pd.DataFrame, BinaryIO], None]] = {
-    "csv": csv_text.write,
+    "csv": _csv,
     "json": _json,
     "parquet": _parquet,
 }

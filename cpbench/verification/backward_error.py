@@ -89,6 +89,8 @@ def _measure(
         x_unit = np.where(absolute, 1.0, x_unit)
     # a set of finite size is data: an unknown beyond it is wrong even where no row feels that
     x_unit = np.maximum(x_unit, frame.own_unit)
+    if frame.moving is not None:
+        x_unit = np.where(frame.moving > 0, np.minimum(x_unit, inverse(frame.moving)), x_unit)
     error = float(np.max(frame.norms(system.defect(x_unit, f_unit))))
     if system.also is not None:
         value, rows = system.also

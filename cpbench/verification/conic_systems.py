@@ -102,7 +102,8 @@ def cp(P: Any, point: Any) -> System:
 def qvi(P: Any, point: Any) -> System:
     """(z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
     z = point.z
-    own = _simple(P, *P.set_at(z), z.size)
+    own, block = _simple(P, *P.set_at(z), z.size)
+    moving = [_terms(bound, z) for bound in (P.lower, P.upper) if bound.rows]
     rows, values, constants = [], [], []
     if P.g.rows:
         g = P.row_values(z)
@@ -110,8 +111,8 @@ def qvi(P: Any, point: Any) -> System:
         slope = sp.csr_array(whole[:, : z.size])
         rows, values, constants = [slope], [g], [g - whole @ np.concatenate([z, z])]
     return _with_rows(
-        P, z, P.F(z), P.F.jacobian(z), *own, rows=rows, values=values, constants=constants, signs=[(0.0, P.g.rows)],
-        multipliers=point.nu,
+        P, z, P.F(z), P.F.jacobian(z), own, block, rows=rows, values=values, constants=constants,
+        signs=[(0.0, P.g.rows)], multipliers=point.nu, moving=np.max(moving, axis=0) if moving else None,
     )  # fmt: skip
 
 
@@ -134,8 +135,10 @@ def nlp(P: Any, point: Any) -> System:
 def _with_rows(
     P: Any, z: Vector, force: Vector, slope: Any, own: list[Any], block: Any, *, rows: Any = (), values: Any = (),
     constants: Any = (), signs: Any = (), multipliers: Vector | None = None, nu: Vector | None = None,
+    moving: Vector | None = None,
 ) -> System:  # fmt: skip
-    """F(z) less the rows' multipliers beside z, and each row beside its multiplier."""
+    """F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of the terms
+    of bounds that depend on z."""
     slope = sp.csr_array(slope)
     first = int(block[-1]) + 1 if len(block) else 0
     constant = force - slope @ z
@@ -160,6 +163,7 @@ def _with_rows(
         sets=boxes,
         block=whole,
         multiplier=np.arange(first + m) >= first,
+        moving=None if moving is None else np.concatenate([_norms(moving, block), np.zeros(m)]),
     )
     return System(
         frame=frame,
@@ -198,6 +202,13 @@ def _simple(P: Any, K: Any, lb: Vector, ub: Vector, n: int) -> tuple[list[Any], 
             part = sets.Box.of(part.at, lb[part.at], ub[part.at])
         found.append(part)
     return found, K.blocks
+
+
+def _terms(F: Any, z: Vector) -> Vector:
+    """Sums of the sizes of the terms of F, linearized; 0 where they are no numbers."""
+    slope = sp.csr_array(F.jacobian(z))
+    terms = abs(slope) @ np.abs(z) + np.abs(F(z) - slope @ z)
+    return np.where(np.isfinite(terms), terms, 0.0)
 
 
 def _norms(x: Vector, block: Any) -> Vector:

@@ -73,6 +73,7 @@ class Frame:
     sets : what the unknowns are in; together they hold every component once.
     multiplier : (k,) whether an unknown only certifies others; without constants it may be anything.
     caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
+    moving : (k,) sizes of the terms of bounds that depend on the answer; small ones may be differences of large ones.
     """
 
     terms: Terms
@@ -81,6 +82,7 @@ class Frame:
     block: Any = None
     multiplier: Flags | None = None
     caps: Caps | None = None
+    moving: Vector | None = None
 
     @property
     def k(self) -> int:

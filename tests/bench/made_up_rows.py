@@ -113,6 +113,7 @@ def make(problems: int, labels: int, seed: int) -> pd.DataFrame:
             "claim": where_answered(np.where(np.isin(flat, ["failed", "max_iter"]), flat, "solved")),
             "error": error,
             "target_error": number(np.where(of_labels(inexact).astype(bool), 1e-9, np.nan)),
+            "target_tolerance": number(np.where(of_labels(inexact).astype(bool), 1e-6, np.nan)),
             "flags": np.where(rng.uniform(size=count) < 0.01, "direction", ""),
             "message": message,
             "parts": "{}",

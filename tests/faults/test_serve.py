@@ -172,11 +172,12 @@ def test_no_folder_of_a_killed_run_stays(rows: pd.DataFrame, tmp_path: Path) -> 
     from cpbench.solvers.external.folder import Folder
 
     mine = Folder(1).path.parent
-    assert [p for p in mine.parent.glob("cpbench-exchange-*") if p != mine and _idle(p)] == []
+    locks = [p for p in mine.parent.glob("cpbench-handed-*.lock") if p.with_suffix("") != mine]
+    assert [p for p in locks if _idle(p)] == []
 
 
 def _idle(path: Path) -> bool:
-    """Whether nobody holds the lock of a folder."""
+    """Whether nobody holds a lock."""
     import fcntl
     import os
 

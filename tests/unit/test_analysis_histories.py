@@ -13,7 +13,6 @@ from written_reports import write_report
 
 from cpbench.analysis import histories, reliability
 from cpbench.report import convergence, figures
-from cpbench.report.easel import Easel
 from cpbench.report.run import Run
 
 
@@ -57,7 +56,7 @@ def test_without_any_history_there_is_nothing() -> None:
     none = PATHS.iloc[:0]
     assert histories.times_to(ROWS, none, 1e-2).shape == (2, 0)
     assert not len(histories.work_precision(ROWS, none))
-    assert not list(convergence.section(_run(Path(), none), Easel(Path()), ROWS, "", ""))
+    assert not list(convergence.section(_run(Path(), none), ROWS, "", ""))
 
 
 def test_medians_count_what_was_not_reached() -> None:
@@ -72,8 +71,7 @@ def test_medians_count_what_was_not_reached() -> None:
 
 
 def test_the_section_has_a_figure_and_a_table(tmp_path: Path) -> None:
-    with Easel(tmp_path) as easel:
-        text = "\n".join(convergence.section(_run(tmp_path, PATHS), easel, ROWS, "lcp", "errors-lcp"))
+    text = "\n".join(convergence.section(_run(tmp_path, PATHS), ROWS, "lcp", "errors-lcp"))
     assert "| `fast` | 2 s | 3 s | 4 s |" in text
     assert "| `slow` | ∞ (1) | ∞ (1) | ∞ (1) |" in text
     assert (tmp_path / "errors-lcp.png").stat().st_size > 10_000

@@ -188,7 +188,7 @@ def test_crashes_are_retried_and_failures_end_with_1(folder: Path) -> None:
     [
         (["p9*.h5"], "nothing matches p9*.h5"),
         (["p2.h5", "-s", "neuton-*"], "--solver: unknown solver 'neuton-*'"),
-        (["p2.h5", "--where", "nc >> 3"], "--where: 'nc >> 3': at '> 3'"),
+        (["p2.h5", "--where", "nc >> 3"], "--where: 'nc >> 3': at 'nc >> 3'"),
         (["p2.h5", "--where", "contacts > 3"], "unknown fact contacts"),
         (["p2.h5", "-k", "a b"], "--keyword: 'a b'"),
         (["p2.h5", "--where", "n > 3"], "none of 1 problems is what the plan selects"),

@@ -365,7 +365,9 @@ def test_folders_of_processes_that_start_together_stay(tmp_path: Path) -> None:
         "    folder._homes.clear()\n"
         "    mine = folder.Folder(1)\n"
         "    assert mine.path.is_dir()\n"
-        "    os.close(folder._homes[folder.MEMORY][2])\n"
+        "    home = folder._homes[folder.MEMORY][1]\n"
+        "    os.close(home._lock._descriptor)\n"
+        "    home._lock = None\n"
     )
     together = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(3)]
     assert [process.wait(120) for process in together] == [0, 0, 0]

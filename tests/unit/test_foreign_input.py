@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import os
 import resource
 import signal
@@ -21,7 +20,7 @@ from cpbench.bench.processes import guard
 from cpbench.cli import main, progress
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations import LCP
-from cpbench.report import csv_text
+from cpbench.report import row_files
 from cpbench.storage.trial import require_survivor
 
 ESC = "\x1b]0;owned\x07"
@@ -78,13 +77,27 @@ def test_an_archive_that_grows_is_refused_by_its_headers(tmp_path: Path, monkeyp
         storage.load(tmp_path / "bomb.npz")
 
 
-def test_no_cell_is_a_formula_and_no_control_character_is_left() -> None:
+def test_no_cell_is_a_formula_and_no_control_character_is_left(tmp_path: Path) -> None:
     """What a spreadsheet, and Python's own reader of CSV, find in the cells; numbers stay numbers."""
-    texts = ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", f"a{ESC}b", "half \ud800", "a-b", "x=1", 'say "=1"', "a,b"]
+    texts = [
+        "=1+1",
+        "+1",
+        "-1",
+        "@SUM(A1)",
+        "\t=1",
+        f"a{ESC}b",
+        "half \ud800",
+        "two\rlines",
+        "a-b",
+        "x=1",
+        'say "=1"',
+        "a,b",
+    ]
     for cells in (texts, texts * 200, [f"{text}{k}" for k, text in enumerate(texts * 50)]):
-        out = io.BytesIO()
-        csv_text.write(pd.DataFrame({"text": pd.Series(cells, dtype=object), "number": -1.5}), out)
-        rows = list(csv.reader(io.StringIO(out.getvalue().decode())))[1:]
+        made = pd.DataFrame({"text": pd.Series(cells, dtype=object), "number": -1.5})
+        row_files.write(made, tmp_path / "cells.csv")
+        with (tmp_path / "cells.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.reader(file))[1:]
         assert [row[1] for row in rows] == ["-1.5"] * len(cells)
         for cell, text in zip((row[0] for row in rows), cells, strict=True):
             assert not cell.startswith(("=", "+", "-", "@", "\t"))

@@ -8,7 +8,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
-    "kernel_cache", "toml_text", "plain_text", "plurals", "expressions",
+    "kernel_cache", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
+    "ncp_functions",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -20,7 +21,11 @@ ALLOWED: dict[str, set[str]] = {
     "cones": {"matrices"},
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
-    "kernel_cache": set(),
+    "locks": set(),
+    "ncp_functions": {"matrices", "expressions"},
+    "temporary": {"errors", "locks"},
+    "kernel_cache": {"locks"},
+    "brackets": {"errors"},
     "toml_text": set(),
     "plain_text": set(),
     "plurals": set(),

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.formulations import LCP, QP, FCPoint, FrictionContact, LCPPoint, QPPoint
+from cpbench.analysis.lecture.examples.maps import mapped
+from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoint, QPPoint
 from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.qvi import QVIPoint
 from cpbench.generators.equations import powell_singular
 from cpbench.testing import planted
 from cpbench.testing.cases import cases
@@ -122,3 +124,15 @@ def test_rows_of_degree_2_have_no_constants(step: float, solved: bool) -> None:
     assert verdict.solved == solved
     assert verdict.flags == ("absolute",)
     assert verdict.error == pytest.approx(np.abs(problem.F(step * np.array([1.0, -0.1, 0.5, 0.5]))).max())
+
+
+@pytest.mark.parametrize(("off", "solved"), [(1e-8, True), (1e-2, False)])
+def test_a_moving_bound_has_the_size_of_its_terms(off: float, solved: bool) -> None:
+    """y₁ ≥ 1000z₂ − 999.999 beside z₁ + 1, and z₂ = 1: rounding of z₂ is a hundredth of the bound 0.001, and no more
+    than rounding of its terms."""
+    problem = QVI(
+        F=mapped(2, lambda a, b: [a + 1.0, b - 1.0]),
+        lower=mapped(2, lambda a, b: [1000.0 * b - 999.999, 0.0 * b - 5.0]),
+    )
+    point = QVIPoint(z=np.array([0.001, 1.0 + off]))
+    assert judge(problem, point, 1e-6).solved == solved

@@ -11,11 +11,11 @@ from claims import assert_claim
 
 from cpbench import storage
 from cpbench.formulations import LCP, QP
+from cpbench.ncp_functions import minimum
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.native.lcp.lcp_claims import scale
 from cpbench.solvers.native.lcp.semismooth_lcp import LCPBox
 from cpbench.solvers.native.nonlinear.merit_search import Descent
-from cpbench.solvers.native.nonlinear.ncp_functions import minimum
 from cpbench.testing import planted
 from cpbench.verification import judge
 

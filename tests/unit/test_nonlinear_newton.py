@@ -20,17 +20,11 @@ from cpbench.expressions import Map
 from cpbench.formulations import AVI, AVIPoint, MiCP, MiCPPoint, NCPPoint
 from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
+from cpbench.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum, penalized, smoothed
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.solvers.native.lcp.box_linear import BoxLinear
-from cpbench.solvers.native.nonlinear.ncp_functions import (
-    Reformulation,
-    evtushenko_purtov,
-    fischer_burmeister,
-    minimum,
-    penalized,
-    smoothed,
-)
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
+from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 
 FUNCTIONS = {
     "min": minimum, "fb": fischer_burmeister, "pfb": penalized, "ep": evtushenko_purtov,

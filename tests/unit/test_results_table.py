@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sqlite3
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ import pandas as pd
 import pytest
 
 from cpbench.bench.results import whole
-from cpbench.bench.results.other_reader import OtherReader
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.store import Store, read_results
 
@@ -89,47 +87,3 @@ def test_what_is_remembered_to_share_is_bounded(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(whole, "CHUNK", 2)
     path = file_of(tmp_path / "r.sqlite", mixed(50))
     pd.testing.assert_frame_equal(read_results(path), asked_directly(path), check_exact=True)
-
-
-# ------------------------------------------------------------------------------------ another process reads, too
-
-
-@pytest.fixture
-def readers(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
-    """Another reader from the first row on; whether it brought rows, at each reading."""
-    told: list[bool] = []
-
-    def rows(reader: OtherReader) -> whole.Rows | None:
-        found = asked(reader)
-        told.append(found is not None)
-        return found
-
-    asked = OtherReader.rows
-    monkeypatch.setattr(whole, "MANY", 1)
-    monkeypatch.setattr(OtherReader, "rows", rows)
-    return told
-
-
-@pytest.mark.parametrize("count", [1, 2, 700])
-def test_both_halves_are_what_sqlite_says(tmp_path: Path, readers: list[bool], count: int) -> None:
-    path = file_of(tmp_path / "r.sqlite", mixed(count))
-    pd.testing.assert_frame_equal(read_results(path), asked_directly(path), check_exact=True)
-    assert readers == [True]
-
-
-@pytest.mark.parametrize("program", ["/bin/false", "/nowhere/python"])
-def test_what_no_other_process_reads_is_read_here(
-    tmp_path: Path, readers: list[bool], monkeypatch: pytest.MonkeyPatch, program: str
-) -> None:
-    path = file_of(tmp_path / "r.sqlite", mixed(50))
-    monkeypatch.setattr(sys, "executable", program)
-    pd.testing.assert_frame_equal(read_results(path), asked_directly(path), check_exact=True)
-    assert readers == [False]
-
-
-def test_who_writes_reads_alone(tmp_path: Path, readers: list[bool]) -> None:
-    """What another process sees is what was committed."""
-    with Store(tmp_path / "r.sqlite", create=True) as store:
-        store.add(mixed(20))
-        assert len(store.table()) == 20
-    assert readers == []

@@ -17,6 +17,7 @@ from synthetic_results import meta, results_file, row, suite, table
 from cpbench.cli import cli
 from cpbench.errors import FormatError
 from cpbench.report import row_files
+from cpbench.report.folder import write_folder
 
 INF = math.inf
 PARQUET = importlib.util.find_spec("pyarrow") is not None
@@ -145,3 +146,16 @@ def test_export_has_the_digits_too(tmp_path: Path) -> None:
     assert errors["solved"] == 1.2345678901234567e-13
     assert errors["timeout"] in (None, "inf")
     assert CliRunner().invoke(cli, ["export", str(path), "--rows", str(tmp_path / "r.json")]).exit_code != 0
+
+
+def test_a_report_without_rows_as_csv_has_none(tmp_path: Path) -> None:
+    write_folder(suite(4, 3), meta(), tmp_path, "t", data=["json"])
+    assert {path.name for path in tmp_path.glob("results.*")} == {"results.json"}
+
+
+def test_cells_of_text_are_safe_and_numbers_are_as_they_were(tmp_path: Path) -> None:
+    """Text that repeats is made safe wherever it stands; a number that begins with a sign is no text."""
+    rows = pd.DataFrame({"text": ["=1+1", "=1+1", None, "\x1b[31m"], "number": [-1.5, math.nan, -INF, 1 / 3]})
+    row_files.write(rows, tmp_path / "r.csv")
+    expected = "text,number\n'=1+1,-1.5\n'=1+1,\n,-inf\n\\x1b[31m,0.3333333333333333\n"
+    assert (tmp_path / "r.csv").read_bytes().decode() == expected

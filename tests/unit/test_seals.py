@@ -216,6 +216,15 @@ def test_flipped_bits_are_found_or_change_nothing(honest: Path, tmp_path: Path) 
     assert counts["found"] >= 10
 
 
+def test_a_flipped_bit_in_a_name_of_the_schema_is_found(honest: Path, tmp_path: Path) -> None:
+    spoiled = bytearray(honest.read_bytes())
+    spoiled[spoiled.index(b"CREATE TABLE") + 8] ^= 0x80
+    path = tmp_path / "r.sqlite"
+    path.write_bytes(spoiled)
+    with pytest.raises(StoreError, match="is damaged"):
+        Store(path)
+
+
 def test_flipped_bits_in_values_are_always_found(honest: Path, tmp_path: Path) -> None:
     """One bit within what is stored of answers, histories, labels, verdicts and times."""
     whole = honest.read_bytes()

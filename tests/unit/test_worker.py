@@ -280,13 +280,13 @@ def test_scratch_folders_of_the_living_are_left_alone(tmp_path: Path, monkeypatc
     """What kill -9 leaves is a folder and a lock that nobody holds."""
     import tempfile
 
-    from cpbench.bench import scratch
+    from cpbench.temporary import RUN, TemporaryHome, remove_abandoned
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    alive, dead = scratch.Scratch(), tmp_path / "cpbench-run-0123456789ab"
+    alive, dead = TemporaryHome(RUN), tmp_path / "cpbench-run-0123456789ab"
     dead.mkdir()
     (tmp_path / f"{dead.name}.lock").touch()
-    scratch.remove_abandoned()
+    remove_abandoned(RUN, tmp_path)
     assert alive.folder.exists()
     assert not dead.exists()
     alive.remove()

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.report import markdown
+from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
 
@@ -23,8 +23,9 @@ def write_report(
 ) -> Path:
     """report.md with its figures and results.csv; `chosen` is what `run.assembled` takes."""
     run = assembled(table, meta, folder, histories, **chosen)
-    with markdown.rows_beside(run), markdown.easel_of(run) as easel:
-        return markdown.write_text(run, easel, title)
+    run.folder.mkdir(parents=True, exist_ok=True)
+    row_files.write(run.timed, run.folder / "results.csv")
+    return markdown.write_text(run, title)
 
 
 def whole(path: Path) -> str:

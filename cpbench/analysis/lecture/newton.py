@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,6 @@ from cpbench.errors import CpbenchError
 from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import Dense, Vector
 
-Gradient = Callable[[Vector, Vector], tuple[Vector, Vector]]
 ENOUGH = 1e-13
 
 
@@ -51,45 +49,6 @@ def josephy_newton(example: NonlinearExample, start: Vector, most: int = 12) -> 
         x = np.concatenate([found.u, found.v])
         path.append(Iterate(x, example.residual(x)))
     return path
-
-
-def min_gradient(w: Vector, z: Vector) -> tuple[Vector, Vector]:
-    """An element of ∂ min(w, z)."""
-    first = (w <= z).astype(float)
-    return first, 1.0 - first
-
-
-def fischer_burmeister_gradient(w: Vector, z: Vector) -> tuple[Vector, Vector]:
-    """An element of ∂ψ_FB; at the origin that of the direction (1, 1)."""
-    length = np.hypot(w, z)
-    origin = length == 0
-    safe = np.where(origin, 1.0, length)
-    return np.where(origin, 0.5**0.5, w / safe) - 1.0, np.where(origin, 0.5**0.5, z / safe) - 1.0
-
-
-def penalized_gradient(w: Vector, z: Vector, weight: float = 0.5) -> tuple[Vector, Vector]:
-    """An element of the subdifferential of (37)."""
-    first, second = fischer_burmeister_gradient(w, z)
-    both = (1.0 - weight) * ((w > 0) & (z > 0))
-    return weight * first - both * z, weight * second - both * w
-
-
-def smooth_gradient(w: Vector, z: Vector) -> tuple[Vector, Vector]:
-    """The gradient of (38), mended.
-
-    >>> [part.tolist() for part in smooth_gradient(np.zeros(1), np.zeros(1))]
-    [[0.0], [0.0]]
-    """
-    below = np.minimum(w + z, 0.0)
-    return z - below, w - below
-
-
-GRADIENTS: dict[str, Gradient] = {
-    "(35)": min_gradient,
-    "(36)": fischer_burmeister_gradient,
-    "(37)": penalized_gradient,
-    "(38)": smooth_gradient,
-}
 
 
 def generalized_newton(
@@ -129,7 +88,7 @@ def equation(example: NonlinearExample, function: ncp.NCPFunction, x: Vector) ->
 def subdifferential(example: NonlinearExample, function: ncp.NCPFunction, x: Vector) -> Dense:
     """An element H of ∂Φ(x): ∂_wψ F′ + ∂_zψ I in the complementary rows."""
     F, J, n = example.value(x), example.jacobian(x), example.free
-    by_w, by_z = GRADIENTS[function.equation](F[n:], x[n:])
+    _, by_w, by_z = function.values(F[n:], x[n:])
     H = np.array(J, dtype=float)
     H[n:] *= by_w[:, None]
     H[n:, n:] += np.diag(by_z)

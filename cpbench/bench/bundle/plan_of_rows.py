@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from cpbench import brackets
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.plan import BEYOND, Entry
 from cpbench.bench.planning.run_plan import RunPlan
@@ -79,7 +80,7 @@ def _set(rows: Sequence[Mapping[str, Any]], via: str, recorded: bool, written: M
         "problems": _unique(row["address"] for row in rows),
         "solvers": sorted({_entry(row, written) for row in rows}),
     }
-    part |= {"via": _steps(via)} if via else _routes(rows)
+    part |= {"via": brackets.split(via, "+")} if via else _routes(rows)
     part["tolerance"] = sorted({float(row["tolerance"]) for row in rows}, reverse=True)
     limits = {"timeout": first["seconds"], "memory": first["memory"], "repeats": first["repeats_asked"]}
     part |= {key: value for key, value in limits.items() if value is not None}
@@ -116,15 +117,6 @@ def _level(request: str) -> int | None:
     if facets:
         return _LEVELS.index("all" if facets[1] == "outer" else "facets")
     return _LEVELS.index("all") if request in BEYOND else 0 if request == "exact" else None
-
-
-def _steps(via: str) -> list[str]:
-    """The conversions of a pinned request: `+` stands between them, and in numbers within brackets.
-
-    >>> _steps("fc-lcp-inner[facets=16]+lcp-qp")
-    ['fc-lcp-inner[facets=16]', 'lcp-qp']
-    """
-    return re.split(r"\+(?![^\[]*\])", via)
 
 
 def _unique(items: Iterable[Any]) -> list[Any]:

@@ -22,8 +22,8 @@ from typing import Any, NoReturn
 import cpbench
 from cpbench.bench.cluster.keeper import END
 from cpbench.bench.processes import wire
-from cpbench.bench.scratch import Scratch
 from cpbench.registry import DECLARED, PLUGIN_FILES
+from cpbench.temporary import RUN, TemporaryHome
 
 PARTING = 20.0
 """Seconds a station may take to end after it was told to."""
@@ -37,7 +37,7 @@ def main() -> None:
     threading.Thread(target=_listen, args=(connection, inbox), daemon=True).start()
     try:
         header, sources = wire.unpack(inbox.get())
-        scratch = Scratch()
+        scratch = TemporaryHome(RUN)
         try:
             _serve(connection, inbox, header, sources, scratch.folder)
         finally:

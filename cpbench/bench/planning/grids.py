@@ -17,9 +17,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from decimal import Decimal
 
-from cpbench.bench.planning.plan import Entry, bracketed
+from cpbench import brackets
+from cpbench.bench.planning.plan import Entry, entry_of
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.solvers.base import SolverSpec, parse_options, solvers
+from cpbench.solvers.base import solvers
 from cpbench.solvers.external.declared import declare_text
 
 ALL = "all"
@@ -55,7 +56,7 @@ def grid(text: str) -> list[Entry]:
     variant = declare_text(text)
     if variant is not None:
         return [Entry(variant)]
-    pattern, written = bracketed("solver", text)
+    pattern, written = brackets.read("solver", text)
     return [entry for name in _names(pattern) for entry in _entries(name, written, text)]
 
 
@@ -82,12 +83,7 @@ def _entries(name: str, written: dict[str, str], text: str) -> Iterator[Entry]:
     if count > LARGEST:
         raise CpbenchError(f"solver '{text}': is {count} entries, at most {LARGEST} are run")
     for values in itertools.product(*axes):
-        yield _entry(spec, dict(zip(written, values, strict=True)))
-
-
-def _entry(spec: SolverSpec, given: dict[str, str]) -> Entry:
-    typed = parse_options(spec, given)
-    return Entry(spec.name, {option: getattr(typed, option) for option in given})
+        yield entry_of(spec, dict(zip(written, values, strict=True)))
 
 
 def _values(text: str, default: object, where: str) -> Iterator[str]:

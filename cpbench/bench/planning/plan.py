@@ -14,11 +14,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from cpbench import brackets
 from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
 from cpbench.graph import nodes_of_maps
-from cpbench.solvers.base import parse_options, solvers
+from cpbench.solvers.base import SolverSpec, parse_options, solvers
 from cpbench.solvers.external.declared import declare_text
 
 PREVIOUS = "previous"
@@ -161,7 +162,7 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     """
     steps: list[tuple[str, Mapping[str, Any]]] = []
     for text in via:
-        name, knobs = bracketed("conversion", text)
+        name, knobs = brackets.read("conversion", text)
         names = find_via(name)
         if len(names) > 1:
             raise CpbenchError(f"'{name}' is the end of several conversions: write {' or '.join(names)}")
@@ -170,27 +171,6 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
         steps.append((names[0], {**common, **_knobs(names[0], known, knobs, text)}))
     name = "+".join(make(n, dict(p)).label for n, p in steps)
     return Request(name, EXACT_KINDS, tuple(steps))
-
-
-def bracketed(kind: str, text: str) -> tuple[str, dict[str, str]]:
-    """The name and what is set of it, `nsgs[omega=1.2,shuffle=true]`; raises CpbenchError on an item that is none, or
-    is there twice.
-
-    >>> bracketed("solver", "nsgs[omega=1.2,shuffle=true]")
-    ('nsgs', {'omega': '1.2', 'shuffle': 'true'})
-    """
-    name, bracket, rest = text.partition("[")
-    if bracket and not rest.rstrip().endswith("]"):
-        raise CpbenchError(f"{kind} '{text}': the bracket is not closed; write NAME[option=value,...]")
-    given: dict[str, str] = {}
-    for item in filter(None, (part.strip() for part in rest.strip().removesuffix("]").split(","))):
-        key, equals, value = (part.strip() for part in item.partition("="))
-        if not equals or not value:
-            raise CpbenchError(f"{kind} '{text}': '{item}' is no option; write NAME[option=value,...]")
-        if key in given:
-            raise CpbenchError(f"{kind} '{text}': {key} is given twice, as {given[key]} and {value}")
-        given[key] = value
-    return name.strip(), given
 
 
 def _knobs(name: str, known: Mapping[str, Any], said: Mapping[str, str], whole: str) -> dict[str, Any]:
@@ -234,10 +214,14 @@ def parse_entry(text: str) -> Entry:
     variant = declare_text(text)
     if variant is not None:
         return Entry(variant)
-    name, given = bracketed("solver", text)
-    spec = solvers.get(name).spec
+    name, given = brackets.read("solver", text)
+    return entry_of(solvers.get(name).spec, given)
+
+
+def entry_of(spec: SolverSpec, given: Mapping[str, str]) -> Entry:
+    """Give options, written as text, the types that the solver declares; raises UnknownName."""
     typed = parse_options(spec, given)
-    return Entry(spec.name, {key: getattr(typed, key) for key in given})
+    return Entry(spec.name, {option: getattr(typed, option) for option in given})
 
 
 def pairs(

@@ -1,20 +1,22 @@
 """Conditions on problems: `3*nc/ndof > 1 and node != 'fc'`, and words as `murty or (chain and not 3d)`.
 
-Expressions are read by recursive descent and evaluated here; nothing of them is ever executed as Python. What a
-problem does not have is unknown, and so is a division by zero; unknown spreads through arithmetic and comparisons,
-and through `and`, `or`, `not` as in Kleene's logic: `nc > 3 or node == 'lcp'` selects an LCP, which has no nc.
-Only what is known to hold is selected.
+Python's parser reads them, `_Reader` takes what it knows of the tree, and nothing is ever executed as Python. What a
+problem does not have is unknown, and so is a division by zero; unknown spreads through arithmetic and comparisons, and
+through `and`, `or`, `not` as in Kleene's logic: `nc > 3 or node == 'lcp'` selects an LCP, which has no nc. Only what is
+known to hold is selected.
 """
 
 from __future__ import annotations
 
+import ast
 import difflib
 import math
 import operator
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 from cpbench.errors import CpbenchError
@@ -22,28 +24,19 @@ from cpbench.errors import CpbenchError
 Value: TypeAlias = float | str | bool | None
 """A number, a text, a truth value, or None: unknown."""
 Facts: TypeAlias = Mapping[str, float | str]
-Operation: TypeAlias = Callable[[float, float], float]
 
 LONGEST, DEEPEST = 2000, 50
-"""Characters of an expression, and expressions inside one another."""
-
+"""Characters of a condition, and operations inside one another."""
 NUMBER, TEXT, TRUTH = "number", "text", "condition"
-_KEYWORDS = ("and", "or", "not")
-_COMPARE: Mapping[str, Callable[[Any, Any], bool]] = {
-    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+ALLOWED = "write numbers, 'texts', facts, + - * / // % **, < <= == != > >=, and, or, not, ()"
+_COMPARE: Mapping[type[ast.AST], Callable[..., Any]] = {
+    ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
 }  # fmt: skip
-_SUMS: Mapping[str, Operation] = {"+": operator.add, "-": operator.sub}
-_PRODUCTS: Mapping[str, Operation] = {
-    "*": operator.mul, "/": operator.truediv, "//": operator.floordiv, "%": operator.mod,
+_CALCULATE: Mapping[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Pow: math.pow,
+    ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.UAdd: operator.pos, ast.USub: operator.neg,
 }  # fmt: skip
-_TOKEN = re.compile(
-    r"""\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w.])
-    |(?P<name>[A-Za-z_]\w*)
-    |(?P<text>'[^']*'|"[^"]*")
-    |(?P<sign>\*\*|//|[<>=!]=|[-+*/%()<>]))""",
-    re.VERBOSE,
-)
-_WORD = re.compile(r"\s*(?:(?P<sign>[()])|(?P<name>[^\s()]+))")
 
 
 class ExpressionError(CpbenchError):
@@ -58,231 +51,130 @@ class Expression:
     value: Callable[[Facts], Value]
 
     def holds(self, facts: Facts) -> bool:
-        """Whether the condition is known to hold."""
+        """Tell whether the condition is known to hold."""
         return self.value(facts) is True
 
 
-Atom: TypeAlias = "Callable[[_Tokens], Expression]"
-"""Reads what stands between `and`, `or` and `not`."""
-
-
 def condition(text: str, known: Mapping[str, type]) -> Expression:
-    """The condition `text` on facts of the names and types `known` (float or str); raises ExpressionError.
+    """Read the condition `text` on facts of the names and types `known` (float or str); raises ExpressionError.
 
     >>> condition("1 < nc/2 <= 3", {"nc": float}).holds({"nc": 6})
     True
     >>> condition("not nc > 100", {"nc": float}).holds({})
     False
     """
-    return _read(_Tokens(text, _TOKEN), partial(_comparison, known))
+
+    def fact(name: str) -> Expression:
+        return Expression(TEXT if known[name] is str else NUMBER, lambda facts: facts.get(name))
+
+    return _Reader(text, {name: fact(name) for name in known}).read()
 
 
 def words(text: str) -> Expression:
-    """The condition that words occur in the texts of a problem, whatever their case; with and, or, not, ().
+    """Read the condition that words occur in the texts of a problem, whatever their case; with and, or, not, ().
 
     >>> words("chain and not 3d").holds({"name": "Chain-2D", "family": "chains"})
     True
     """
-    return _read(_Tokens(text, _WORD), _word)
+    known: dict[str, Expression] = {}
+
+    def named(found: re.Match[str]) -> str:  # by a name that Python takes
+        word = found[0].lower()
+        known[f"w{len(known)}"] = Expression(TRUTH, lambda facts: any(word in str(v).lower() for v in facts.values()))
+        return f"w{len(known) - 1}"
+
+    try:
+        return _Reader(re.sub(r"(?!(?:and|or|not)(?![^\s()]))(?<![^\s()])[^\s()]+", named, text), known).read()
+    except ExpressionError:
+        raise ExpressionError(
+            f"'{text}': cannot be read: write words with 'and', 'or', 'not', () between them"
+        ) from None
 
 
-def _read(tokens: _Tokens, atom: Atom) -> Expression:
-    found = _either(tokens, atom)
-    if tokens.kind:
-        raise tokens.error("expected the end, 'and' or 'or'")
-    if found.kind != TRUTH:
-        raise ExpressionError(f"'{tokens.text}': is a {found.kind}, not a condition: compare it with something")
-    return found
+class _Reader:
+    """The reader of one text, in which names stand for expressions."""
 
-
-class _Tokens:
-    """The tokens of one text; `kind` and `token` of the present one are '' at the end."""
-
-    def __init__(self, text: str, pattern: re.Pattern[str]) -> None:
+    def __init__(self, text: str, known: Mapping[str, Expression]) -> None:
         if len(text) > LONGEST:
             raise ExpressionError(f"'{text[:40]}...': has {len(text)} characters, at most {LONGEST} are read")
-        self.text, self._pattern = text, pattern
-        self._at = self._end = self._depth = 0
-        self.kind = self.token = ""
-        self.advance()
+        self._text, self._known = re.sub(r"\s", " ", text).strip(), known
 
-    def advance(self) -> str:
-        """Go to the next token; gives back the one before."""
-        passed = self.token
-        found = self._pattern.match(self.text, self._end)
-        if found is not None:
-            self.kind = str(found.lastgroup)
-            self.token, self._at, self._end = found[self.kind], found.start(self.kind), found.end()
-        else:
-            self.kind = self.token = ""
-            self._at = self._end
-            if self.text[self._end :].strip():
-                raise self.error("cannot be read")
-        return passed
+    def read(self) -> Expression:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # what only may be a mistake is refused, too
+                tree = ast.parse(self._text, mode="eval")
+        except SyntaxError as error:
+            why = error.msg.replace(" or ':='", "")
+            raise self._refused(self._text[(error.offset or len(self._text) + 1) - 1 :], f"{why}; {ALLOWED}") from None
+        except (ValueError, MemoryError, RecursionError):  # a null character; a tree too deep for the parser
+            raise self._refused(self._text, f"cannot be read; {ALLOWED}") from None
+        return self._read(tree.body, TRUTH, 0)
 
-    def among(self, *tokens: str) -> bool:
-        """Whether the present token is one of these signs and keywords."""
-        return self.kind in ("sign", "name") and self.token in tokens
+    def _refused(self, place: str, what: str) -> ExpressionError:
+        return ExpressionError(f"'{self._text}': at " + (f"'{place}'" if place else "the end") + f": {what}")
 
-    def error(self, what: str) -> ExpressionError:
-        rest = self.text[self._at :].strip()
-        place = f"'{rest}'" if rest else "the end"
-        return ExpressionError(f"'{self.text}': at {place}: {what}")
-
-    def want(self, found: Expression, kind: str) -> Expression:
-        """`found`, if it is of this kind."""
-        if found.kind != kind:
-            raise self.error(f"expected a {kind} before this, found a {found.kind}")
+    def _read(self, node: ast.expr, kind: str, depth: int) -> Expression:
+        """Read a part that is to be of this kind, '' for any."""
+        place = ast.get_source_segment(self._text, node) or ""
+        if depth > DEEPEST:
+            raise self._refused(place, f"is nested more than {DEEPEST} deep")
+        found = self._part(node, place, depth + 1)
+        if kind and found.kind != kind:
+            raise self._refused(place, f"is a {found.kind}, not a {kind}")
         return found
 
-    def inside(self, read: Callable[[], Expression]) -> Expression:
-        """`read`, one level deeper."""
-        self._depth += 1
-        if self._depth > DEEPEST:
-            raise self.error(f"is nested more than {DEEPEST} deep")
-        found = read()
-        self._depth -= 1
-        return found
+    def _part(self, node: ast.expr, place: str, depth: int) -> Expression:
+        match node:
+            case ast.BoolOp(op, parts):
+                return _joined([self._read(part, TRUTH, depth) for part in parts], isinstance(op, ast.Or))
+            case ast.UnaryOp(ast.Not(), part):
+                return _applied(TRUTH, operator.not_, self._read(part, TRUTH, depth))
+            case ast.UnaryOp(op, part) if type(op) in _CALCULATE:
+                return _applied(NUMBER, _CALCULATE[type(op)], self._read(part, NUMBER, depth))
+            case ast.BinOp(a, op, b) if type(op) in _CALCULATE:
+                return _applied(NUMBER, _CALCULATE[type(op)], *(self._read(part, NUMBER, depth) for part in (a, b)))
+            case ast.Compare(first, ops, others) if all(type(op) in _COMPARE for op in ops):
+                terms = [self._read(part, "", depth) for part in (first, *others)]
+                for a, b in pairwise(terms):
+                    if a.kind != b.kind or a.kind == TRUTH:
+                        raise self._refused(place, f"a {a.kind} cannot be compared with a {b.kind}")
+                links = zip(ops, pairwise(terms), strict=True)
+                return _joined([_applied(TRUTH, _COMPARE[type(op)], *both) for op, both in links], decisive=False)
+            case ast.Constant(str() as text):
+                return Expression(TEXT, lambda _: text)
+            case ast.Constant(int() | float() as number) if not isinstance(number, bool):
+                return Expression(NUMBER, lambda _: number)
+            case ast.Name(name) if name in self._known:
+                return self._known[name]
+            case ast.Name(name):
+                near = "".join(f"did you mean {n}? " for n in difflib.get_close_matches(name, self._known, n=1))
+                raise self._refused(place, f"unknown fact {name}: {near}Known are {', '.join(sorted(self._known))}")
+            case _:
+                raise self._refused(place, f"cannot be read; {ALLOWED}")
 
 
-# ---------------------------------------------------------------------------------------------- and, or, not
-
-
-def _either(tokens: _Tokens, atom: Atom) -> Expression:
-    return _chain(tokens, "or", lambda: _chain(tokens, "and", lambda: _negated(tokens, atom)))
-
-
-def _chain(tokens: _Tokens, word: str, part: Callable[[], Expression]) -> Expression:
-    """Conditions joined by `and` or by `or`."""
-    left = part()
-    while tokens.among(word):
-        tokens.want(left, TRUTH)
-        tokens.advance()
-        left = _joined(left, tokens.want(part(), TRUTH), word == "or")
-    return left
-
-
-def _negated(tokens: _Tokens, atom: Atom) -> Expression:
-    if not tokens.among("not"):
-        return atom(tokens)
-    tokens.advance()
-    inner = tokens.want(tokens.inside(lambda: _negated(tokens, atom)), TRUTH)
-    return Expression(TRUTH, lambda facts: None if (v := inner.value(facts)) is None else not v)
-
-
-def _parenthesis(tokens: _Tokens, atom: Atom) -> Expression:
-    tokens.advance()
-    found = tokens.inside(lambda: _either(tokens, atom))
-    if not tokens.among(")"):
-        raise tokens.error("expected ')'")
-    tokens.advance()
-    return found
-
-
-def _joined(a: Expression, b: Expression, decisive: bool) -> Expression:
-    """`a or b` (decided by a True), `a and b` (by a False); unknown when only an unknown could decide."""
+def _joined(parts: list[Expression], decisive: bool) -> Expression:
+    """Join by `or` (decided by a True) or `and` (by a False); unknown when only an unknown could decide."""
 
     def value(facts: Facts) -> Value:
-        both = (a.value(facts), b.value(facts))
-        return decisive if decisive in both else None if None in both else not decisive
+        found = [part.value(facts) for part in parts]
+        return decisive if decisive in found else None if None in found else not decisive
 
     return Expression(TRUTH, value)
 
 
-def _word(tokens: _Tokens) -> Expression:
-    if tokens.among("("):
-        return _parenthesis(tokens, _word)
-    if tokens.kind != "name" or tokens.among(*_KEYWORDS):
-        raise tokens.error("expected a word")
-    word = tokens.advance().lower()
-    return Expression(TRUTH, lambda facts: any(word in str(v).lower() for v in facts.values()))
-
-
-# ------------------------------------------------------------------------------- comparisons and arithmetic
-
-
-def _comparison(known: Mapping[str, type], tokens: _Tokens) -> Expression:
-    """`a < b <= c`, or what may be compared."""
-    terms, signs = [_sum(known, tokens)], list[str]()
-    while tokens.among(*_COMPARE):
-        signs.append(tokens.advance())
-        terms.append(_sum(known, tokens))
-        left, right = terms[-2].kind, terms[-1].kind
-        if left != right or left == TRUTH:
-            raise tokens.error(f"a {left} cannot be compared with the {right} before this")
-    if not signs:
-        return terms[0]
+def _applied(kind: str, operation: Callable[..., Any], *parts: Expression) -> Expression:
+    """Apply an operation, numbers as floats, so that no power takes long; unknown where nothing finite comes of it."""
 
     def value(facts: Facts) -> Value:
-        values = [term.value(facts) for term in terms]
-        links = [
-            None if a is None or b is None else _COMPARE[sign](a, b)
-            for sign, a, b in zip(signs, values[:-1], values[1:], strict=True)
-        ]
-        return False if False in links else None if None in links else True
-
-    return Expression(TRUTH, value)
-
-
-def _sum(known: Mapping[str, type], tokens: _Tokens) -> Expression:
-    return _operations(tokens, _SUMS, lambda: _operations(tokens, _PRODUCTS, lambda: _power(known, tokens)))
-
-
-def _operations(tokens: _Tokens, signs: Mapping[str, Operation], part: Callable[[], Expression]) -> Expression:
-    """Operations of one rank, from left to right."""
-    left = part()
-    while tokens.among(*signs):
-        tokens.want(left, NUMBER)
-        left = _calculated(signs[tokens.advance()], left, tokens.want(part(), NUMBER))
-    return left
-
-
-def _power(known: Mapping[str, type], tokens: _Tokens) -> Expression:
-    """`-a**-b`: a sign binds less than the power after it, more than the one before it, as in Python."""
-    if tokens.among("+", "-"):
-        sign = _constant(NUMBER, 1.0 if tokens.advance() == "+" else -1.0)
-        return _calculated(operator.mul, sign, tokens.want(tokens.inside(lambda: _power(known, tokens)), NUMBER))
-    base = _operand(known, tokens)
-    if not tokens.among("**"):
-        return base
-    tokens.want(base, NUMBER)
-    tokens.advance()
-    return _calculated(math.pow, base, tokens.want(tokens.inside(lambda: _power(known, tokens)), NUMBER))
-
-
-def _operand(known: Mapping[str, type], tokens: _Tokens) -> Expression:
-    if tokens.among("("):
-        return _parenthesis(tokens, partial(_comparison, known))
-    if tokens.kind == "number":
-        return _constant(NUMBER, float(tokens.advance()))
-    if tokens.kind == "text":
-        return _constant(TEXT, tokens.advance()[1:-1])
-    if tokens.kind != "name" or tokens.among(*_KEYWORDS):
-        raise tokens.error("expected a number, a name, a 'text' or '('")
-    name = tokens.token
-    if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        raise tokens.error(f"unknown fact {name}: {hint}Known are {', '.join(sorted(known))}")
-    tokens.advance()
-    return Expression(TEXT if known[name] is str else NUMBER, lambda facts: facts.get(name))
-
-
-def _constant(kind: str, value: Value) -> Expression:
-    return Expression(kind, lambda _: value)
-
-
-def _calculated(operation: Operation, a: Expression, b: Expression) -> Expression:
-    """In floating point, so that no power takes long; unknown where there is no finite result."""
-
-    def value(facts: Facts) -> Value:
-        x, y = a.value(facts), b.value(facts)
-        if x is None or y is None:
+        found = [part.value(facts) for part in parts]
+        if None in found:
             return None
         try:
-            found = operation(float(x), float(y))
+            result = operation(*(float(v) if type(v) is int else v for v in found))
         except (ArithmeticError, ValueError):
             return None
-        return found if math.isfinite(found) else None
+        return result if math.isfinite(result) else None
 
-    return Expression(NUMBER, value)
+    return Expression(kind, value)

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench.results import schema
-from cpbench.bench.results.lock import Lock
 from cpbench.bench.results.schema import SCHEMA
 from cpbench.errors import StoreError
+from cpbench.locks import Held, Lock
 
 PATIENCE = 30.0
 """Seconds to wait for another program that holds the database for a moment."""
@@ -50,7 +50,7 @@ class Database:
         self._examine(create)
         try:
             if create:
-                self._lock = Lock(path)
+                self._lock = _locked(path)
                 self._open_to_write()
             else:
                 self._open_to_read()
@@ -135,6 +135,8 @@ class Database:
         """What SQLite or a value it cannot store raises becomes a StoreError with the cause."""
         try:
             yield
+        except UnicodeDecodeError as cause:  # of a name in the schema, as sqlite3 hands it on
+            raise _explained(self._path, sqlite3.DatabaseError(str(cause)), sqlite3.SQLITE_CORRUPT) from cause
         except (sqlite3.Error, OverflowError) as cause:
             raise _explained(self._path, cause) from cause
 
@@ -278,3 +280,14 @@ def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:
         sqlite3.SQLITE_BUSY: f"is held by another program ({cause}); end that program, or use another file with -o",
     }
     return StoreError(f"{path}: {told.get(code, f'SQLite failed: {cause}')}")
+
+
+def _locked(path: Path) -> Lock:
+    """Take the right to write a results file."""
+    try:
+        return Lock(path)
+    except Held as holder:
+        raise StoreError(f"{path}: {holder}; wait for it, or use another file with -o") from None
+    except OSError as cause:
+        why = cause.strerror or cause
+        raise StoreError(f"{path}: cannot be written ({why}); name a file in another folder with -o") from None

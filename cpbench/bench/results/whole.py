@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cpbench.bench.results.other_reader import OtherReader
 from cpbench.bench.results.schema import MEASURED, PLANNED
 
 if TYPE_CHECKING:
@@ -38,8 +37,6 @@ SHARED = (OF_PROBLEM, OF_SOLVER, OF_ENDING)
 """Text and whole numbers that repeat together; other numbers would lose digits in JSON."""
 SINGLE = tuple(name for name in KINDS if not any(name in names for names in SHARED))
 NUMBERS = tuple(name for name in SINGLE if KINDS[name] == "REAL")
-MANY = 200_000
-"""Rows from which another process is worth its start."""
 CHUNK = 500
 """Rows that are held as Python objects at a time."""
 REMEMBERED = 10_000
@@ -65,7 +62,7 @@ def whole_table(database: Database) -> pd.DataFrame:
     import pandas as pd
 
     with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a text of its own
-        frame, ranks = _joined(_all_rows(database))
+        frame, ranks = _joined(_read_rows(database))
     frame["error"] = frame["error"].fillna(float("inf"))
     order = _order(ranks["problem"], ranks["label"], frame["key"])
     if order is not None:
@@ -74,35 +71,16 @@ def whole_table(database: Database) -> pd.DataFrame:
     return frame
 
 
-def read_rows(database: Database, first: int, last: int) -> Rows:
-    """The rows with these numbers, both included, in their order."""
+def _read_rows(database: Database) -> Rows:
+    """All rows in the order in which they were added."""
     seen = [defaultdict[str, int](count().__next__) for _ in SHARED]
     readers = [*map(_places, seen), *map(_reader, SINGLE)]
     found: list[list[Values]] = [[read(())] for read in readers]
-    query = f"SELECT {_READ} FROM rows WHERE rowid BETWEEN {first} AND {last} ORDER BY rowid"
+    query = f"SELECT {_READ} FROM rows ORDER BY rowid"
     for rows in database.chunks(query, CHUNK):
         for parts, read, column in zip(found, readers, zip(*rows, strict=True), strict=True):
             parts.append(read(column))
     return Rows([list(texts) for texts in seen], [np.concatenate(parts) for parts in found])
-
-
-def _all_rows(database: Database) -> Rows:
-    last = database.read("SELECT max(rowid) FROM rows")[0][0] or 0
-    if last < MANY or database.file is None:
-        return read_rows(database, 0, last)
-    with OtherReader(database.file, last // 2 + 1, last) as other:
-        mine = read_rows(database, 0, last // 2)
-        return _together(mine, other.rows() or read_rows(database, last // 2 + 1, last))
-
-
-def _together(one: Rows, other: Rows) -> Rows:
-    """The rows of both, one after the other."""
-    for k, (texts, more) in enumerate(zip(one.texts, other.texts, strict=True)):
-        places = dict(zip(texts, range(len(texts)), strict=True))
-        moved = np.array([places.setdefault(text, len(places)) for text in more], dtype=np.int32)
-        texts[:] = places
-        other.columns[k] = moved[other.columns[k]]
-    return Rows(one.texts, [np.concatenate(pair) for pair in zip(one.columns, other.columns, strict=True)])
 
 
 def _joined(rows: Rows) -> tuple[pd.DataFrame, dict[str, Values]]:

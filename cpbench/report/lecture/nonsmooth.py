@@ -15,7 +15,6 @@ from cpbench.analysis.lecture.newton import (
     josephy_newton,
     least_singular_value,
     merit_slice,
-    smooth_gradient,
 )
 from cpbench.report import canvas
 from cpbench.report.lecture import cells, solvable, svg
@@ -133,7 +132,7 @@ def _functions() -> tuple[Block, ...]:
             rows,
             "The price of smoothness: a differentiable NCP function has zero gradient wherever both arguments vanish; "
             "that of (38) at the origin is «gradient», so that $H$ is singular at the degenerate solution.",
-            gradient=np.concatenate(smooth_gradient(np.zeros(1), np.zeros(1))),
+            gradient=np.concatenate(ncp.functions()[3].values(np.zeros(1), np.zeros(1))[1:]),
         ),
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Temporary folders through which problems and answers go, and the removal of those that killed processes left.
+"""Temporary folders through which problems and answers go.
 
 What is small goes through memory, where the system has a folder for that: five times as fast as through a disk.
 """
@@ -6,24 +6,20 @@ What is small goes through memory, where the system has a folder for that: five 
 from __future__ import annotations
 
 import atexit
-import contextlib
 import os
 import shutil
 import tempfile
 import weakref
 from pathlib import Path
 
-try:
-    import fcntl
-except ImportError:  # a system without locks on folders: what a killed process leaves stays
-    fcntl = None
+from cpbench import temporary
+from cpbench.temporary import EXCHANGE, TemporaryHome
 
 MEMORY = Path("/dev/shm")
 SMALL = 2**20
 """Bytes of a problem that goes through memory."""
-_PREFIX = "cpbench-exchange-"
-_homes: dict[Path, tuple[int, Path, int]] = {}
-"""Of every place: the process, its folder there, and the descriptor that holds the folder's lock."""
+_homes: dict[Path, tuple[int, TemporaryHome]] = {}
+"""Of every place: the process, and its home there; a fork has the table of its parent."""
 
 
 class Folder:
@@ -37,51 +33,15 @@ class Folder:
 
 
 def _own(place: Path) -> Path:
-    """The folder of this process, locked for as long as it lives."""
-    known = _homes.get(place)
-    if known is not None and known[0] == os.getpid() and known[1].is_dir():
-        return known[1]
-    remove_abandoned()
-    while True:
-        path = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=place))
-        with contextlib.suppress(FileNotFoundError, BlockingIOError):  # somebody's `remove_abandoned` came in between
-            lock = _lock(path)
-            if path.is_dir():
-                break
-            _unlock(lock)
-    _homes[place] = (os.getpid(), path, lock)
-    atexit.register(shutil.rmtree, path, ignore_errors=True)
-    return path
-
-
-def _lock(path: Path) -> int:
-    """Descriptor of a folder that is ours alone, -1 where there are no locks.
-
-    Raises BlockingIOError when it is somebody else's, OSError.
-    """
-    if fcntl is None:
-        return -1
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as cause:
-        os.close(descriptor)
-        if isinstance(cause, BlockingIOError):
-            raise
-        return -1
-    return descriptor
-
-
-def _unlock(descriptor: int) -> None:
-    if descriptor >= 0:
-        os.close(descriptor)
+    """Give the folder of this process in a place."""
+    process, home = _homes.get(place, (0, None))
+    if home is None or process != os.getpid() or not home.folder.is_dir():
+        home = TemporaryHome(EXCHANGE, place)
+        _homes[place] = (os.getpid(), home)
+        atexit.register(home.remove)
+    return home.folder
 
 
 def remove_abandoned() -> None:
-    """Delete folders that nobody holds a lock on: their process was killed."""
-    for left in (p for place in (MEMORY, Path(tempfile.gettempdir())) for p in place.glob(f"{_PREFIX}*")):
-        with contextlib.suppress(OSError):
-            descriptor = _lock(left)
-            if descriptor >= 0:
-                shutil.rmtree(left, ignore_errors=True)
-                _unlock(descriptor)
+    """Delete what killed processes left in all places."""
+    temporary.remove_abandoned(EXCHANGE, MEMORY, Path(tempfile.gettempdir()))

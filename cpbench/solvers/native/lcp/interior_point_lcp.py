@@ -22,13 +22,13 @@ from cpbench import matrices
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Vector, max_abs
+from cpbench.ncp_functions import fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.interior_point_system import ShiftedSystem
 from cpbench.solvers.native.lcp.lcp_claims import CLOSE
 from cpbench.solvers.native.mlcp.mlcp_claims import ScaledMLCP, dense_obstacle, mixed, scale
 from cpbench.solvers.native.mlcp.mlcp_newton import LinearBox
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, run
-from cpbench.solvers.native.nonlinear.ncp_functions import fischer_burmeister, minimum
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched

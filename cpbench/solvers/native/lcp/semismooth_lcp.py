@@ -15,17 +15,11 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, identity
+from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.lcp_claims import ScaledLCP, dense_obstacle, error_of, scale, solve_linear
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, Box, run
-from cpbench.solvers.native.nonlinear.ncp_functions import (
-    NCPFunction,
-    Reformulation,
-    evtushenko_purtov,
-    fischer_burmeister,
-    minimum,
-    penalized,
-)
+from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench.solvers.options import fixed
 

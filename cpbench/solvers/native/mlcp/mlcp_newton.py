@@ -8,10 +8,11 @@ import numpy as np
 
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Matrix, Vector
+from cpbench.ncp_functions import NCPFunction, fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.mlcp.mlcp_claims import ScaledMLCP, dense_obstacle, scale
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, Box, run
-from cpbench.solvers.native.nonlinear.ncp_functions import NCPFunction, Reformulation, fischer_burmeister, minimum
+from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 
 

@@ -25,7 +25,7 @@ from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.native.lcp.lcp_claims import CLOSE
-from cpbench.solvers.native.nonlinear.ncp_functions import Reformulation
+from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 
 DENSE_LIMIT = 150
 """Up to this size Jacobians are dense: SuperLU costs more."""

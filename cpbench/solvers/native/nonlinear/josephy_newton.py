@@ -12,11 +12,11 @@ import numpy as np
 from cpbench.cones import box_defect, project_box
 from cpbench.errors import UnknownName
 from cpbench.matrices import Matrix, Vector, norm
+from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.lcp.box_linear import NODES, BoxLinear
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, Box, BoxNewton, Method
 from cpbench.solvers.native.nonlinear.merit_search import At, Descent, fall_back
-from cpbench.solvers.native.nonlinear.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
 
 SMALL_ENOUGH = 0.5

@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from scipy.linalg import lapack
 
 from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
+from cpbench.ncp_functions import NCPFunction
 from cpbench.solvers.native.nonlinear.box_newton import Box
-from cpbench.solvers.native.nonlinear.ncp_functions import NCPFunction
 
 ARMIJO = 1e-4
 ACCEPT = 0.9

@@ -13,10 +13,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.matrices import Matrix, Vector, identity, max_abs, norm
+from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back
-from cpbench.solvers.native.nonlinear.ncp_functions import fischer_burmeister
 from cpbench.solvers.native.nonlinear.normal_path import PERTURBATIONS, cell_matrix, normal_point
 from cpbench.solvers.options import fixed, searched
 

@@ -8,16 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.matrices import Vector, norm
+from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.nonlinear.merit_search import At, Descent, fall_back
-from cpbench.solvers.native.nonlinear.ncp_functions import (
-    NCPFunction,
-    evtushenko_purtov,
-    fischer_burmeister,
-    minimum,
-    penalized,
-)
 from cpbench.solvers.options import fixed, searched
 
 STEEP, POWER = 1e-8, 2.1

@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.matrices import Vector, norm
+from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.nonlinear.merit_search import ARMIJO, At, Descent, fall_back
-from cpbench.solvers.native.nonlinear.ncp_functions import fischer_burmeister
 from cpbench.solvers.options import fixed, searched
 
 BACKTRACKS = 25

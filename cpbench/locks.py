@@ -1,8 +1,6 @@
-"""The right to write a results file: one process at a time, by a lock that the system takes back when it ends.
+"""Locks of files that the system takes back when their holder ends, however it ends.
 
-The lock is on a companion file, `FILE.lock`, which also says who holds it. What kill -9 leaves of it is an unlocked
-file, which the next run takes over. On network file systems it holds across machines where the server keeps locks;
-where locks are not to be had at all, writing is refused, for SQLite needs them too.
+On network file systems they hold across machines where the server keeps locks.
 """
 
 from __future__ import annotations
@@ -15,41 +13,40 @@ import socket
 import time
 from pathlib import Path
 
-from cpbench.errors import StoreError
-
 _BEYOND = 2**30
 """Where Windows locks one byte: what it locks cannot be read, so it lies behind what the file says."""
 
 
-class Lock:
-    """Held from construction to `release`, or to the end of the process.
+class Held(Exception):
+    """Another process holds the lock; the message says which."""
 
-    Raises StoreError when another process holds it, or when no file can be made beside `path`.
+
+class Lock:
+    """The right to write `path` or what is in it, held from construction to `release`, or to the end of the process.
+
+    The lock is on a companion file, `path.lock`, which also says who holds it. What kill -9 leaves of it is an unlocked
+    file, which the next process takes over. Raises Held, and OSError where no file can be made or locked beside `path`.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = Path(f"{os.path.realpath(path)}.lock")  # one lock, whatever links lead to the file
-        try:
-            self._descriptor = self._take(path)
-        except OSError as cause:
-            raise StoreError(
-                f"{path}: cannot be written ({cause.strerror or cause}); name a file in another folder with -o"
-            ) from None
+        self._descriptor = self._take()
         holder = {"pid": os.getpid(), "host": socket.gethostname(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}
         with contextlib.suppress(OSError):  # on a full disk the lock holds all the same
             os.ftruncate(self._descriptor, 0)
             os.write(self._descriptor, json.dumps(holder).encode())
 
     def release(self) -> None:
+        """Remove the companion file and give the lock back."""
         with contextlib.suppress(OSError):  # Windows keeps a file that is open
             self._path.unlink()
         os.close(self._descriptor)
 
-    def _take(self, path: Path) -> int:
+    def _take(self) -> int:
         while True:
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
-                _lock(descriptor)
+                exclusive(descriptor)
                 found = os.stat(self._path)
                 if os.path.samestat(found, os.fstat(descriptor)):
                     return descriptor
@@ -58,7 +55,7 @@ class Lock:
             except OSError as cause:
                 os.close(descriptor)
                 if cause.errno in (errno.EACCES, errno.EAGAIN, errno.EDEADLK):
-                    raise StoreError(f"{path}: {self._holder()}; wait for it, or use another file with -o") from None
+                    raise Held(self._holder()) from None
                 raise
             os.close(descriptor)
 
@@ -70,15 +67,16 @@ class Lock:
             return "another process is writing it"
 
 
-def _lock(descriptor: int) -> None:
-    """Take the lock at once or raise OSError (EAGAIN or EACCES: somebody has it)."""
+def exclusive(descriptor: int, *, wait: bool = False) -> None:
+    """Lock an open file; raises OSError, also when somebody has it (EAGAIN or EACCES) unless that is waited for."""
     try:
         import fcntl
     except ImportError:
         import msvcrt
 
         os.lseek(descriptor, _BEYOND, os.SEEK_SET)
-        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # pyright: ignore[reportAttributeAccessIssue]
+        how = msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK  # pyright: ignore[reportAttributeAccessIssue]
+        msvcrt.locking(descriptor, how, 1)  # pyright: ignore[reportAttributeAccessIssue]
         os.lseek(descriptor, 0, os.SEEK_SET)
     else:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
