@@ -2,58 +2,129 @@
 
 The names below are imported on first use, so that `import cpbench` costs nothing.
 
->>> import numpy as np, cpbench
->>> lcp = cpbench.LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=[-5.0, -6.0])
->>> answer = cpbench.solve(lcp, "lemke").point
->>> cpbench.judge(lcp, answer, 1e-9).solved
-True
->>> qp = cpbench.arrive(lcp, "qp").problem
->>> qp.node, [step.conversion for step in qp.provenance]
-('qp', ['lcp-qp'])
+>>> import cpbench
+>>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
+>>> solution = cpbench.solve(lcp, tolerance=1e-9)  # chooses a solver, measures the answer on the problem itself
+>>> solution.solver, bool(solution), solution.x.round(6).tolist()
+('auto-lcp', True, [1.333333, 2.333333])
+>>> cpbench.solve(lcp, "clarabel").route  # a solver of quadratic programs: there and back by a conversion
+'lcp-qp'
 """
 
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
+    from cpbench.api.advice import list_solvers as list_solvers
+    from cpbench.api.advice import recommend as recommend
+    from cpbench.api.gallery import gallery as gallery
+    from cpbench.api.problems import Converted as Converted
+    from cpbench.api.problems import convert as convert
+    from cpbench.api.problems import explain as explain
+    from cpbench.api.problems import load as load
+    from cpbench.api.problems import verify as verify
+    from cpbench.api.results import Results as Results
+    from cpbench.api.runs import run as run
+    from cpbench.api.solution import Solution as Solution
+    from cpbench.api.solving import solve as solve
+    from cpbench.bench.results.store import read_results as read_results
+    from cpbench.conversions import make as make
+    from cpbench.errors import CpbenchError as CpbenchError
+    from cpbench.graph import arrive as arrive
+    from cpbench.graph import lift as lift
+    from cpbench.graph import push as push
+    from cpbench.product_cones import Cone as Cone
+    from cpbench.product_cones import ProductCone as ProductCone
+    from cpbench.solvers.base import Budget as Budget
+    from cpbench.solvers.base import Claim as Claim
+    from cpbench.storage import Recorder as Recorder
+    from cpbench.storage import save as save
+    from cpbench.verification import Status as Status
+    from cpbench.verification import Verdict as Verdict
+    from cpbench.verification import judge as judge
 
 __version__ = "0.1.0"
 
+_FORMULATIONS = (
+    "AVI",
+    "AVIPoint",
+    "AnisotropicFrictionContact",
+    "CP",
+    "CPPoint",
+    "ConeQP",
+    "ConeQPPoint",
+    "Contacts",
+    "Equation",
+    "EquationPoint",
+    "FCMPoint",
+    "FCPoint",
+    "FrictionContact",
+    "GE",
+    "GEPoint",
+    "GFCPoint",
+    "GlobalFrictionContact",
+    "GlobalRollingFrictionContact",
+    "Info",
+    "Kind",
+    "LCP",
+    "LCPPoint",
+    "MLCP",
+    "MLCPPoint",
+    "MiCP",
+    "MiCPPoint",
+    "MixedFrictionContact",
+    "NCP",
+    "NCPPoint",
+    "NFCPoint",
+    "NLP",
+    "NLPPoint",
+    "NonlinearFrictionContact",
+    "Point",
+    "Problem",
+    "QP",
+    "QPPoint",
+    "QVI",
+    "QVIPoint",
+    "Relay",
+    "Residuals",
+    "RollingFrictionContact",
+    "SOCLCP",
+    "SOCLCPPoint",
+    "Sequence",
+    "Step",
+    "VI",
+    "VIPoint",
+)
 _HOMES = {
-    "LCP": "formulations",
-    "LCPPoint": "formulations",
-    "MLCP": "formulations",
-    "MLCPPoint": "formulations",
-    "QP": "formulations",
-    "QPPoint": "formulations",
-    "FrictionContact": "formulations",
-    "FCPoint": "formulations",
-    "GlobalFrictionContact": "formulations",
-    "GFCPoint": "formulations",
-    "MixedFrictionContact": "formulations",
-    "FCMPoint": "formulations",
-    "RollingFrictionContact": "formulations",
-    "GlobalRollingFrictionContact": "formulations",
-    "AnisotropicFrictionContact": "formulations",
-    "Relay": "formulations",
-    "AVI": "formulations",
-    "AVIPoint": "formulations",
-    "ConeQP": "formulations",
-    "ConeQPPoint": "formulations",
-    "SOCLCP": "formulations",
-    "SOCLCPPoint": "formulations",
+    **dict.fromkeys(_FORMULATIONS, "formulations"),
     "Cone": "product_cones",
     "ProductCone": "product_cones",
-    "load": "storage",
+    "load": "api.problems",
     "save": "storage",
     "Recorder": "storage",
+    "solve": "api.solving",
+    "Solution": "api.solution",
+    "convert": "api.problems",
+    "Converted": "api.problems",
+    "explain": "api.problems",
+    "verify": "api.problems",
+    "run": "api.runs",
+    "Results": "api.results",
+    "list_solvers": "api.advice",
+    "recommend": "api.advice",
+    "gallery": "api.gallery",
+    "Claim": "solvers.base",
+    "Budget": "solvers.base",
+    "Status": "verification",
+    "Verdict": "verification",
+    "CpbenchError": "errors",
     "arrive": "graph",
     "lift": "graph",
     "push": "graph",
     "make": "conversions",
     "judge": "verification",
-    "solve": "solvers.base",
-    "Budget": "solvers.base",
     "read_results": "bench.results.store",
 }
 
@@ -62,6 +133,8 @@ __all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
+        if name in _FORMULATIONS:
+            importlib.import_module("cpbench.api")  # problems show themselves in notebooks
         return getattr(importlib.import_module(f"cpbench.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'cpbench' has no attribute '{name}'")
 

@@ -8,13 +8,58 @@ neither, and nothing is said of them.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
+import pandas as pd
+
 from cpbench.analysis.metrics import Metric
+from cpbench.analysis.starts import COLD
 
 Sheets = Mapping[str, Mapping[str, Any]]
 CLOCKS = ("time", "solve", "cpu")
 """Metrics that have the launch of a program in them."""
+FIRST_STEP = "cold: first step"
+"""What a row tells of its start where there was no step before to start from: no failure of the start policy."""
+
+
+@dataclass(frozen=True)
+class Footnote:
+    """What is said below a table of times of the solvers that have its mark, and nothing where `labels` is empty."""
+
+    mark: str
+    labels: tuple[str, ...]
+    sentence: str
+
+
+def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
+    """The footnotes of a table of these rows.
+
+    >>> rows = pd.DataFrame({"label": ["a", "b", "b"], "start": "file", "started": ["", "cold: no point", "file"]})
+    >>> for note in footnotes(rows, {"a": {"launches": True}}):
+    ...     print(note.mark, *note.labels, note.sentence)
+    † a Every solve of a launches a program, and its launch is in the time.
+    ‡ b Fell back to a cold start: b 1 of 2.
+    """
+    labels = [str(label) for label in dict.fromkeys(rows["label"])]
+    launched, cold, counts = launching(labels, sheets), fell_back(rows), rows["label"].value_counts()
+    told = ", ".join(f"{label} {count} of {counts[label]}" for label, count in cold.items())
+    notes = (
+        Footnote("†", tuple(launched), _launch(launched)),
+        Footnote("‡", tuple(cold), f"Fell back to a cold start: {told}."),
+    )
+    return [note for note in notes if note.labels]
+
+
+def marks(label: str, notes: Iterable[Footnote]) -> str:
+    """The marks behind the name of a solver."""
+    return "".join(note.mark for note in notes if label in note.labels)
+
+
+def fell_back(rows: pd.DataFrame) -> dict[str, int]:
+    """By label the rows that were to begin at a point and had none."""
+    cold = rows["started"].str.startswith(COLD) & (rows["started"] != FIRST_STEP) & (rows["start"] != COLD)
+    return {str(label): int(count) for label, count in rows.loc[cold, "label"].value_counts().items()}
 
 
 def launching(labels: Iterable[str], sheets: Sheets) -> list[str]:
@@ -50,10 +95,14 @@ def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
     """
     labels = list(labels)
     if metric.name in CLOCKS and (started := launching(labels, sheets)):
-        return f"Every solve of {', '.join(started)} launches a program, and its launch is in the time."
+        return _launch(started)
     if metric.name == "reported" and (started := launching(labels, sheets)):
         return f"What {', '.join(started)} reports may have the launch of a program in it."
     if metric.counter == "iterations" and len(found := methods(labels, sheets)) > 1:
         told = "; ".join(f"{method} ({', '.join(names)})" for method, names in found.items())
         return f"An iteration is another thing in each method: {told}. Counts do not compare."
     return ""
+
+
+def _launch(labels: Iterable[str]) -> str:
+    return f"Every solve of {', '.join(labels)} launches a program, and its launch is in the time."

@@ -31,7 +31,7 @@ FARTHEST = 2.0
 """Reactions farther outside the disk (of answers that are hardly admissible) are brought there."""
 
 Portrait = dict[str, Any]
-"""Plain data, as JSON holds them; `cli.portraits` adds `licence`, `source` and `citation` of the problem."""
+"""Plain data, as JSON holds them; `api.portraits` adds `licence`, `source` and `citation` of the problem."""
 
 
 def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Portrait:

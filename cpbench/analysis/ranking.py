@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best, multi_start
+from cpbench.analysis import best, cautions, multi_start
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
-from cpbench.analysis.starts import COLD
 from cpbench.analysis.table import Group
 from cpbench.formulations.base import Kind
 from cpbench.verification import PROVEN, Status
@@ -29,8 +28,6 @@ LINES = 10
 """The most rows of a ranking that are shown."""
 FASTER = 2.0
 """Another solver is named when it is so many times faster, where both solve."""
-FIRST_STEP = "cold: first step"
-"""What a row tells of its start where there was no step before to start from: no failure of the start policy."""
 LAUNCHES = "launches a program"
 ENDINGS = {
     str(Status.TIMEOUT): "timeouts",
@@ -102,7 +99,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     """
     parts = rows_of.groups(multi_start.merged(table))
     groups = [group for group, _ in parts]
-    launching = {label for label, sheet in (sheets or {}).items() if sheet.get("launches")}
+    launching = cautions.launching(sheets or {}, sheets or {})
     found: list[Ranking] = []
     for group, rows in parts:
         started = rows[~rows["status"].isin(REFUSED)]
@@ -192,8 +189,7 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
         if kind in inexact:
             found.setdefault(label, []).append(f"{kind} route")
     warn(_count(false_claims(rows)), "claims that fail")
-    cold = rows["started"].str.startswith(COLD) & (rows["started"] != FIRST_STEP) & (rows["start"] != COLD)
-    warn(_count(rows[cold]), "fell back to cold")
+    warn(cautions.fell_back(rows), "fell back to cold")
     for status, text in ENDINGS.items():
         warn(_count(rows[rows["status"] == status]), text)
     for label in sorted(set(rows["label"][~rows_of.ranked(rows)])):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from cpbench import graph, storage, verification
 from cpbench.bench import starts
 from cpbench.bench.desk import Case, Desk, Prepared
 from cpbench.bench.history import Trail, coarse_to_fine
+from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.bench.planning.features import features
 from cpbench.bench.planning.plan import parse_request
 from cpbench.bench.processes import wire
@@ -134,75 +135,42 @@ class Referee:
         promise: str = Kind.EQUIVALENT,
         proof_seconds: float = PROOF_SECONDS,
     ) -> bytes:
-        """Lift the answer, measure it on the problem that was asked, and give the row its status.
+        """Lift the answer, measure it on the problem that was asked, and give the row its status (`judge_answer`).
 
-        It is measured on the solver's own problem too: what is missed there is the solver's doing, the rest the
-        route's. A solver whose `promise` is less than an answer drops a term, and solves a problem that nobody has. A
-        claim that there is no solution gets `proof_seconds` for its proof.
+        A claim that there is no solution gets `proof_seconds` for its proof.
         """
         asked = Case(**case)
         source, prepared = self._desk.ready(asked)
         certificate = vectors.pop("certificate", None)
-        lifted = verified = 0.0
-        answer: Any = None
-        message = ""
-        wanted = graph.tolerance(prepared.problem, asked.tolerance, prepared.steps)
-        there: verification.Verdict | None = None
-        verdict = verification.no_answer(asked.tolerance)
-        if answered:
-            try:
-                begun = time.perf_counter()
-                target = prepared.problem.point_type(**vectors)
-                prepared.problem.check_point(target)
-                answer = graph.lift(prepared.problem, target, prepared.steps)
-                between = time.perf_counter()
-                verdict = verification.judge(source, answer, asked.tolerance, asked.measure)
-                lifted, verified = between - begun, time.perf_counter() - between
-                if Kind(promise).exact:
-                    there = verification.judge(prepared.problem, target, wanted) if prepared.steps else verdict
-            except (PointError, TypeError) as refusal:
-                message, answer = f"the answer is none: {refusal}", None
-        found = None if verdict.solved else self._proof(source, not prepared.steps, claim, certificate, proof_seconds)
-        proof = found.proof if found else None
-        proven = {f"proven_{kind}": proof is not None and proof.kind == kind for kind in verification.PROVEN}
-        kind = max(prepared.kind, Kind(promise), key=lambda kind: kind.rank)
-        status = verification.status(verdict, claim, kind=kind, target=there, **proven)
-        flags = list(verdict.flags)
-        if there is not None and there is not verdict and "unresolvable" in there.flags:
-            flags.append(verification.TARGET_UNRESOLVABLE)
+        found = judge_answer(
+            source,
+            prepared.problem,
+            prepared.steps,
+            vectors if answered else None,
+            tolerance=asked.tolerance,
+            claim=claim,
+            kind=prepared.kind,
+            promise=Kind(promise),
+            measure=asked.measure,
+            prove=lambda: look_for_proof(
+                partial(self._attempt, source), not prepared.steps, claim, certificate, proof_seconds
+            ),
+        )
         return wire.pack(
             {
                 "event": "judged",
-                "status": str(verification.Status.ERROR if message else status),
-                "message": message or (found.message if found else ""),
-                "error": verdict.error,
-                "target_error": None if there is None else there.error,
-                "flags": flags,
-                "parts": {**verdict.judged, **verdict.parts},
-                "lift": lifted,
-                "verify": verified,
+                "status": str(found.status),
+                "message": found.message,
+                "error": found.verdict.error,
+                "target_error": None if found.target is None else found.target.error,
+                "flags": found.flags,
+                "parts": {**found.verdict.judged, **found.verdict.parts},
+                "lift": found.lift,
+                "verify": found.verify,
             },
-            ({} if answer is None else {"answer": answers.pack(answer)})
-            | ({} if proof is None else {"proof": verification.packed(proof)}),
+            ({} if found.point is None else {"answer": answers.pack(found.point)})
+            | ({} if found.proof is None else {"proof": verification.packed(found.proof)}),
         )
-
-    def _proof(
-        self, source: Problem, direct: bool, claim: str, certificate: Any, seconds: float
-    ) -> verification.Attempt | None:
-        """What is proved of a claim that the problem that was asked has no solution; None without such a claim.
-
-        A certificate is for that very problem: those of converted problems are of other data. Nor is the claim of what
-        was converted the same claim: the conditions of optimality of an unbounded program have no solution.
-        """
-        kind = claim if claim in verification.PROVEN or certificate is None else str(verification.Status.INFEASIBLE)
-        if kind not in verification.PROVEN:
-            return None
-        if direct:
-            return self._attempt(source, kind, certificate, seconds)
-        attempts = [self._attempt(source, kind, None, seconds / 2)]
-        if attempts[0].proof is None:
-            attempts += [self._attempt(source, k, None, seconds / 2) for k in verification.PROVEN if k != kind]
-        return attempts[-1] if attempts[-1].proof is not None else attempts[0]
 
     def _attempt(self, source: Problem, kind: str, certificate: Any, seconds: float) -> verification.Attempt:
         """A proof of this kind; it is found once, and not found once without a certificate."""

@@ -14,7 +14,7 @@ from cpbench import __version__
 from cpbench.analysis import validation
 from cpbench.analysis.experience import Experience, to_text
 from cpbench.analysis.profiles import FLOOR
-from cpbench.cli import evidence
+from cpbench.api import evidence
 from cpbench.cli.solver_tables import columns
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
@@ -52,7 +52,7 @@ def evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bo
     for line in _worth(rows[-1]):
         click.echo(line)
     if known.unsolved:
-        click.echo(f"{known.unsolved} more problems that nobody solved have no virtual best, and are not among them")
+        click.echo(f"without {counted(known.unsolved, 'problem')} that nobody solved: there is no virtual best")
     for remark in remarks:
         click.echo(f"remark: {remark}")
 

@@ -12,8 +12,8 @@ import click
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import left_out_lines
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
+from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
-from cpbench.cli.sealed import sealed
 from cpbench.cli.terminal import folded, width
 from cpbench.report.text import counted, seconds
 
@@ -51,7 +51,7 @@ def print_answer(store: Store) -> None:
     for line in told[:LINES]:
         click.echo(_fitted(line))
     if len(told) > LINES:
-        click.echo(f"and {len(told) - LINES} more reasons why pairs could not be run")
+        click.echo(f"and {counted(len(told) - LINES, 'more reason')} why pairs could not be run")
     click.echo("\n".join(["", *(line for ranking in found for line in folded(ranking.sentence))]))
 
 

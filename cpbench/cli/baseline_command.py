@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import ListOption, Sections, force_option
-from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, StoreError, UnknownName
 from cpbench.plurals import counted
 

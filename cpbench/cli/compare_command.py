@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import click
 
 from cpbench import brackets
+from cpbench.api.sides import base as base_side
+from cpbench.api.sides import side
 from cpbench.cli.options import Command, ListOption
-from cpbench.cli.sides import base as base_side
-from cpbench.cli.sides import side
 from cpbench.errors import UnknownName
 from cpbench.verification import PROVEN, VERIFIED, Status
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cpbench.api.sides import side
 from cpbench.bench import rerun
 from cpbench.bench.results.store import Store
 from cpbench.cli.progress import Display
-from cpbench.cli.sides import side
 from cpbench.plurals import counted
 
 if TYPE_CHECKING:

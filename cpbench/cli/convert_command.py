@@ -11,9 +11,8 @@ import click
 import psutil
 
 from cpbench import checking, graph, storage
+from cpbench.api.problems import convert, load
 from cpbench.bench import starts
-from cpbench.bench.planning import plan
-from cpbench.bench.planning.plan import parse_request
 from cpbench.cli.options import (
     Address,
     Command,
@@ -91,14 +90,14 @@ def command(
         formulations.get(node)
     require_with_via(via)
     require_new(target_file, force)
-    problem = storage.load(source, format=file_format)
+    problem = load(source, format=file_format)
     node = node or problem.node
     if settings:
         problem = problem.with_parameters(_values(settings))
-    pinned = parse_request(plan.pinned(via, {"facets": facets, "angle": angle}).header)[1] if via else ()
     room = psutil.virtual_memory().available if memory is None else memory
     done = graph.Memory()
-    arrival = graph.arrive(problem, node, kinds, pinned, lambda edge, p: converting(edge, p, done, room))
+    apply = lambda edge, p: converting(edge, p, done, room)  # noqa: E731
+    arrival = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}, apply=apply).arrival
     guesses, lost = _carried(storage.guesses(source), arrival)
     storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
     click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")

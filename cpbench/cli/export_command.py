@@ -8,9 +8,9 @@ from typing import Any, BinaryIO
 
 import click
 
+from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, force_option
-from cpbench.cli.sealed import sealed
 from cpbench.storage.base import require_new
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, ListOption
-from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError, FormatError, StoreError, UnknownName
 
 if TYPE_CHECKING:

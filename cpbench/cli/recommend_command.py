@@ -16,13 +16,11 @@ import click
 
 from cpbench.cli import next_command
 from cpbench.cli.options import Address, Command, force_option, format_option
-from cpbench.errors import CpbenchError
-from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     from cpbench.analysis.experience import Experience
     from cpbench.analysis.recommendation import Recommendation
-    from cpbench.cli.candidates import Candidate
+    from cpbench.api.candidates import Candidate
     from cpbench.formulations import Problem
 
 CHECKED = 200
@@ -83,7 +81,8 @@ def command(
     """
     if sum((problem is not None, evaluate, make is not None)) != 1:
         raise click.UsageError("give a PROBLEM, or --evaluate, or --make TABLE")
-    from cpbench.cli import advice_tables, evidence
+    from cpbench.api import evidence
+    from cpbench.cli import advice_tables
 
     if make is not None:
         advice_tables.make(make, results, force)
@@ -112,29 +111,12 @@ def _recommend(
     as_json: bool,
 ) -> None:
     from cpbench import storage
-    from cpbench.analysis import recommendation as rec
     from cpbench.analysis import validation
-    from cpbench.bench.planning.features import features
-    from cpbench.cli import candidates
+    from cpbench.api.advice import recommended
 
     asked = storage.load(address, format=file_format)
-    if any(case.fingerprint == asked.fingerprint for case in known.cases):
-        remarks.append("this very problem is among those that were measured")
-    labels = [*known.labels, *candidates.unmeasured(known.labels, known.requests)]
-    may = candidates.applicable(asked, labels, known.requests, warm)
-    found = rec.recommend(known, features(asked), may)
-    candidates.require_some(found.advice, asked.node)
-    taken: list[Candidate] = []
-    passed: list[Candidate] = []
-    for one in candidates.examined(asked, found.advice, known.requests, missing=missing):
-        (passed if one.obstacle else taken).append(one)
-        if len(taken) == top:
-            break
-    if not taken:
-        raise CpbenchError(
-            f"{source}: none of {counted(len(passed), 'solver')} takes this problem here; the first, "
-            f"{passed[0].advice.label}: {passed[0].obstacle}"
-        )
+    advised = recommended(asked, known, source, remarks, warm=warm, top=top, missing=missing)
+    found, taken, passed, remarks = advised.found, advised.taken, advised.passed, list(advised.remarks)
     apart = len(set(known.origins)) > 1
     rates = validation.rates(known, validation.evaluate(known, asked.node, CHECKED)).to_dict("records") if apart else []
     checked = rates[0] if rates and rates[0]["node"] == asked.node else None
@@ -162,19 +144,9 @@ def _recommend(
 def _print(place: int, one: Candidate, width: int) -> None:
     advice = one.advice
     kind = "" if one.kind in ("equivalent", "one-way") else f", {one.kind}"
-    click.echo(f"  {place}. {advice.label:<{width}} {one.route}{kind}: {_told(one)}")
+    click.echo(f"  {place}. {advice.label:<{width}} {one.route}{kind}: {one.told}")
     if one.here:
         click.echo(f"     cannot run here: {one.here}")
-
-
-def _told(one: Candidate) -> str:
-    advice = one.advice
-    if not advice.measured:
-        return "never measured"
-    expected = f"about {2**advice.loss:.2g} times the fastest"
-    if not advice.similar:
-        return f"{expected}; estimated from other problems"
-    return f"{expected}; solved {advice.solved} of {advice.similar} like it, {advice.within} within twice the fastest"
 
 
 def _alike(found: Recommendation, node: str) -> str:

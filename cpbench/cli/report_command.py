@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 
+from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, ListOption
 from cpbench.cli.outputs import replaced, require_folder
-from cpbench.cli.sealed import sealed
 from cpbench.errors import UnknownName
 
 
@@ -74,42 +74,22 @@ def command(
         return
     if facets:
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
-    from cpbench.bench import history
-    from cpbench.cli.portraits import Portraits
-    from cpbench.cli.start_answers import start_answers
+    from cpbench.api.reports import write_report
     from cpbench.report import row_files
-    from cpbench.report.folder import write_folder
     from cpbench.report.html import vega
 
     for unknown in [form for form in data if form not in row_files.FORMATS]:
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
-    comparison = None
     with sealed(results) as store:
-        iterates = history.table(store.histories())
-        if baseline is None:
-            table, meta = store.table(), store.meta()
-        else:
+        table = comparison = None
+        if baseline is not None:
             from cpbench.analysis.comparison import compare
-            from cpbench.cli.sides import base, side_of
+            from cpbench.api.sides import base, side_of
 
             new = side_of(store)
-            table, meta = new.table, new.meta
-            comparison = compare(base(baseline, new), new)
-        portraits, answers = Portraits(store, table), start_answers(store, table)
-    before = _there(folder)
-    forms, told = row_files.chosen(len(table), data or None)
-    made = write_folder(
-        table,
-        meta,
-        folder,
-        name,
-        iterates,
-        comparison=comparison,
-        data=forms,
-        portraits=portraits,
-        answers=answers,
-        **chosen,
-    )
+            table, comparison = new.table, compare(base(baseline, new), new)
+        before = _there(folder)
+        made, told = write_report(store, folder, name, table, data=data or None, comparison=comparison, **chosen)
     for path in made:
         click.echo(f"report: {replaced(path, before)}")
     for line in (*told, *filter(None, [vega.lacking()])):

@@ -5,31 +5,27 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from cpbench.bench import campaign, history
-from cpbench.bench.lane import Lane
+from cpbench.bench import campaign
+from cpbench.bench.execution import execute_plan
 from cpbench.bench.planning import dry_run, plan_file, quantities, run_plan, suites
-from cpbench.bench.planning.assembly import Assembly, assemble
+from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
-from cpbench.bench.runner import settings
-from cpbench.bench.staff import Setting
 from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
+from cpbench.cli.terminal import folded, width
 from cpbench.errors import CpbenchError, StoreError
 from cpbench.plain_text import printable
 from cpbench.report.text import counted
 from cpbench.verification import Status
-
-if TYPE_CHECKING:
-    from cpbench.bench.cluster.crew import Cluster
 
 SECTIONS = {
     "Plan": ["plan_path", "only_sets"],
@@ -203,39 +199,29 @@ def command(
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
     try:
-        with ExitStack() as stack:
-            common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
-            own = 1 if asked.dask or asked.cluster else asked.jobs  # it reads the problems, others solve them
-            lanes = [stack.enter_context(Lane(s)) for s in settings(common, own, pin=asked.affinity)]
-            assembly = assemble(asked, lanes[0], _builtin_folder, display.reading)
-            _tell(assembly)
-            if not quiet:
-                _tell_estimate(asked, assembly)
-            if dry_run:
-                _print_plan(asked, assembly)
-                return
-            assembly.require_pairs()
-            campaign.require_answers(asked, assembly.pairs)
-            if asked.report_folder is not None:
-                require_folder(asked.report_folder)  # before hours of work
-            crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
-            store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep, expel=True))
-            _tell_removed(store)
-            pairs = campaign.enter(store, asked, assembly, shlex.join(["cpbench", *sys.argv[1:]]))
-            campaign.work(crew, store, asked, pairs, display, assembly.absent)
-            _finish(store, asked, assembly)
+        command = shlex.join(["cpbench", *sys.argv[1:]])
+        announce = partial(_announce, asked, quiet, dry_run)
+        finish = partial(_finish, asked)
+        execute_plan(asked, _builtin_folder, display, command, announce, finish, _tell_removed)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if asked.rerun else "the same command"
         click.echo(f"cpbench: interrupted; {asked.results} has what was done, {how} goes on", err=True)
         sys.exit(130)
 
 
-def _cluster(asked: RunPlan, common: Setting) -> Cluster:
-    from cpbench.bench.cluster import lenders
-
-    if asked.dask:
-        return lenders.connect(asked.dask, common)
-    return lenders.start(asked.cluster or "", common, asked.jobs if asked.jobs > 1 else None)
+def _announce(asked: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> bool:
+    """Say what will be run; whether it is to be."""
+    _tell(assembly)
+    if not quiet:
+        _tell_estimate(asked, assembly)
+    if dry_run:
+        _print_plan(asked, assembly)
+        return False
+    assembly.require_pairs()
+    campaign.require_answers(asked, assembly.pairs)
+    if asked.report_folder is not None:
+        require_folder(asked.report_folder)  # before hours of work
+    return True
 
 
 def _plan_file(path: str | None, quiet: bool) -> plan_file.PlanFile | None:
@@ -303,8 +289,8 @@ def _tell_removed(store: Store) -> None:
 
 
 def _print_plan(asked: RunPlan, assembly: Assembly) -> None:
-    for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results)):
-        click.echo(line)
+    for line in dry_run.lines(asked, assembly, campaign.statuses(asked.results), width()):
+        click.echo("\n".join(folded(line)))
     _tell_refused(assembly.refused)
 
 
@@ -313,7 +299,7 @@ def _tell_refused(refused: Sequence[tuple[str, str]]) -> None:
         click.echo(printable(f"refused: {reason if address in reason else f'{address}: {reason}'}"), err=True)
 
 
-def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
+def _finish(asked: RunPlan, store: Store, assembly: Assembly) -> None:
     from cpbench.analysis.remarks import remarks  # with pandas: what is said at the end need not keep from beginning
     from cpbench.cli.answer import print_answer
 
@@ -328,15 +314,10 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         click.echo(printable(remark))
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
-        from cpbench.cli.portraits import Portraits
-        from cpbench.cli.start_answers import start_answers
-        from cpbench.report.folder import write_folder
+        from cpbench.api.reports import write_report
         from cpbench.report.html import vega
 
-        title = _title(asked)
-        iterates = history.table(store.histories())
-        more = {"portraits": Portraits(store, table), "answers": start_answers(store, table)}
-        for path in write_folder(table, store.meta(), asked.report_folder, title, iterates, **more):
+        for path in write_report(store, asked.report_folder, _title(asked), table)[0]:
             click.echo(f"report: {path}")
         if vega.lacking():
             click.echo(vega.lacking(), err=True)
@@ -348,7 +329,7 @@ def _finish(store: Store, asked: RunPlan, assembly: Assembly) -> None:
         click.echo(f"cpbench: {_summary(failed)} (--fail-on)", err=True)
     removed = len(store.opened.broken)
     if removed:
-        click.echo(f"cpbench: {asked.results}: {removed} rows could not be believed and were removed", err=True)
+        click.echo(f"cpbench: {asked.results}: removed {counted(removed, 'row')} that could not be believed", err=True)
     if gaps or failed or removed or not (counts or asked.shard != (1, 1)):
         sys.exit(1)
 
@@ -366,7 +347,9 @@ def _tell_absent(store: Store) -> None:
     for name, reason in sorted(reasons.items())[:ABSENT]:
         click.echo(f"not available: {name}: {printable(reason)}", err=True)
     if len(reasons) > ABSENT:
-        click.echo(f"and {len(reasons) - ABSENT} more solvers: cpbench doctor says what each lacks", err=True)
+        click.echo(
+            f"and {counted(len(reasons) - ABSENT, 'more solver')}: cpbench doctor says what each lacks", err=True
+        )
 
 
 def _nothing(asked: RunPlan) -> str:

@@ -11,9 +11,9 @@ import click
 
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.quantities import duration
+from cpbench.bench.results.sealed import sealed
 from cpbench.cli import next_command
 from cpbench.cli.options import Command, Duration, force_option
-from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 

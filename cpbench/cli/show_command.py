@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import click
 
-from cpbench import graph, storage
-from cpbench.bench.planning import plan
-from cpbench.bench.planning.plan import parse_request
+from cpbench.api.problems import convert, load
 from cpbench.cli.answer import is_results, print_results
 from cpbench.cli.options import Address, Command, ListOption, facets_option, format_option, require_with_via
 from cpbench.cli.routes import kinds_option
-from cpbench.formulations import Kind, formulations
+from cpbench.formulations import Kind
 from cpbench.report import show, show_tex
 
 
@@ -48,11 +46,7 @@ def command(
             raise click.UsageError("a results file is shown without options; its report: cpbench report")
         print_results(source)
         return
-    if node is not None:
-        formulations.get(node)
-    problem = storage.load(source, format=file_format)
     require_with_via(via)
-    pinned = parse_request(plan.pinned(via, {"facets": facets, "angle": angle}).header)[1] if via else ()
-    target = node or (pinned[-1].target if pinned else problem.node)
-    problem = graph.arrive(problem, target, kinds, pinned).problem
+    problem = load(source, format=file_format)
+    problem = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}).problem
     click.echo(show_tex.fragment(problem) if tex else show.text(problem))

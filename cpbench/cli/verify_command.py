@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from cpbench import storage, verification
+from cpbench.api.problems import load, verify
 from cpbench.cli.options import Address, Command, format_option, number, tolerance_option
 from cpbench.errors import FormatError
 
@@ -53,7 +54,7 @@ def command(
         return
     if problem is None:
         raise click.UsageError("give a PROBLEM, or --rejudge RESULTS")
-    asked_problem = storage.load(problem, format=file_format)
+    asked_problem = load(problem, format=file_format)
     if answer is not None:
         point = storage.load_answer(answer, asked_problem)
     else:
@@ -65,7 +66,7 @@ def command(
         verdict, measures = verification.judge_by_all(asked_problem, point, tolerance, measure)
         lines = _table(measures, tolerance)
     else:
-        verdict = verification.judge(asked_problem, point, tolerance, measure)
+        verdict = verify(asked_problem, point, tolerance=tolerance, measure=measure)
         lines = _parts(verdict)
     word = "passes" if verdict.solved else "does not pass"
     click.echo(f"{problem}: error {number(verdict.error)}, {word} at {number(tolerance)}")

@@ -10,7 +10,7 @@ import dataclasses
 import hashlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
@@ -251,9 +251,24 @@ class Problem(ABC):
     """The problem in formulas, one relation a line."""
     point_type: ClassVar[type[Point]]
 
+    notebook_view: ClassVar[Callable[[Any], str] | None] = None
+    """Makes the HTML that a notebook shows, where something above has set it: pictures are not made down here."""
+
     name: str = ""
     info: Info = field(default_factory=Info)
     provenance: tuple[Step, ...] = ()
+
+    def __init_subclass__(cls) -> None:
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Problem.__repr__  # else each dataclass makes one that prints all of its matrices
+
+    def __repr__(self) -> str:
+        about = [repr(self.name)] if self.name else []
+        about += [f"{symbol} = {size}" for symbol, size in self.sizes().items()]
+        return f"<{type(self).__name__} {', '.join(about)}>"
+
+    def _repr_html_(self) -> str | None:
+        return None if Problem.notebook_view is None else Problem.notebook_view(self)
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from cpbench.analysis.ranking import RankedSolver, Ranking
+from cpbench.plurals import counted
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
 from cpbench.report.run import Run, tunings
@@ -25,7 +26,8 @@ def answer(run: Run) -> Iterator[str]:
     shown = [ranking for ranking in told if ranking in most]
     yield "\n".join(f"- **{plain(r.formulation)}**: {plain(sentence_of(r))}" for r in shown)
     if len(told) > len(shown):
-        yield f"{len(told) - len(shown)} more groups with fewer problems are in `report.html` and `results.csv`."
+        left = counted(len(told) - len(shown), "more group")
+        yield f"Not shown here: {left} with fewer problems, in `report.html` and `results.csv`."
     name, guide = overview_figure.draw(run, shown)
     if name:
         yield f"[![Performance profiles]({name}.png)]({name}.svg)"

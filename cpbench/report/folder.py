@@ -47,7 +47,7 @@ def write_folder(
     comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
     data : formats of the rows (`row_files.chosen`).
     answers : those that `analysis.multi_start.wanted` asks for, by key of their rows.
-    portraits : pictures of the problems by fingerprint, asked for when the page is made (`cli.portraits`).
+    portraits : pictures of the problems by fingerprint, asked for when the page is made (`api.portraits`).
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     chosen["count_stationary"] = count_stationary

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from cpbench.analysis import bootstrap, failures, means, pairwise, profiles, reliability, summary
+from cpbench.analysis import bootstrap, cautions, failures, means, pairwise, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import Group
 from cpbench.report import convergence, figures, panels
@@ -44,7 +44,8 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame) -> Iterator[str]:
         f"{counted(problems, 'problem')}{f' ({sizes})' if sizes else ''}, "
         f"{counted(len(labels), 'solver configuration')}, {counted(len(rows), 'pair')}."
     )
-    yield from _times(counts, times, problems, set(tunings(run)))
+    notes = cautions.footnotes(rows, run.meta.get("solvers") or {})
+    yield from _times(counts, times, problems, set(tunings(run)), notes)
     if len(times.columns):
         ranked = [label for label in labels if label in times.columns]
         leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
@@ -57,7 +58,9 @@ def group_sections(run: Run, group: Group, rows: pd.DataFrame) -> Iterator[str]:
     yield from _unsolved(rows)
 
 
-def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[str]) -> Iterator[str]:
+def _times(
+    counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[str], notes: Sequence[cautions.Footnote]
+) -> Iterator[str]:
     floor, short = seconds(profiles.FLOOR), below_floor(times)
     yield "### Solved and times"
     head = ["solver", "route", "solved", "stationary", "ran", "false claims", "fastest"]
@@ -66,7 +69,7 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
         head,
         (
             [
-                code(r.label) + (" (tuned)" if r.label in tuned else ""),
+                code(r.label) + cautions.marks(r.label, notes) + (" (tuned)" if r.label in tuned else ""),
                 f"**{r.kind}**" if r.kind in figures.INEXACT else r.kind or "—",
                 str(r.solved),
                 str(r.stationary),
@@ -81,6 +84,7 @@ def _times(counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[
         ),
         right=range(2, 10),
     )
+    yield from (plain(f"{note.mark} {note.sentence}") for note in notes)
     yield (
         f"Ran: of the {counted(problems, 'problem')} those that the solver was started on; what it cannot take counts "
         "against nobody."

@@ -9,6 +9,7 @@ from typing import BinaryIO, ClassVar
 import h5py
 
 from cpbench.errors import FormatError
+from cpbench.formulations import formulations
 from cpbench.formulations.base import Point, Problem
 from cpbench.storage import fclib, native
 from cpbench.storage.base import SEPARATOR, Format, formats, stem
@@ -134,10 +135,10 @@ class HDF5(Format):
 class Native(HDF5):
     name = "native"
     summary = "cpbench's own HDF5: any formulation, with provenance, sequence and contact geometry"
-    writes = frozenset(
-        {"lcp", "mlcp", "qp", "fc", "gfc", "fcm", "rfc", "grfc", "afc", "relay", "avi", "soclcp", "coneqp"}
-        | {"nlp", "ncp", "micp", "cp", "vi", "qvi", "ge", "nfc", "equation"}
-    )
+
+    @property
+    def writes(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]  (plugins may add nodes)
+        return frozenset(formulations.names())
 
     def _require(self, parent: Tree, group: str) -> None:
         if group:

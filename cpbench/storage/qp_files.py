@@ -190,11 +190,21 @@ def _load_mat(path: Path) -> dict[str, Any]:
         value: Any = found.get(key, np.zeros(0))
         if value.dtype.kind not in "biuf" or (value.ndim != 2 and key != "r"):
             raise FormatError(path, key, f"holds {value.dtype}, expected a matrix of numbers")
+        if sp.issparse(value):
+            _require_indices(path, key, value)
         if key in ("P", "A"):
             found[key] = sp.csr_array(value).astype(np.float64)
         else:
             found[key] = np.asarray(matrices.dense(value), np.float64).reshape(-1)
     return found
+
+
+def _require_indices(path: Path, key: str, value: Any) -> None:
+    """SciPy's reader hands over indices as they stand in the file, and its conversions write wherever they point."""
+    try:
+        value.check_format(full_check=True)
+    except ValueError as cause:
+        raise FormatError(path, key, f"is a damaged sparse matrix ({cause})") from None
 
 
 def _matrix(path: Path, found: dict[str, Any], name: str, default: Matrix | None) -> Any:

@@ -28,7 +28,21 @@ def _open(edge: Conversion, cases: list[Case]) -> Iterator[tuple[Case, Problem]]
     """Cases that take the edge, with the converted problem."""
     for case in cases:
         if edge.obstacle(case.problem) is None:
-            yield case, edge.step(case.problem)
+            yield case, _converted(edge, case.problem)
+
+
+_known: dict[tuple[int, int], tuple[Conversion, Problem, Problem]] = {}
+"""What the edge that is being checked made of each problem, so that its checks do not convert again; both are kept, so
+that nothing else gets their ids."""
+
+
+def _converted(edge: Conversion, problem: Problem) -> Problem:
+    key = (id(edge), id(problem))
+    if key not in _known:
+        if any(other is not edge for other, *_ in _known.values()):
+            _known.clear()
+        _known[key] = edge, problem, edge.step(problem)
+    return _known[key][2]
 
 
 def check_some_case_takes_it(edge: Conversion, cases: list[Case]) -> None:

@@ -59,12 +59,10 @@ _memory = _Memory()
 
 def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) -> SolverOutput:
     begun = None if start is None else tuple((part, value.tobytes()) for part, value in start.arrays().items())
-    key = ("run", begun, *sorted(budget.items()))
-    return _memory.get(solver, case.problem, key, lambda: _solved(solver, case, start, **budget))
-
-
-def _solved(solver: Solver, case: Case, start: Any | None = None, **budget: Any) -> SolverOutput:
-    return solver.run(case.problem, Budget(**{"tolerance": TOLERANCE, "seconds": SECONDS, **budget}), start=start)
+    limits: dict[str, Any] = {"tolerance": TOLERANCE, "seconds": SECONDS, **budget}
+    asked = Budget(**limits)
+    key = ("run", begun, asked)
+    return _memory.get(solver, case.problem, key, lambda: solver.run(case.problem, asked, start=start))
 
 
 def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
@@ -148,7 +146,7 @@ def _second(solver: Solver, case: Case) -> tuple[bool, SolverOutput]:
 
     def make() -> tuple[bool, SolverOutput]:
         before = _content(case.problem)
-        output = _solved(solver, case)
+        output = solver.run(case.problem, Budget(tolerance=TOLERANCE, seconds=SECONDS))
         return before == _content(case.problem), output
 
     return _memory.get(solver, case.problem, ("second",), make)

@@ -24,7 +24,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
 from cpbench.analysis.portraits import Portrait, portrait
 from cpbench.analysis.tolerances import judged_at
-from cpbench.cli.portraits import BYTES
+from cpbench.api.portraits import BYTES
 from cpbench.formulations import LCP, FCPoint, FrictionContact
 from cpbench.formulations.base import Kind
 from cpbench.formulations.mlcp import MLCP
@@ -211,6 +211,7 @@ def test_the_page_judges_at_another_tolerance_as_python_does(tmp_path: Path, ope
     }  # fmt: skip
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("start", ["cold", "previous"])
 def test_filters_compute_what_python_computes(rows: pd.DataFrame, written: Path, opened: Opened, start: str) -> None:
     page, group = opened(written), group_of(rows, start)
@@ -250,6 +251,7 @@ def test_hiding_the_best_solver_recomputes_the_ratios(rows: pd.DataFrame, writte
     assert moved, "somebody else is the best of the problems it led"
 
 
+@pytest.mark.nightly
 def test_each_control_of_the_form(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
     page, group = opened(written), group_of(rows)
     show(page)
@@ -335,6 +337,7 @@ def test_work_precision_is_that_of_python(rows: pd.DataFrame, written: Path, ope
     assert sorted(found, key=str) == sorted(told, key=str)
 
 
+@pytest.mark.nightly
 def test_a_cell_opens_its_pair(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
     page = opened(written)
     show(page)
@@ -375,6 +378,7 @@ FILLED = """(svg) => [...svg.querySelectorAll("path[d]")].map((p) => [
 ])"""
 
 
+@pytest.mark.nightly
 def test_a_click_on_a_cell_shows_where_its_matrix_has_entries(
     rows: pd.DataFrame, written: Path, opened: Opened
 ) -> None:
@@ -393,6 +397,7 @@ def test_a_click_on_a_cell_shows_where_its_matrix_has_entries(
     assert guide.startswith("11 nonzeros, 30.6 % of the entries: a filled cell is an entry")
 
 
+@pytest.mark.nightly
 def test_a_click_on_a_cell_shows_what_contacts_do(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
     page = opened(written)
     show(page)
@@ -409,6 +414,7 @@ def test_a_click_on_a_cell_shows_what_contacts_do(rows: pd.DataFrame, written: P
     assert "no verified answer was kept" in opened_pair(page, rows, 4).inner_text()
 
 
+@pytest.mark.nightly
 def test_other_pictures_and_words_where_there_is_none(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
     page = opened(written)
     show(page)
@@ -425,6 +431,7 @@ def test_other_pictures_and_words_where_there_is_none(rows: pd.DataFrame, writte
     assert "made without pictures" in opened_pair(page, rows, 6).inner_text()
 
 
+@pytest.mark.nightly
 def test_the_matrix_and_the_dialog_by_keys(written: Path, opened: Opened) -> None:
     page = opened(written)
     show(page)
@@ -475,6 +482,7 @@ def drawn(page: Any, figure: str) -> list[dict[str, Any]]:
     return list(page.evaluate(SHOWN, figure))
 
 
+@pytest.mark.nightly
 def test_bands_are_those_of_python_and_hold_for_no_other_filter(
     rows: pd.DataFrame, written: Path, opened: Opened
 ) -> None:
@@ -516,6 +524,7 @@ def test_bands_are_those_of_python_and_hold_for_no_other_filter(
     assert [found for found in drawn(page, "profile") if found["first"] is not None]
 
 
+@pytest.mark.nightly
 def test_a_solver_has_one_colour_on_the_page(written: Path, opened: Opened) -> None:
     page = opened(written)
     show(page)
@@ -566,7 +575,14 @@ def test_names_from_the_results_stay_text(written: Path, opened: Opened) -> None
     assert page.evaluate("document.querySelectorAll('script:not(#data)').length") == scripts
 
 
-@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (400, "light")])
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    [
+        pytest.param(1280, "light", marks=pytest.mark.nightly),
+        pytest.param(1280, "dark", marks=pytest.mark.nightly),
+        (400, "light"),
+    ],
+)
 def test_axe_finds_nothing_serious(written: Path, opened: Opened, width: int, scheme: str) -> None:
     page = opened(written, width, scheme)
     show(page, families=["chain", "obstacle"], hidden=["scs", "quadprog", "ecos", "cvxopt", "osqp", "proxqp", "piqp"])
@@ -606,6 +622,7 @@ def large(problems: int, labels: int) -> pd.DataFrame:
     )  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_ten_thousand_rows_are_small_and_open_at_once(tmp_path: Path, opened: Opened) -> None:
     written = write_html(large(250, 40), meta(), tmp_path, "many")
     assert written.stat().st_size <= 6e6
@@ -632,6 +649,7 @@ def test_pictures_keep_the_page_small(tmp_path: Path) -> None:
     assert write_html(rows, meta(), tmp_path, "many", portraits=lambda: found).stat().st_size <= 6e6
 
 
+@pytest.mark.nightly
 def test_more_rows_are_aggregated_and_said_so(tmp_path: Path, opened: Opened) -> None:
     rows = large(1000, 24)
     assert len(rows) > WHOLE

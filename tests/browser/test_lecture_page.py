@@ -8,7 +8,7 @@ import pytest
 
 from cpbench.report.lecture import page as lecture
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.nightly]  # some ten seconds a picture
 
 
 @pytest.fixture(scope="module")

@@ -1,13 +1,15 @@
 """Every registered plugin through every check of its kind; a new plugin is found by itself.
 
-Other people's solvers that no run takes by default (most members of the large families) get a few checks by day and
-all of them at night.
+By day native solvers get the checks that hold their answers to account, and of other people's one a module of adapters
+solves a case; some of both get all. The rest is for the night.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,7 +21,7 @@ from cpbench.formulations import formulations
 from cpbench.graph import edges
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.storage import formats
-from cpbench.testing import cases, checks
+from cpbench.testing import Case, cases, checks
 from cpbench.testing.cases import draw
 from cpbench.verification import judge
 
@@ -33,34 +35,84 @@ def test_formulation(node, check) -> None:
     check(node, cases(node.node))
 
 
+SAVING = "check_lift_works_in_another_process"
+"""Writes a file for every case: three a conversion by day."""
+
+
 @pytest.mark.parametrize(("edge", "check"), _product("conversion", [(e.name, e) for e in edges()]))
 def test_conversion(edge, check) -> None:
-    check(edge, cases(edge.source))
+    if check.__name__ == SAVING:
+        check(edge, _taken(edge)[:3])
+    else:
+        check(edge, cases(edge.source))
 
 
-BY_DAY = {
+@pytest.mark.nightly
+@pytest.mark.parametrize("edge", [pytest.param(e, id=e.name) for e in edges()])
+def test_every_case_is_lifted_in_another_process(edge) -> None:
+    checks("conversion")[SAVING](edge, _taken(edge)[3:])
+
+
+def _taken(edge) -> list[Case]:
+    return [case for case in cases(edge.source) if edge.obstacle(case.problem) is None]
+
+
+OF_THE_SPEC = {
     "check_options_are_known_by_name",
-    "check_some_case_is_solved",
     "check_the_spec_is_complete",
     "check_the_spec_is_read_without_the_package",
 }
-"""What tells of a member of a family that its line in the family's table is right: one solve, and the spec."""
+"""What solves nothing, and needs no package."""
+BY_DAY = {
+    "native": {
+        "check_options_are_known_by_name",
+        "check_the_spec_is_complete",
+        "check_some_case_is_solved",
+        "check_claims_are_true",
+        "check_one_iteration_claims_nothing_false",
+        "check_answers_have_their_shape",
+        "check_infeasibility_is_proved_or_not_claimed_solved",
+        "check_warm_starts_are_taken",
+    },
+    "automatic": {
+        "check_options_are_known_by_name",
+        "check_the_spec_is_complete",
+        "check_some_case_is_solved",
+        "check_answers_have_their_shape",
+    },
+    "foreign": {"check_options_are_known_by_name", "check_the_spec_is_complete"},
+}
+"""Checks of every solver. An automatic choice is among solvers that are checked themselves; the line of another
+package's table is right if one of the table solves something."""
+SAMPLED = {
+    "pgs", "rpgs-mlcp", "newton-relay", "mprgp-qp", "apgd", "alart-curnier-newton", "semismooth-newton-fb", "auto-lcp",
+    "siconos-lcp-lemke", "clarabel", "scipy-root-hybr", "casadi-sqpmethod",
+}  # fmt: skip
+"""A native solver of each room, and one of each large family of others, that get all checks by day."""
 
 
 def _solvers() -> list:
     found = []
+    modules = {type(solver).__module__ for solver in solvers if solver.spec.name in SAMPLED}
     for solver in solvers:
-        every = solver.spec.by_default or type(solver).__module__.startswith("cpbench.solvers.native.")
-        for name, check in checks("solver").items():
-            marks = () if every or name in BY_DAY else pytest.mark.nightly
-            found.append(pytest.param(solver, check, id=f"{solver.spec.name}-{name}", marks=marks))
+        name, module = solver.spec.name, type(solver).__module__
+        kind = "native" if module.startswith("cpbench.solvers.native.") else "foreign"
+        day = BY_DAY["automatic" if kind == "native" and name.startswith("auto-") else kind]
+        if name in SAMPLED:
+            day = set(checks("solver"))
+        elif kind == "foreign" and solver.spec.by_default and module not in modules:
+            modules.add(module)
+            day = day | {"check_some_case_is_solved"}
+        for check, call in checks("solver").items():
+            marks = () if check in day else pytest.mark.nightly
+            found.append(pytest.param(solver, call, id=f"{name}-{check}", marks=marks))
     return found
 
 
 @pytest.mark.parametrize(("solver", "check"), _solvers())
 def test_solver(solver, check, request: pytest.FixtureRequest) -> None:
-    available = solver.availability()
-    if not available.ok:
+    available = None if check.__name__ in OF_THE_SPEC else solver.availability()
+    if available is not None and not available.ok:
         if solver.spec.licence == "proprietary":
             state = "not installed" if available.state == "missing" else f"without use here ({available.state})"
             pytest.skip(f"does not apply: proprietary package {state}")
@@ -73,7 +125,23 @@ def test_solver(solver, check, request: pytest.FixtureRequest) -> None:
     check(solver, cases(solver.spec.node))
 
 
-@pytest.mark.parametrize(("form", "check"), _product("format", [(f.name, f) for f in formats if f.writes]))
+def test_specs_are_read_where_no_package_is_installed() -> None:
+    """All of them by one process that can import none of the packages that some solver needs."""
+    code = "import sys; sys.modules |= dict.fromkeys(sys.argv[1:]); from cpbench.solvers.base import solvers"
+    code += "; print(*(s.spec.name for s in solvers))"
+    packages = sorted({package for solver in solvers for package in solver.spec.requires})
+    done = subprocess.run([sys.executable, "-c", code, *packages], capture_output=True, text=True, check=True)
+    assert len(packages) > 20
+    assert done.stdout.split() == [solver.spec.name for solver in solvers]
+
+
+def _formats() -> list:
+    made = _product("format", [(form.name, form) for form in formats if form.writes])
+    long = "native-check_files_are_not_overwritten"  # other formats have it by day
+    return [pytest.param(*one.values, id=one.id, marks=pytest.mark.nightly) if one.id == long else one for one in made]
+
+
+@pytest.mark.parametrize(("form", "check"), _formats())
 def test_format(form, check) -> None:
     for node in sorted(form.writes):
         check(form, cases(node))

@@ -29,7 +29,8 @@ class Bench:
         """Strictly diagonally dominant M with the planted solution z = e: q = -Me."""
         M = np.diag(np.full(n, 4.0)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
         path = self.folder / f"{name}.h5"
-        storage.save(LCP(M=M, q=-(M @ np.ones(n)), name=name), path)
+        if not path.exists():  # several runs of a module are on the same problems
+            storage.save(LCP(M=M, q=-(M @ np.ones(n)), name=name), path)
         return str(path)
 
     def command(self, problems: Sequence[str], solvers: Sequence[str], *options: str) -> list[str]:

@@ -16,7 +16,7 @@ FILE = os.environ["FORGED"]
 
 
 def _change(statement):
-    with sqlite3.connect(FILE, timeout=5) as db:
+    with sqlite3.connect(FILE, timeout=60) as db:
         return f"changed {db.execute(statement).rowcount}"
 
 

@@ -166,7 +166,8 @@ def test_a_worker_dies_and_one_comes_late(loopback: Loopback) -> None:
     assert {row["jobs"] for row in there.values()} <= {1, 2, 3}
 
 
-@pytest.mark.parametrize("name", [pytest.param("kills-worker", marks=pytest.mark.nightly), "kills-station"])
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["kills-worker", "kills-station"])
 def test_a_pair_that_kills_twice_has_its_row(loopback: Loopback, name: str) -> None:
     """It is tried once more, alone; those that were at work beside it lose nothing."""
     _problems(loopback.folder / "p", range(2, 10))
@@ -210,6 +211,7 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield crew
 
 
+@pytest.mark.nightly
 def test_a_sequence_over_machines_that_do_not_see_its_file(
     local: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -236,6 +238,18 @@ def test_a_sequence_over_machines_that_do_not_see_its_file(
     assert _alike(rows) == _alike(expected)
     assert found == answers
     assert {str(row["started"]).partition(":")[0] for row in rows.values()} == {"cold", "previous"}
+
+
+def test_a_run_over_two_processes_is_as_one_here(local: Cluster, tmp_path: Path) -> None:
+    _problems(tmp_path / "p", range(2, 6))
+    with Lane() as lane:
+        surveys = [lane.survey(str(path), [plan.exact()]) for path in sorted((tmp_path / "p").iterdir())]
+        planned = plan.pairs(surveys, [plan.Entry("lemke")], [plan.exact()], 1e-6, Limits(seconds=60.0, repeats=1))
+        expected, answers = _executed([lane], planned, tmp_path / "here.sqlite")
+    rows, found = _executed(local, planned, tmp_path / "there.sqlite")
+    assert [row["status"] for row in rows.values()] == ["solved"] * 4
+    assert _alike(rows) == _alike(expected)
+    assert found == answers
 
 
 def test_workers_of_another_version_are_refused(
@@ -290,6 +304,7 @@ def test_a_cluster_of_no_known_kind() -> None:
         lenders.start("slurn", Setting())
 
 
+@pytest.mark.nightly
 def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
     _problems(tmp_path / "p", range(2, 3))
     done = Loopback(tmp_path).run("p", "-s", "lemke", "--cluster", "slurm")

@@ -6,6 +6,8 @@ import contextlib
 import json
 import os
 import subprocess
+from dataclasses import dataclass
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -107,62 +109,79 @@ SAME = ["problem", "solver", "status", "claim", "error", "flags", "parts", "coun
 
 HANGS = [name for name, (status, *_) in EXPECTED.items() if status == "timeout" or name == "then-hang"]
 LIMITS = {"hangs": LIMIT, "others": AMPLE}
+FEW = (
+    "abort", "exit-0", "orphan", "hang", "children", "daemon", "burst", "malloc", "flood", "close", "junk", "half",
+    "write", "overwrite", "raise", "mute", "verbose", "nan", "liar", "nothing", "short", "none", "counters",
+    "then-abort", "then-raise",
+)  # fmt: skip
+"""Of each kind some, which take one problem and few seconds."""
 
 
-@pytest.fixture(scope="module")
-def results(module_bench) -> dict[str, Store]:
-    """The stores of two runs: those that only the clock ends, and all others."""
-    problems = [module_bench.problem(f"p{n}", n) for n in (3, 8)]
+@dataclass(frozen=True)
+class Run:
+    """What was run, and the stores of two runs: of those that only the clock ends, and of all others."""
+
+    faults: tuple[str, ...]
+    problems: list[str]
+    stores: dict[str, Store]
+
+    def table(self) -> pd.DataFrame:
+        return pd.concat([store.table() for store in self.stores.values()])
+
+    def rows(self, fault: str) -> pd.DataFrame:
+        table = self.table()
+        return table[table.solver == f"faulty-{fault}"]
+
+
+@pytest.fixture(scope="module", params=["few", pytest.param("all", marks=pytest.mark.nightly)])
+def run(module_bench, request: pytest.FixtureRequest) -> Run:
+    few = request.param == "few"
+    problems = [module_bench.problem(f"p{n}", n) for n in ((3,) if few else (3, 8))]
+    chosen = FEW if few else tuple(EXPECTED)
     stores = {}
-    for name, faults in {"hangs": HANGS, "others": [name for name in EXPECTED if name not in HANGS]}.items():
-        solvers = [*(f"faulty-{fault}" for fault in faults), *HEALTHY]
-        limits = ("--timeout", f"{LIMITS[name]}s", "--memory", "1G")
-        done = module_bench.run(problems, solvers, *limits, "-o", f"{name}.sqlite")
+    for name, limit in LIMITS.items():
+        solvers = [*(f"faulty-{fault}" for fault in chosen if (fault in HANGS) == (name == "hangs")), *HEALTHY]
+        output = f"{request.param}-{name}.sqlite"
+        done = module_bench.run(problems, solvers, "--timeout", f"{limit}s", "--memory", "1G", "-o", output)
         assert done.returncode == 0, done.stderr
         assert module_bench.living() == []
-        stores[name] = Store(module_bench.folder / f"{name}.sqlite")
-    return stores
+        stores[name] = Store(module_bench.folder / output)
+    return Run(chosen, problems, stores)
 
 
-def _table(results: dict[str, Store]) -> pd.DataFrame:
-    return pd.concat([store.table() for store in results.values()])
-
-
-def _rows(results: dict[str, Store], fault: str) -> pd.DataFrame:
-    table = _table(results)
-    return table[table.solver == f"faulty-{fault}"]
-
-
-def test_every_pair_has_its_row(results: dict[str, Store]) -> None:
-    table = _table(results)
-    assert len(table) == 2 * (len(EXPECTED) + len(results) * len(HEALTHY))
+def test_every_pair_has_its_row(run: Run) -> None:
+    table = run.table()
+    assert len(table) == len(run.problems) * (len(run.faults) + len(run.stores) * len(HEALTHY))
     assert not (table.status == "not_run").any()
 
 
-@pytest.mark.parametrize("fault", EXPECTED)
-def test_fault(results: dict[str, Store], fault: str) -> None:
-    rows = _rows(results, fault)
-    status, signal, told = EXPECTED[fault]
-    assert list(rows.status) == [status] * 2, list(rows.message)
-    assert rows.message.str.contains(told, regex=False).all(), list(rows.message)
-    assert (rows.message.str.len() < 3000).all()
-    assert [None if pd.isna(s) else int(s) for s in rows.signal] == [signal] * 2
+def test_each_fault_is_what_it_is_called(run: Run) -> None:
+    wrong: dict[str, Any] = {}
+    for fault in run.faults:
+        status, signal, told = EXPECTED[fault]
+        for row in run.rows(fault).itertuples():
+            said = None if pd.isna(row.signal) else int(row.signal)
+            if (row.status, said) != (status, signal) or told not in row.message or len(row.message) >= 3000:
+                wrong[fault] = (row.status, said, row.message[:300])
+    assert wrong == {}
 
 
-@pytest.mark.parametrize("fault", FLAGS)
-def test_flag(results: dict[str, Store], fault: str) -> None:
-    assert all(FLAGS[fault] in flags.split(",") for flags in _rows(results, fault)["flags"])
+def test_each_has_its_flag(run: Run) -> None:
+    found = {fault: set(",".join(run.rows(fault)["flags"]).split(",")) for fault in FLAGS if fault in run.faults}
+    assert len(found) > 3
+    assert {fault: flags for fault, flags in found.items() if FLAGS[fault] not in flags} == {}
 
 
-def test_killed_within_half_a_second(results: dict[str, Store], module_bench) -> None:
-    table = _table(results)
+def test_killed_within_half_a_second(run: Run, module_bench) -> None:
+    table = run.table()
     late = table[table.status == "timeout"]
     assert (late.solve <= LIMIT).all()
-    assert set(late.solver) == {f"faulty-{name}" for name, (status, *_) in EXPECTED.items() if status == "timeout"}
+    assert set(late.solver) == {f"faulty-{name}" for name in run.faults if EXPECTED[name][0] == "timeout"}
     taken = late.wall - late.load
     assert (taken <= LIMIT + module_bench.grace).all(), dict(zip(late.solver, taken, strict=True))
 
 
+@pytest.mark.nightly
 def test_what_breaks_off_is_told_at_once(bench) -> None:
     """No fault but a hang waits for the limit, whatever it holds open.
 
@@ -170,25 +189,25 @@ def test_what_breaks_off_is_told_at_once(bench) -> None:
     """
     faults = [f"faulty-{name}" for name in ("close", "junk", "giant", "half", "orphan", "parent")]
     problems = [bench.problem(f"p{n}", n) for n in (3, 8)]
-    done = bench.run(problems, faults, "--timeout", "30s", "--memory", "1G")
+    done = bench.run(problems, faults, "--timeout", "120s", "--memory", "1G")
     assert done.returncode == 0, done.stderr
     rows = bench.store().table()
     assert len(rows) == len(problems) * len(faults)
-    late = rows[rows.wall >= 15.0]  # `close` takes half a second, all others less; the machine may be busy
+    late = rows[rows.wall >= 60.0]  # `close` takes half a second, all others less; the machine may be busy
     assert late.empty, dict(zip(late.solver, late.wall, strict=True))
 
 
-@pytest.mark.parametrize("fault", ["abort", "hang", "eat", "raise"])
-def test_a_repeat_that_fails_costs_no_answer(results: dict[str, Store], fault: str) -> None:
+def test_a_repeat_that_fails_costs_no_answer(run: Run) -> None:
     """The row is the first answer's, with its times; the next problem meets a fresh worker."""
-    rows = _rows(results, f"then-{fault}")
-    assert list(rows.repeats) == [1] * 2
-    assert (rows.solve < (LIMIT if fault == "hang" else AMPLE)).all()
+    for fault in (name for name in run.faults if name.startswith("then-")):
+        rows = run.rows(fault)
+        assert list(rows.repeats) == [1] * len(run.problems), fault
+        assert (rows.solve < (LIMIT if fault in HANGS else AMPLE)).all(), fault
 
 
-def test_answers_are_kept_with_their_rows(results: dict[str, Store]) -> None:
-    table = _table(results).set_index("key")
-    kept = {key: answers.unpack(blob) for store in results.values() for key, blob in store.answers()}
+def test_answers_are_kept_with_their_rows(run: Run) -> None:
+    table = run.table().set_index("key")
+    kept = {key: answers.unpack(blob) for store in run.stores.values() for key, blob in store.answers()}
     answered = table[table.status.isin(["solved", "wrong", "inaccurate"]) & (table.solver != "faulty-nothing")]
     assert set(kept) == set(answered.index)
     for key, row in answered.iterrows():
@@ -197,26 +216,30 @@ def test_answers_are_kept_with_their_rows(results: dict[str, Store]) -> None:
     assert all(not kept[key].any() for key in lies)
 
 
-def test_claims_and_verdicts_are_apart(results: dict[str, Store]) -> None:
-    table = _table(results)
+def test_claims_and_verdicts_are_apart(run: Run) -> None:
+    table = run.table()
     lies = table[(table.claim == "solved") & (table.status != "solved")]
-    assert set(lies.solver) == {f"faulty-{name}" for name in ("nan", "inf", "liar", "alias", "short", "nothing")}
+    liars = {"nan", "inf", "liar", "alias", "short", "nothing"}
+    assert set(lies.solver) == {f"faulty-{name}" for name in liars.intersection(run.faults)}
 
 
-def test_the_others_are_as_in_a_run_without_faults(results: dict[str, Store], module_bench) -> None:
-    addresses = sorted(set(_table(results).address))
-    for name, store in results.items():
-        limits = ("--timeout", f"{LIMITS[name]}s", "--memory", "1G", "-o", f"{name}-alone.sqlite")
-        alone = module_bench.run(addresses, HEALTHY, *limits)
-        assert alone.returncode == 0, alone.stderr
-        other = Store(module_bench.folder / f"{name}-alone.sqlite")
+def test_the_others_are_as_in_a_run_without_faults(run: Run, module_bench) -> None:
+    for name, store in run.stores.items():
         table = store.table()
+        if name == "hangs" and run.faults == FEW:
+            continue
+        output = f"alone-{len(run.faults)}-{name}.sqlite"
+        limits = ("--timeout", f"{LIMITS[name]}s", "--memory", "1G", "-o", output)
+        alone = module_bench.run(sorted(set(table.address)), HEALTHY, *limits)
+        assert alone.returncode == 0, alone.stderr
+        other = Store(module_bench.folder / output)
         mixed = table[table.solver.isin(HEALTHY)]
         pd.testing.assert_frame_equal(mixed[SAME].reset_index(drop=True), other.table()[SAME], check_dtype=False)
         answers, expected = dict(store.answers()), dict(other.answers())
         assert {key: answers[key] for key in expected} == expected
 
 
+@pytest.mark.nightly
 def test_a_flood_leaves_nothing_on_the_disk(bench) -> None:
     """300 MiB are printed before an abort: both ends are in the row, and no file grows meanwhile."""
     running = subprocess.Popen(
@@ -237,12 +260,3 @@ def test_a_flood_leaves_nothing_on_the_disk(bench) -> None:
     assert "first words" in row.message
     assert "last words" in row.message
     assert len(row.message) < 2000
-
-
-def test_other_limits_do_not_mix(bench) -> None:
-    path = bench.problem("p", 3)
-    assert bench.run([path], ["lemke"]).returncode == 0
-    other = bench.run([path], ["lemke"], "--timeout", "20s")
-    assert other.returncode == 2
-    assert "was made with timeout" in other.stderr
-    assert other.stderr.count("\n") == 1

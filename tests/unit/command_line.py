@@ -1,18 +1,24 @@
 """The command line in the test's own process: a new one takes a second or two to import everything.
 
-Not for what a process of its own is part of: plugins (a registry keeps them), variables that workers see, signals.
+Not for what a process of its own is part of: signals, imports, how an interpreter ends.
 """
 
 from __future__ import annotations
 
 import contextlib
 import io
+import logging
+import os
 import sys
 from pathlib import Path
 from subprocess import CompletedProcess
 from unittest import mock
 
+from cpbench import registry as plugged
 from cpbench.cli import main
+from cpbench.registry import DECLARED, PLUGIN_FILES
+from cpbench.solvers.external import declared
+from cpbench.testing import conduct
 
 
 def cpbench(folder: Path, *arguments: str) -> CompletedProcess[str]:
@@ -28,4 +34,19 @@ def cpbench(folder: Path, *arguments: str) -> CompletedProcess[str]:
             main()
         except SystemExit as leave:
             code = int(leave.code or 0)
+        for handler in logging.getLogger("cpbench.run").handlers:  # a process closes its log when it ends
+            handler.close()
     return CompletedProcess(list(arguments), code, out.getvalue(), err.getvalue())
+
+
+def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedProcess[str]:
+    """The same for a command that loads plugins, which are forgotten after it, and with variables of its own."""
+    with contextlib.ExitStack() as stack:
+        for registry in conduct.REGISTRIES.values():
+            registry.discover()
+            stack.enter_context(mock.patch.object(registry, "_items", dict(registry._items)))
+            stack.enter_context(mock.patch.object(registry, "_discovered", False))
+        stack.enter_context(mock.patch.object(plugged, "_plugins_loaded", False))
+        stack.enter_context(mock.patch.object(declared, "_declared", {}))
+        stack.enter_context(mock.patch.dict(os.environ, {PLUGIN_FILES: "", DECLARED: "", **variables}))
+        return cpbench(folder, *arguments)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from tiers import some_by_day
 
 from cpbench.formulations.base import Kind
 from cpbench.solvers import solvers
@@ -59,6 +60,7 @@ def _fresh_probe() -> Iterator[None]:
     probe.cache_clear()
 
 
+@pytest.mark.nightly
 def test_specs_are_read_without_importing_a_guest() -> None:
     guests = {package for name in ADAPTERS for package in solvers.get(name).spec.requires}
     done = subprocess.run(
@@ -97,7 +99,7 @@ def test_a_guest_that_fails_to_import_is_broken(tmp_path: Path, monkeypatch: pyt
     assert "RuntimeError: libgomp is not there" in state.detail
 
 
-@pytest.mark.parametrize("name", ADAPTERS)
+@pytest.mark.parametrize("name", some_by_day(ADAPTERS, 12))
 def test_version_is_that_of_the_guest(name: str) -> None:
     solver = solvers.get(name)
     if solver.availability().ok:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from tiers import by_night, some_by_day
 
 from cpbench.formulations import LCP, MLCP
 from cpbench.solvers import Budget, Claim, solvers
@@ -101,13 +102,13 @@ def honest(solver: Any, problem: Any, tolerance: float) -> bool:
 
 
 @pytest.mark.parametrize("case", LCPS)
-@pytest.mark.parametrize("name", ON_LCP)
+@pytest.mark.parametrize("name", some_by_day(ON_LCP, 2))
 def test_lcp(name: str, case: str) -> None:
     solver = ready(name)
     assert honest(solver, LCPS[case], 1e-6) == (f"planted-{case}" not in solver.spec.known_failures)
 
 
-@pytest.mark.parametrize("name", ON_LCP)
+@pytest.mark.parametrize("name", [n for n in ON_LCP if n not in GAMS] + by_night(n for n in ON_LCP if n in GAMS))
 def test_lcp_to_other_tolerances(name: str) -> None:
     solver = ready(name)
     for tolerance in (1e-3, 1e-8):
@@ -120,7 +121,7 @@ def test_lcp_to_other_tolerances(name: str) -> None:
             assert any(solved)
 
 
-@pytest.mark.parametrize("case", MLCPS)
+@pytest.mark.parametrize("case", some_by_day(MLCPS, 2))
 @pytest.mark.parametrize("name", ON_MLCP)
 def test_mlcp(name: str, case: str) -> None:
     solver = ready(name)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.io import loadmat
+from tiers import by_night, some_by_day
 
 from cpbench.errors import Unavailable
 from cpbench.formulations.qp import QP, QPPoint
@@ -135,7 +136,7 @@ def test_the_planted_point_solves_the_problem(name: str) -> None:
     assert problem.residuals(point).error < 1e-13
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some_by_day(CASES, 5))
 def test_planted(backend: Any, name: str) -> None:
     problem, _ = CASES[name]
     if why := backend.obstacle(problem):
@@ -148,7 +149,7 @@ def test_planted(backend: Any, name: str) -> None:
     assert (error > 1e-6) == (failure is not None), f"error {error:.1e}; known failure: {failure}"
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-8])
+@pytest.mark.parametrize("tolerance", [1e-4, *by_night([1e-8])])
 def test_the_error_follows_the_tolerance(backend: Any, tolerance: float) -> None:
     missed = {}
     for name, (problem, _) in CASES.items():
@@ -368,7 +369,7 @@ def read_maros_meszaros(path: Path) -> tuple[QP, float]:
     return problem, float(data["r"].item())
 
 
-@pytest.mark.parametrize("name", MAROS_MESZAROS)
+@pytest.mark.parametrize("name", some_by_day(MAROS_MESZAROS, 1))
 def test_maros_meszaros(backend: Any, name: str, shared_data: Path) -> None:
     problem, constant = read_maros_meszaros(shared_data / "qp" / f"{name}.mat")
     if backend.obstacle(problem):

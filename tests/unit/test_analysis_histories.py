@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import looks_of, row, table
+from tiers import some_by_day
 from written_reports import write_report
 
 from cpbench.analysis import histories, reliability
@@ -78,7 +79,7 @@ def test_the_section_has_a_figure_and_a_table(tmp_path: Path) -> None:
     assert (tmp_path / "errors-lcp.svg").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("solvers", [1, 9, 40])
+@pytest.mark.parametrize("solvers", some_by_day([1, 9, 40], 1))
 def test_any_number_of_curves_can_be_drawn(tmp_path: Path, solvers: int) -> None:
     rows = table(*(row("p", f"s{k}", "solved", 1.0 + k) for k in range(solvers)))
     paths = pd.concat([_path(f"p/s{k}", (0.1, 1.0), (1.0, 1e-3), (4.0, 1e-7)) for k in range(solvers)])
@@ -86,8 +87,9 @@ def test_any_number_of_curves_can_be_drawn(tmp_path: Path, solvers: int) -> None
     assert figures.save(convergence.figure(found, 1, "title", looks_of(found["label"])), tmp_path, "f")[0].exists()
 
 
+@pytest.mark.nightly
 def test_a_report_shows_the_histories_it_is_given(tmp_path: Path) -> None:
-    with_figure = write_report(ROWS, {}, tmp_path / "with", "t", PATHS).read_text()
+    with_figure = write_report(ROWS, {}, tmp_path / "with", "t", PATHS, drawn=True).read_text()
     without = write_report(ROWS, {}, tmp_path / "without", "t").read_text()
     assert "(details-lcp.md)" in with_figure
     assert "[![Error against time" in (tmp_path / "with" / "details-lcp.md").read_text()

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
+from tiers import some_by_day
 
 from cpbench.analysis import baseline, ratchet
 from cpbench.analysis import table as rows_of
@@ -121,7 +122,7 @@ BROKEN = [
 ]
 
 
-@pytest.mark.parametrize(("content", "message"), BROKEN)
+@pytest.mark.parametrize(("content", "message"), some_by_day(BROKEN, 9))
 def test_mistakes_by_hand_have_a_line(content: str, message: str) -> None:
     whole = baseline.text(baseline.of(synthetic.suite(problems=2, labels=1)))
     head, _columns, first, _ = whole.splitlines(keepends=True)
@@ -313,19 +314,22 @@ def test_the_command_writes_checks_and_updates(tmp_path: Path, cpbench: Callable
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [
-        (("none.sqlite", "-o", "b.csv"), "no such results file"),
-        (("empty.sqlite", "-o", "b.csv"), "empty.sqlite: "),
-        (("idle.sqlite", "-o", "b.csv"), "none of 2 pairs was run"),
-        (("text.sqlite", "-o", "b.csv"), "not a results file"),
-        (("run.sqlite",), "say -o FILE"),
-        (("run.sqlite", "--check", "text.sqlite"), "line 1: is no baseline"),
-        (("run.sqlite", "--check", "none.csv"), "no such baseline"),
-        (("run.sqlite", "--check", "good.csv", "--fail-on", "regresion"), "unknown change 'regresion'"),
-        (("run.sqlite", "--update", "-o", "good.csv", "--accept", "x*"), "--accept PATTERN needs --reason"),
-        (("run.sqlite", "--update", "-o", "good.csv", "--accept", "x*", "--reason", "r"), "no pair that got worse"),
-        (("run.sqlite", "-o", "good.csv", "--prune"), "add --update"),
-    ],
+    some_by_day(
+        [
+            (("none.sqlite", "-o", "b.csv"), "no such results file"),
+            (("empty.sqlite", "-o", "b.csv"), "empty.sqlite: "),
+            (("idle.sqlite", "-o", "b.csv"), "none of 2 pairs was run"),
+            (("text.sqlite", "-o", "b.csv"), "not a results file"),
+            (("run.sqlite",), "say -o FILE"),
+            (("run.sqlite", "--check", "text.sqlite"), "line 1: is no baseline"),
+            (("run.sqlite", "--check", "none.csv"), "no such baseline"),
+            (("run.sqlite", "--check", "good.csv", "--fail-on", "regresion"), "unknown change 'regresion'"),
+            (("run.sqlite", "--update", "-o", "good.csv", "--accept", "x*"), "--accept PATTERN needs --reason"),
+            (("run.sqlite", "--update", "-o", "good.csv", "--accept", "x*", "--reason", "r"), "no pair that got worse"),
+            (("run.sqlite", "-o", "good.csv", "--prune"), "add --update"),
+        ],
+        5,
+    ),
 )
 def test_bad_input_is_one_line(
     tmp_path: Path, cpbench: Callable[..., Told], words: tuple[str, ...], message: str

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import graph, storage
 from cpbench.bench import handover
@@ -110,6 +111,7 @@ def test_keys_tell_apart_what_must_not_be_mixed(lane: Lane, tmp_path: Path) -> N
     assert key() == key()
 
 
+@pytest.mark.nightly
 def test_a_relaxation_runs_on_request_only_and_says_what_it_is(lane: Lane, tmp_path: Path) -> None:
     """A sliding contact: the relaxation's answer dilates, and its row says `relaxation`, never `equivalent`.
 
@@ -123,7 +125,7 @@ def test_a_relaxation_runs_on_request_only_and_says_what_it_is(lane: Lane, tmp_p
     assert (row["claim"], row["status"], row["target_error"]) == ("solved", "approximate", None)
 
 
-@pytest.mark.parametrize("node", ["mlcp", "gfc"])
+@pytest.mark.parametrize("node", some_by_day(["mlcp", "gfc"], 1))
 def test_a_factorization_made_to_see_whether_an_edge_applies_is_charged(tmp_path: Path, node: str) -> None:
     """One row, one LU of order 1200: nearly all of the conversion's time, whoever asked for the LU before."""
     n = 1200
@@ -285,6 +287,7 @@ def _hanging(path: Path) -> Path:
     return path
 
 
+@pytest.mark.nightly
 def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
     lane: Lane, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -304,6 +307,7 @@ def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
     assert lane.run(pair, lane.prepare(pair)).status == "solved"
 
 
+@pytest.mark.nightly
 def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
     lane: Lane, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import meta, row
+from tiers import some_by_day
 from written_reports import whole, write_html, write_report
 
 from cpbench import storage
@@ -247,7 +248,7 @@ def test_judged_at_its_own_tolerance_every_row_is_what_it_is() -> None:
     assert judged_at(rows, TOLERANCE)["status"].tolist() == rows["status"].tolist()
 
 
-@pytest.mark.parametrize("tolerance", [1e-8, 1e-4, 1e-2])
+@pytest.mark.parametrize("tolerance", some_by_day([1e-8, 1e-4, 1e-2], 1))
 def test_judged_at_another_tolerance_is_what_a_run_at_it_would_say(tolerance: float) -> None:
     rows = rows_of_every_kind()
     others = judged_at(rows, tolerance)["status"]
@@ -283,15 +284,18 @@ def test_only_those_who_missed_their_target_are_accused() -> None:
 
 @pytest.mark.parametrize(
     ("before", "after", "verdict"),
-    [
-        ("wrong", "lost", "improved"),
-        ("lost", "wrong", "regressed"),
-        ("solved", "lost", "regressed"),
-        ("approximate", "solved", "improved"),
-        ("lost", "approximate", "inconclusive"),
-        ("unresolvable", "lost", "inconclusive"),
-        ("infeasible", "unbounded", "inconclusive"),
-    ],
+    some_by_day(
+        [
+            ("wrong", "lost", "improved"),
+            ("lost", "wrong", "regressed"),
+            ("solved", "lost", "regressed"),
+            ("approximate", "solved", "improved"),
+            ("lost", "approximate", "inconclusive"),
+            ("unresolvable", "lost", "inconclusive"),
+            ("infeasible", "unbounded", "inconclusive"),
+        ],
+        2,
+    ),
 )
 def test_a_comparison_says_who_is_charged_now(before: str, after: str, verdict: str) -> None:
     from cpbench.analysis import baseline, ratchet

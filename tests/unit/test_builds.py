@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tiers import some_by_day
 
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
@@ -69,6 +70,7 @@ def known(tables: dict[str, Any], *plugins: Path) -> dict[str, Any]:
     return json.loads(done.stdout)
 
 
+@pytest.mark.nightly
 def test_a_python_plugin_is_imported_from_its_own_checkout_with_its_own_defaults(tmp_path: Path) -> None:
     base, head = checkout(tmp_path / "with space", 1.0), checkout(tmp_path / "head", 1.5)
     told = builds("base", str(base), "bench/mine.py", PYTHONPATH="/lib/else").stdout
@@ -90,6 +92,7 @@ def test_a_python_plugin_is_imported_from_its_own_checkout_with_its_own_defaults
     }
 
 
+@pytest.mark.nightly
 def test_a_program_is_that_of_its_checkout(tmp_path: Path) -> None:
     for side, omega in (("base", ""), ("head", 'options = {omega = 1.5, "rule" = \'a "b"\'}')):
         (tmp_path / side / "src").mkdir(parents=True)
@@ -115,13 +118,16 @@ def test_a_program_is_that_of_its_checkout(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("plugin", "words", "told"),
-    [
-        ("none.toml", (), "none.toml: is no file"),
-        ("empty.py", (), "empty.py: has no solver"),
-        ("lost.py", (), "lost.py: line 1: ModuleNotFoundError"),
-        ("empty.toml", (), "empty.toml: has no table [solver.NAME]"),
-        ("good.toml", ("--python", "python3"), "declares programs; --python is for solvers in Python"),
-    ],
+    some_by_day(
+        [
+            ("none.toml", (), "none.toml: is no file"),
+            ("empty.py", (), "empty.py: has no solver"),
+            ("lost.py", (), "lost.py: line 1: ModuleNotFoundError"),
+            ("empty.toml", (), "empty.toml: has no table [solver.NAME]"),
+            ("good.toml", ("--python", "python3"), "declares programs; --python is for solvers in Python"),
+        ],
+        1,
+    ),
 )
 def test_a_plugin_that_has_no_solver_is_one_line(
     tmp_path: Path, plugin: str, words: tuple[str, ...], told: str

@@ -23,6 +23,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from command_line import with_plugins
 from edited_results import seal_anew
 
 from cpbench import storage
@@ -70,18 +71,16 @@ class Mine(Solver):
 
 
 def cpbench(folder: Path, *arguments: str, rc: int = 0, **variables: str) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "cpbench", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        stdin=subprocess.DEVNULL,
-        env={**os.environ, **variables},
-    )
+    done = with_plugins(folder, *arguments, **variables)
     assert done.returncode == rc, f"{done.returncode}: {done.stderr}\n{done.stdout}"
     assert "Traceback" not in done.stderr
     return done
+
+
+def apart(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The same in a process of its own: its workers know the solvers that its plan declares."""
+    words = [sys.executable, "-m", "cpbench", *arguments]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module")
@@ -112,11 +111,13 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ["config", "user.name", f"{USER} the First"],
     ):
         subprocess.run(["git", *command], cwd=folder, check=True, capture_output=True)
-    cpbench(
-        folder, "--plugin", "mine.py", "run", "p2.h5", "p3.h5", "p4.h5", "builtin/lcp/american-put.h5",
-        "-s", "mine", "-s", "lemke", "-s", "psor[omega=1.2]", "--plan", "none", "-q", "-o", "run.sqlite", "--no-report",
-        SECRET=TOKEN,
-    )  # fmt: skip
+    command = [
+        sys.executable, "-m", "cpbench", "--plugin", "mine.py", "run", "p2.h5", "p3.h5", "p4.h5",
+        "builtin/lcp/american-put.h5", "-s", "mine", "-s", "lemke", "-s", "psor[omega=1.2]", "--plan", "none", "-q",
+        "-o", "run.sqlite", "--no-report",
+    ]  # fmt: skip
+    # in a process of its own: its workers have its variables
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, env={**os.environ, "SECRET": TOKEN})
     with closing(sqlite3.connect(folder / "run.sqlite")) as db:  # as a machine of that name leaves it
         db.execute("UPDATE rows SET host = ? WHERE host IS NOT NULL", (HOST,))
         db.execute("UPDATE machines SET host = ?", (HOST,))
@@ -203,6 +204,7 @@ def test_reproduce_gives_the_same_statuses(plain: Path, tmp_path: Path) -> None:
     assert "time here over there" in done.stdout
 
 
+@pytest.mark.nightly
 def test_nobody_runs_plugins_unasked(plain: Path, tmp_path: Path) -> None:
     done = cpbench(tmp_path, "reproduce", str(plain), "-o", "x", "-q", rc=2)
     assert "--yes-run-plugins" in done.stderr
@@ -211,6 +213,7 @@ def test_nobody_runs_plugins_unasked(plain: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "x/again.sqlite").exists()
 
 
+@pytest.mark.nightly
 def test_seals_tell_whose_a_bundle_is_only_where_it_is_not_anonymous(
     told: Path, plain: Path, anonymous: Path, tmp_path: Path
 ) -> None:
@@ -228,6 +231,7 @@ def test_seals_tell_whose_a_bundle_is_only_where_it_is_not_anonymous(
     assert names["plain"] == known.name != names["anonymous"]
 
 
+@pytest.mark.nightly
 def test_other_statuses_end_with_1(plain: Path, tmp_path: Path) -> None:
     """The plugin raises for three unknowns; a bundle that says it solved that problem is contradicted."""
     folder = tmp_path / "made"
@@ -241,6 +245,7 @@ def test_other_statuses_end_with_1(plain: Path, tmp_path: Path) -> None:
     assert "differs: p3, mine: solved → error" in done.stdout
 
 
+@pytest.mark.nightly
 def test_a_missing_solver_is_told_and_not_compared(plain: Path, tmp_path: Path) -> None:
     folder = tmp_path / "made"
     archive.unpack(plain, folder)
@@ -341,6 +346,7 @@ def test_a_renamed_solver_has_its_old_name_nowhere(anonymous: Path, tmp_path: Pa
         assert "Mine" not in words, path
 
 
+@pytest.mark.nightly
 def test_an_anonymous_bundle_runs_again(anonymous: Path, tmp_path: Path) -> None:
     done = cpbench(tmp_path, "reproduce", str(anonymous), "-o", "x", "--yes", "-q")
     with Store(tmp_path / "x/results.sqlite") as store:
@@ -445,6 +451,7 @@ def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     return run
 
 
+@pytest.mark.nightly
 def test_a_problem_that_may_not_be_handed_on_stays(tmp_path: Path, here: Callable[..., str]) -> None:
     """It is told by fingerprint and source, and found again in a folder of whoever has it."""
     own = tmp_path / "own"
@@ -470,6 +477,7 @@ def test_a_problem_that_may_not_be_handed_on_stays(tmp_path: Path, here: Callabl
     assert "3 of 3 statuses agree" in done
 
 
+@pytest.mark.nightly
 def test_programs_that_are_scripts_come_along(tmp_path: Path, here: Callable[..., str]) -> None:
     """A solver of tables: the tables of the plan that the rows need, and the script that they start."""
     own = tmp_path / "own"
@@ -486,12 +494,12 @@ def test_programs_that_are_scripts_come_along(tmp_path: Path, here: Callable[...
         f'env = {{SECRET = "{TOKEN}", OMP_NUM_THREADS = "1"}}\n'
         '[solver.other]\nnode = "lcp"\nserve = "./other"\n'
     )
-    cpbench(own, "run", "--plan", "night.toml", "-q", "--no-report")
+    apart(own, "run", "--plan", "night.toml", "-q", "--no-report")
     with Store(own / "night.sqlite") as store:
         assert {row["status"] for row in store.rows()} == {"solved"}, list(store.rows())
     here(own, "bundle", "night.sqlite", "-o", "../x.zip")
     here(own, "bundle", "night.sqlite", "-o", "../blind.zip", "--anonymous")
-    done = cpbench(tmp_path, "reproduce", "x.zip", "-q", "--yes")
+    done = apart(tmp_path, "reproduce", "x.zip", "-q", "--yes")
     assert "plugins/night/answer.py" in done.stdout
     assert "answer.py {problem} {answer}" in done.stdout
     assert "2 of 2 statuses agree" in done.stdout
@@ -503,6 +511,7 @@ def test_programs_that_are_scripts_come_along(tmp_path: Path, here: Callable[...
     assert "other" not in table
 
 
+@pytest.mark.nightly
 def test_steps_of_a_scene_stay_together(tmp_path: Path, here: Callable[..., str]) -> None:
     own = tmp_path / "own"
     own.mkdir()
@@ -523,6 +532,7 @@ def test_steps_of_a_scene_stay_together(tmp_path: Path, here: Callable[..., str]
         assert [row["started"] for row in store.rows()][1:] == ["previous, contacts matched by order"] * 2
 
 
+@pytest.mark.nightly
 def test_the_plan_holds_pins_and_grids(tmp_path: Path, here: Callable[..., str]) -> None:
     """A file that grew by several commands: pinned routes, facets, grids, two tolerances, a named set."""
     own = tmp_path / "own"

@@ -41,6 +41,7 @@ def statuses(path: Path) -> Mapping[tuple[str, str], tuple[str, str, str]]:
         return {(row["problem"], row["solver"]): (row["status"], row["claim"], row["message"]) for row in store.rows()}
 
 
+@pytest.mark.nightly
 def test_statuses_are_those_that_are_proved(results: Path) -> None:
     found = statuses(results)
     for solver in ("lemke", "lemke-mlcp", "cottle-dantzig"):  # the second by a conversion, whose data are others

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tiers import by_night
 
 from cpbench import checking, graph, storage
 from cpbench.cli import main
@@ -91,8 +92,11 @@ def test_solvers_beyond_the_target_are_asked(rng, monkeypatch):
     assert report.passed
 
 
-def test_nothing_is_passed_without_an_answer():
+@pytest.mark.parametrize("names", [["lemke", "pgs"], *by_night([None])], ids=["two solvers", "all"])
+def test_nothing_is_passed_without_an_answer(monkeypatch, names):
     """w = −z − 1 < 0: there is no solution, and nobody finds one."""
+    if names is not None:
+        monkeypatch.setattr(checking, "solvers", [checking.solvers.get(name) for name in names])
     report = checking.check(LCP(M=-np.eye(2), q=-np.ones(2)), "mlcp")
     assert not report.how
     assert not report.passed
@@ -139,8 +143,11 @@ def test_an_approximate_route_need_not_pass(rng):
     assert report.passed
 
 
-def test_units_do_not_make_a_wrong_answer_right_on_the_way():
+@pytest.mark.parametrize("names", [["qp-interior-point", "daqp"], *by_night([None])], ids=["two solvers", "all"])
+def test_units_do_not_make_a_wrong_answer_right_on_the_way(monkeypatch, names):
     """A QP in units of 1e-8 is not solved by 0, and what solves it is carried back to a right answer of its LCP."""
+    if names is not None:
+        monkeypatch.setattr(checking, "solvers", [checking.solvers.get(name) for name in names])
     case = next(c for c in cases("lcp") if c.name == "velocity-unit-1e-08")
     target = graph.arrive(case.problem, "qp").problem
     assert not checking.verification.judge(target, target.zero_point(), 1e-6).solved
@@ -219,7 +226,11 @@ def test_there_and_back_between_linear_nodes(nodes):
     assert residual_matrix.table(found).splitlines()[0].split() == nodes
 
 
-def test_the_matrix_finds_a_broken_lift(monkeypatch, capsys, crooked):
+@pytest.mark.parametrize("names", [["lemke"], *by_night([None])], ids=["lemke", "all"])
+def test_the_matrix_finds_a_broken_lift(monkeypatch, capsys, crooked, names):
+    """Of all solvers it takes minutes: where no answer is right, each is asked thrice for every planted problem."""
+    if names is not None:
+        monkeypatch.setattr(checking, "solvers", [checking.solvers.get(name) for name in names])
     assert cpbench(monkeypatch, "graph", "--check", "--node", "lcp", "--node", "mlcp") == 1
     said = capsys.readouterr().out
     assert "lcp -> mlcp: above 1e-09" in said

@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 import yaml
 from github_action import Done, evaluate, expressions, load, run_action
+from tiers import some_by_day
 
 from cpbench.bench.planning import plan_file
 from cpbench.bench.results.store import Store
@@ -179,14 +180,17 @@ def test_new_ci_writes_a_workflow_that_is_whole(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [
-        ((), "say the plugin of your solver"),
-        (("/mine.toml",), "cannot be a plugin: say its path in the repository"),
-        (("../mine.toml",), "cannot be a plugin"),
-        (("mine.cpp",), "of a .toml or .py file"),
-        (("mine.toml", "--build", "a\nb"), "more than one line"),
-        (("mine.toml", "--host", "jenkins"), "github"),
-    ],
+    some_by_day(
+        [
+            ((), "say the plugin of your solver"),
+            (("/mine.toml",), "cannot be a plugin: say its path in the repository"),
+            (("../mine.toml",), "cannot be a plugin"),
+            (("mine.cpp",), "of a .toml or .py file"),
+            (("mine.toml", "--build", "a\nb"), "more than one line"),
+            (("mine.toml", "--host", "jenkins"), "github"),
+        ],
+        2,
+    ),
 )
 def test_new_ci_refuses_in_one_line(tmp_path: Path, words: tuple[str, ...], told: str) -> None:
     said = run(tmp_path, "cpbench", "new", "ci", *words, rc=2).stderr
@@ -195,6 +199,7 @@ def test_new_ci_refuses_in_one_line(tmp_path: Path, words: tuple[str, ...], told
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.nightly
 def test_the_install_step_installs_the_version_that_the_action_is_part_of(tmp_path: Path) -> None:
     step = load(ACTION)["runs"]["steps"][1]
     command = step["run"].replace("pip install", "pip install --no-deps --target there")  # this Python stays as it is
@@ -227,17 +232,13 @@ def test_the_same_build_passes(toy: Path) -> None:
     assert run(toy, "git", "status", "--short").stdout == ""
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("change", "inputs", "told"),
     [
-        pytest.param("slower", {}, r"Regressed.*1 regressed", marks=pytest.mark.nightly),
+        ("slower", {}, r"Regressed.*1 regressed"),
         ("wrong", FAST, r"solved → wrong"),
-        pytest.param(
-            "crashing",
-            {**FAST, "build": VENV, "python": ".venv/bin/python"},
-            r"solved → crash",
-            marks=pytest.mark.nightly,
-        ),
+        ("crashing", {**FAST, "build": VENV, "python": ".venv/bin/python"}, r"solved → crash"),
     ],
     ids=["slower", "wrong", "crashing, each checkout with its own environment"],
 )
@@ -333,6 +334,7 @@ def _refused(done: Done, told: str) -> None:
     assert "actions/upload-artifact@v4" not in done.used
 
 
+@pytest.mark.nightly
 def test_a_shallow_clone_is_told_how_to_be_a_whole_one(origin: Path, tmp_path: Path) -> None:
     run(origin, "git", "commit", "-q", "--allow-empty", "-m", "second", "--no-verify")
     run(tmp_path, "git", "clone", "-q", "--depth", "1", f"file://{origin}", "toy")
@@ -358,24 +360,30 @@ def test_a_build_that_makes_no_program(toy: Path) -> None:
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [
-        (("--base", "main"), "say --solver FILE"),
-        (("--solver", "mine.py"), "say --base REF"),
-        (("--solver", "mine.py", "--base", "nowhere"), "no commit 'nowhere' here: fetch it first"),
-        (("--solver", "none.toml", "--base", "main"), "no file 'none.toml' in this checkout"),
-        (("--solver",), "--solver needs a value"),
-        (("--speed", "3"), "no option '--speed'"),
-        (("--comment", "3"), "no cpbench-compare/summary.md to post"),
-        (("--solver", "broken.py", "--base", "main"), "broken.py: line 1: ModuleNotFoundError: No module named 'lost'"),
-        pytest.param(
-            ("--solver", "mine.py", "--base", "main", "--problems", "none.h5"), "none.h5", marks=pytest.mark.nightly
-        ),
-        pytest.param(
-            ("--solver", "mine.py", "--base", "main", "--fail-on", "slow"),
-            "no outcome 'slow'",
-            marks=pytest.mark.nightly,
-        ),
-    ],
+    some_by_day(
+        [
+            (("--base", "main"), "say --solver FILE"),
+            (("--solver", "mine.py"), "say --base REF"),
+            (("--solver", "mine.py", "--base", "nowhere"), "no commit 'nowhere' here: fetch it first"),
+            (("--solver", "none.toml", "--base", "main"), "no file 'none.toml' in this checkout"),
+            (("--solver",), "--solver needs a value"),
+            (("--speed", "3"), "no option '--speed'"),
+            (("--comment", "3"), "no cpbench-compare/summary.md to post"),
+            (
+                ("--solver", "broken.py", "--base", "main"),
+                "broken.py: line 1: ModuleNotFoundError: No module named 'lost'",
+            ),
+            pytest.param(
+                ("--solver", "mine.py", "--base", "main", "--problems", "none.h5"), "none.h5", marks=pytest.mark.nightly
+            ),
+            pytest.param(
+                ("--solver", "mine.py", "--base", "main", "--fail-on", "slow"),
+                "no outcome 'slow'",
+                marks=pytest.mark.nightly,
+            ),
+        ],
+        3,
+    ),
 )
 def test_bad_input_ends_with_2_and_a_reason(toy: Path, words: tuple[str, ...], told: str) -> None:
     (toy / "broken.py").write_text("import lost\n")
@@ -438,6 +446,7 @@ def api() -> Iterator[str]:
     server.server_close()
 
 
+@pytest.mark.nightly
 def test_the_comment_of_an_earlier_push_is_replaced(tmp_path: Path, api: str) -> None:
     if shutil.which("curl") is None:
         pytest.skip("does not apply: no curl")

@@ -13,6 +13,8 @@ import h5py
 import numpy as np
 import pytest
 from command_line import cpbench as in_process
+from command_line import with_plugins
+from tiers import by_night, some_by_day
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
@@ -101,8 +103,8 @@ def _damaged(tmp_path: Path) -> dict[str, tuple[list[object], str]]:
 
 @pytest.mark.parametrize(
     "case",
-    ["not HDF5", "truncated", "git-lfs", "wrong format", "unknown format", "mis-sized W", "NaN in q", "negative mu",
-     "no such file"],
+    some_by_day(["not HDF5", "truncated", "git-lfs", "wrong format", "unknown format", "mis-sized W", "NaN in q",
+     "negative mu", "no such file"], 4),
 )  # fmt: skip
 @pytest.mark.parametrize("command", ["info", "convert", "solve"])
 def test_bad_input_is_one_line(monkeypatch, capsys, tmp_path, case, command) -> None:
@@ -149,6 +151,7 @@ def test_no_route_names_the_obstacle_and_the_approximate_routes(monkeypatch, cap
     assert not (contact.parent / "o.h5").exists()
 
 
+@pytest.mark.nightly
 def test_convert_solve_lift_verify_in_several_processes(contact) -> None:
     """The faceted LCP, solved by Lemke, lifted elsewhere, measured on the contact problem."""
     folder = contact.parent
@@ -248,12 +251,10 @@ def test_pack(monkeypatch, tmp_path) -> None:
 
 
 def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> None:
-    """A small run in a process of its own, its rows as JSON, its answers again under another measure."""
+    """A small run, its rows as JSON, its answers again under another measure."""
     folder = lcp.parent
-    command = [sys.executable, "-m", "cpbench", "run", "deudeu.h5", "contact.hdf5", "-s", "lemke", "-s", "nsgs"]
-    done = subprocess.run(
-        [*command, "--routes", "all", "--facets", "8", "-o", "r.sqlite"], cwd=folder, capture_output=True, text=True
-    )
+    command = ["run", "deudeu.h5", "contact.hdf5", "-s", "lemke", "-s", "nsgs"]
+    done = in_process(folder, *command, "--routes", "all", "--facets", "8", "-o", "r.sqlite")
     assert done.returncode == 0, done.stderr
     assert (folder / "reports" / "r" / "report.md").exists()
     assert (folder / "reports" / "r" / "report.html").exists()
@@ -326,6 +327,7 @@ def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
     assert set(lcp.parent.iterdir()) == before
 
 
+@pytest.mark.nightly
 def test_a_fast_contact_on_four_facets_is_flagged_wherever_it_appears(monkeypatch, capsys, tmp_path) -> None:
     """Dragged at 10,000 towards 44°: the facet answer passes 1e-4, 44° off; the row, the report and `solve` say so.
 
@@ -418,7 +420,7 @@ def test_an_interrupted_run_goes_on(lcp) -> None:
     assert running.returncode == 130, said
     assert "the same command goes on" in said
     (folder / "go").touch()
-    again = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    again = with_plugins(folder, *command[3:])
     assert again.returncode == 0, again.stderr
     assert re.match(r"12 pairs, [1-9]\d* done before", again.stderr), again.stderr
     assert "12 pairs: 12 solved" in again.stdout
@@ -439,6 +441,7 @@ def test_what_is_built_in_goes_for_a_file_everywhere(
     assert cpbench(monkeypatch, "verify", address, "--answer", "z.npy") == 0
 
 
+@pytest.mark.nightly
 def test_every_public_name_is_there() -> None:
     """`help(cpbench)`, `from cpbench import *` and each name of `__all__`, in a fresh interpreter."""
     code = "import cpbench\nfrom cpbench import *\nimport pydoc\npydoc.render_doc(cpbench)\n"
@@ -485,6 +488,12 @@ def test_outputs_are_asked_for_before_the_work(monkeypatch, capsys, lcp, tmp_pat
     run = ["run", lcp, "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]
     assert cpbench(monkeypatch, *run, "--report", "/proc/nowhere") == 2
     assert not (tmp_path / "r.sqlite").exists()
+
+
+@pytest.mark.nightly
+def test_a_report_tells_what_it_replaces(monkeypatch, capsys, lcp, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = ["run", lcp, "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]
     assert cpbench(monkeypatch, *run, "--no-report") == 0
     capsys.readouterr()
     assert cpbench(monkeypatch, "report", "r.sqlite", "-o", "/proc/nowhere") == 2
@@ -497,15 +506,18 @@ def test_outputs_are_asked_for_before_the_work(monkeypatch, capsys, lcp, tmp_pat
         assert all(line.endswith("(replaced)") == again for line in lines), lines
 
 
-def test_a_file_that_changed_between_two_runs_is_said(monkeypatch, capsys, tmp_path) -> None:
+@pytest.mark.parametrize("report", [False, *by_night([True])])
+def test_a_file_that_changed_between_two_runs_is_said(monkeypatch, capsys, tmp_path, report) -> None:
     """Rows of the former content stay, and the terminal and the report say that they are there."""
     monkeypatch.chdir(tmp_path)
-    run = ["run", "p.h5", "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite", "--report", "r"]
+    run = ["run", "p.h5", "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]
+    run += ["--report", "r"] if report else ["--no-report"]
     for q in ([-5.0, -6.0], [-5.0, -7.0]):
         storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=q), tmp_path / "p.h5", force=True)
         capsys.readouterr()
         assert cpbench(monkeypatch, *run) == 0
     said = "p.h5: its 2 rows are of 2 problems: the file changed"
     assert said in capsys.readouterr().out
-    assert said in "".join((tmp_path / "r" / "report.md").read_text().splitlines()[:8])
-    assert said in (tmp_path / "r" / "report.html").read_text()
+    if report:
+        assert said in "".join((tmp_path / "r" / "report.md").read_text().splitlines()[:8])
+        assert said in (tmp_path / "r" / "report.html").read_text()

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import with_plugins
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
@@ -76,6 +77,7 @@ def on_a_terminal(folder: Path, arguments: list[str], until: Callable[[str], boo
     return code, re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", seen)
 
 
+@pytest.mark.nightly
 def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder: Path) -> None:
     """Interrupted while the second problem is being solved: exit code 130, nothing half-written, and it goes on."""
     arguments = command("-s", "lemke", "-s", "slow", "--timeout", "20s", "-o", "r.sqlite")
@@ -97,8 +99,8 @@ def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder
 
 
 def test_elsewhere_it_shows_lines_and_keeps_a_log(folder: Path) -> None:
-    arguments = command("-s", "lemke", "-o", "r.sqlite", "--log", "run.log")
-    done = subprocess.run(arguments, cwd=folder, timeout=600, capture_output=True, text=True, check=True)
+    done = with_plugins(folder, "run", ".", "--no-report", "-s", "lemke", "-o", "r.sqlite", "--log", "run.log")
+    assert done.returncode == 0, done.stderr
     assert "40 pairs\n" in done.stderr
     assert "40/40  40 solved\n" in done.stderr
     assert "\x1b" not in done.stderr
@@ -107,6 +109,7 @@ def test_elsewhere_it_shows_lines_and_keeps_a_log(folder: Path) -> None:
     assert len(re.findall(r"^\S+T\S+ solved       p\d+.h5 lemke, error \S+, solve \S+ s$", log, re.MULTILINE)) == 40
 
 
+@pytest.mark.nightly
 def test_verbose_is_the_log_on_stderr_and_quiet_is_nothing(folder: Path) -> None:
     arguments = command("-s", "lemke", "-k", "p0", "-o", "v.sqlite", "-v")
     done = subprocess.run(arguments, cwd=folder, timeout=600, capture_output=True, text=True, check=True)
@@ -117,8 +120,8 @@ def test_verbose_is_the_log_on_stderr_and_quiet_is_nothing(folder: Path) -> None
 
 
 def test_a_log_that_cannot_be_written_is_told_before_anything_runs(folder: Path) -> None:
-    arguments = command("-s", "lemke", "-o", "r.sqlite", "--log", "nowhere/run.log")
-    done = subprocess.run(arguments, cwd=folder, timeout=600, capture_output=True, text=True, check=False)
+    words = ("-s", "lemke", "-o", "r.sqlite", "--log", "nowhere/run.log")
+    done = with_plugins(folder, "run", ".", "--no-report", *words)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "nowhere/run.log: cannot be written" in done.stderr

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import cpbench
+from command_line import cpbench, with_plugins
 
 from cpbench import storage
 from cpbench.bench import campaign
@@ -64,10 +63,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, *arguments: str, plugin: bool = False, rc: int = 0) -> subprocess.CompletedProcess[str]:
-    if plugin:
-        command = [sys.executable, "-m", "cpbench", "--plugin", "flaky.py", "run", *arguments]
-        environment = {**os.environ, "CPBENCH_ISOLATION": "open"}  # `flaky` notes beside the results what it has met
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, env=environment)
+    if plugin:  # `flaky` notes beside the results what it has met
+        done = with_plugins(folder, "--plugin", "flaky.py", "run", *arguments, CPBENCH_ISOLATION="open")
     else:
         done = cpbench(folder, "run", *arguments)
     assert done.returncode == rc, done.stderr
@@ -146,12 +143,13 @@ def test_a_dry_run_tells_the_matrix_the_grids_and_what_is_done(folder: Path) -> 
     assert "  psor[omega=1:1.2:0.1]: 3 entries, 12 pairs" in told
     assert "18 pairs to run: worst case 6 min" in told
     told = run(folder, "--dry-run").stdout
-    assert "night.sqlite has 2 of the 18 pairs; 16 are to be run" in told
+    assert "night.sqlite has 2 of the 18 pairs; 16 to be run" in told
     assert {path: path.read_bytes() for path in folder.iterdir()} == before, "nothing is written"
     assert "18 pairs to run" in run(folder, "--dry-run", "--rerun", "all").stdout
     assert "shard 1 of 2" in run(folder, "--dry-run", "--shard", "1/2").stdout
 
 
+@pytest.mark.nightly
 def test_shards_make_up_the_whole(folder: Path) -> None:
     """One of three shards of two problems at least is empty, and merges all the same."""
     files = [f"{i}.sqlite" for i in range(1, 4)]
@@ -164,13 +162,25 @@ def test_shards_make_up_the_whole(folder: Path) -> None:
     assert "2 pairs of 3 files: 2 solved" in done.stdout, done.stderr
 
 
-def test_crashes_are_retried_and_failures_end_with_1(folder: Path) -> None:
-    """A solver that is killed the first time it sees a problem: one attempt, two, and what --rerun makes of it."""
+def test_a_crash_is_retried(folder: Path) -> None:
+    run(folder, "p2.h5", "-s", "flaky", "--retry", "2", "--no-report", "-o", "r.sqlite", plugin=True)
+    assert [(r["status"], r["attempts"]) for r in rows(folder / "r.sqlite")] == [("solved", 2)]
+
+
+def test_failures_end_with_1(folder: Path) -> None:
     path = folder / "r.sqlite"
     command = ("p2.h5", "p3.h5", "-s", "flaky", "-s", "liar", "--no-report", "-o", "r.sqlite")
     failed = run(folder, *command, "--fail-on", "crash,wrong", plugin=True, rc=1)
     assert "2 crash, 2 wrong (--fail-on)" in failed.stderr
     assert {(r["status"], r["attempts"]) for r in rows(path)} == {("crash", 1), ("wrong", 1)}
+
+
+@pytest.mark.nightly
+def test_what_is_run_again(folder: Path) -> None:
+    """A solver that is killed the first time it sees a problem: one attempt, two, and what --rerun makes of it."""
+    path = folder / "r.sqlite"
+    command = ("p2.h5", "p3.h5", "-s", "flaky", "-s", "liar", "--no-report", "-o", "r.sqlite")
+    run(folder, *command, plugin=True)
     again = run(folder, *command, "--rerun", "failed", "--fail-on", "crash", plugin=True)
     assert "2 solved" in again.stdout
     assert sorted((r["status"], r["attempts"]) for r in rows(path)) == [("solved", 2)] * 2 + [("wrong", 2)] * 2
@@ -270,6 +280,14 @@ def test_the_bound_is_what_the_limits_allow(limits: Limits, asked: RunPlan, seco
 def test_many_problems_are_counted_by_family() -> None:
     told = list(dry_run.lines(RunPlan(), _assembly(Limits(), dry_run.ROWS + 1), {}))
     assert told[1].split() == ["lcp", "few,", "61", "problems", "61", "61"]
+
+
+def test_a_plan_fits_its_terminal() -> None:
+    """Where columns of solvers are too many there are sums, and names."""
+    wide, narrow = (list(dry_run.lines(RunPlan(), _assembly(Limits()), {}, room)) for room in (80, 40))
+    assert (wide[0].split(), wide[1].split()) == (["problem", "1", "all"], ["lcp", "p0", "1", "1"])
+    assert (narrow[0].split(), narrow[1].split()) == (["problem", "pairs"], ["lcp", "p0", "1"])
+    assert "solvers: lemke" in narrow
 
 
 def test_a_file_that_is_not_there_has_no_rows(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 from synthetic_results import row, suite, table
+from tiers import some_by_day
 
 from cpbench.analysis.comparison import (
     Comparison,
@@ -133,27 +134,30 @@ def test_two_labels_of_a_run_by_solver_or_by_label() -> None:
 
 @pytest.mark.parametrize(
     ("base", "new", "verdict", "kind"),
-    [
-        ("solved", "timeout", "regressed", "timeout"),
-        ("solved", "wrong", "regressed", "wrong"),
-        ("stationary", "crash", "regressed", "crash"),
-        ("infeasible", "failed", "regressed", "failed"),
-        ("solved", "stationary", "regressed", "stationary"),
-        ("stationary", "solved", "improved", "stationary"),
-        ("stationary", "stationary", "same", ""),
-        ("max_iter", "solved", "improved", "max_iter"),
-        ("crash", "infeasible", "improved", "crash"),
-        ("failed", "wrong", "regressed", "wrong"),
-        ("timeout", "crash", "regressed", "crash"),
-        ("crash", "wrong", "regressed", "wrong"),
-        ("wrong", "failed", "improved", "wrong"),
-        ("wrong", "wrong", "same", ""),
-        ("failed", "timeout", "same", ""),
-        ("solved", "unavailable", "inconclusive", "not compared"),
-        ("unsupported", "solved", "inconclusive", "not compared"),
-        ("not_run", "crash", "inconclusive", "not compared"),
-        ("solved", "infeasible", "inconclusive", "contradiction"),
-    ],
+    some_by_day(
+        [
+            ("solved", "timeout", "regressed", "timeout"),
+            ("solved", "wrong", "regressed", "wrong"),
+            ("stationary", "crash", "regressed", "crash"),
+            ("infeasible", "failed", "regressed", "failed"),
+            ("solved", "stationary", "regressed", "stationary"),
+            ("stationary", "solved", "improved", "stationary"),
+            ("stationary", "stationary", "same", ""),
+            ("max_iter", "solved", "improved", "max_iter"),
+            ("crash", "infeasible", "improved", "crash"),
+            ("failed", "wrong", "regressed", "wrong"),
+            ("timeout", "crash", "regressed", "crash"),
+            ("crash", "wrong", "regressed", "wrong"),
+            ("wrong", "failed", "improved", "wrong"),
+            ("wrong", "wrong", "same", ""),
+            ("failed", "timeout", "same", ""),
+            ("solved", "unavailable", "inconclusive", "not compared"),
+            ("unsupported", "solved", "inconclusive", "not compared"),
+            ("not_run", "crash", "inconclusive", "not compared"),
+            ("solved", "infeasible", "inconclusive", "contradiction"),
+        ],
+        8,
+    ),
 )
 def test_status_comes_first(base: str, new: str, verdict: str, kind: str) -> None:
     told = one({"status": base}, {"status": new, "message": "why"})
@@ -334,7 +338,7 @@ def test_intervals_of_a_pair_hold_what_they_promise(rng: np.random.Generator, n:
     assert 0.95 - error <= covered <= (0.95 + error if min(n, m) >= 10 else 0.99)
 
 
-@pytest.mark.parametrize("families", [3, 4, 6, 10])
+@pytest.mark.parametrize("families", some_by_day([3, 4, 6, 10], 1))
 def test_the_interval_of_a_mean_is_widened_once(rng: np.random.Generator, families: int) -> None:
     """Coverage of 95 % within three standard errors of 300 trials, and the width of Student's interval."""
     covered, widths = 0, []
@@ -403,6 +407,7 @@ def test_a_bias_of_the_process_is_not_averaged_away() -> None:
     assert "another run, with other processes" in found.suites[0].why
 
 
+@pytest.mark.nightly
 def test_families_are_resampled_not_problems() -> None:
     """Two families that disagree leave the mean open, whatever ten pairs say."""
     base, _ = ten(1.0, spread=0.0, families=2)
@@ -415,6 +420,7 @@ def test_families_are_resampled_not_problems() -> None:
     assert low.high / low.low > high.high / high.low
 
 
+@pytest.mark.nightly
 def test_intervals_hold_what_they_promise(rng: np.random.Generator) -> None:
     """Ratios with a part of their own and one that their family shares: the interval covers 1 about 95 times in 100."""
     covered = 0

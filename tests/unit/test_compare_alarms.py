@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import row
+from tiers import by_night
 
 from cpbench.analysis.comparison import Comparison, Settings, Side, Verdict, compare, compare_labels
 
-COMPARISONS = {"files": 200, "labels": 100}
 FAMILIES, EACH = 6, 5
 MACHINES = {"here": {"cpu": "a processor", "cores": 2}}
 
@@ -77,26 +77,26 @@ def verdicts(made: list[Comparison]) -> Counter[Verdict]:
     return Counter(found.verdict for found in made)
 
 
-@pytest.mark.parametrize("kind", [files, labels])
-def test_equal_code_is_called_so(kind) -> None:
-    number = COMPARISONS[kind.__name__]
+@pytest.mark.parametrize(("kind", "number"), [(files, 8), *by_night([(files, 200), (labels, 100)])])
+def test_equal_code_is_called_so(kind, number: int) -> None:
     told = verdicts([kind(seed, 1.0) for seed in range(number)])
     assert told[Verdict.REGRESSED] + told[Verdict.IMPROVED] <= 0.05 * number, told
     assert told[Verdict.SAME] >= 0.1 * number, "silence is no answer either"
 
 
-@pytest.mark.parametrize("kind", [files, labels])
-def test_a_fifth_more_time_is_found(kind) -> None:
-    number = COMPARISONS[kind.__name__]
+@pytest.mark.parametrize(("kind", "number"), [(files, 6), *by_night([(files, 200), (labels, 100)])])
+def test_a_fifth_more_time_is_found(kind, number: int) -> None:
     told = verdicts([kind(seed, 1.2) for seed in range(number)])
     assert told[Verdict.REGRESSED] >= 0.95 * number, told
 
 
-def test_a_fifth_less_time_is_found() -> None:
-    told = verdicts([files(seed, 1 / 1.2) for seed in range(40)])
-    assert told[Verdict.IMPROVED] >= 0.95 * 40, told
+@pytest.mark.parametrize("number", [4, *by_night([40])])
+def test_a_fifth_less_time_is_found(number: int) -> None:
+    told = verdicts([files(seed, 1 / 1.2) for seed in range(number)])
+    assert told[Verdict.IMPROVED] >= 0.95 * number, told
 
 
+@pytest.mark.nightly
 def test_more_repeats_raise_no_more_alarms() -> None:
     """Ten repeats of one moment are compared by ranks, and are still of one moment."""
     told = verdicts([labels(seed, 1.0, repeats=10) for seed in range(40)])

@@ -6,12 +6,16 @@ and the comparison one of two such files is removed.
 
 from __future__ import annotations
 
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import cpbench as in_process
+from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.formulations import LCP
@@ -32,6 +36,7 @@ class Moody(Solver):
             return SolverOutput(claim=Claim.FAILED, point=None)
         return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z=np.maximum(-prepared.q, 0.0)))
 '''
+MANY, FEW = "psor[max_iterations=4000]", "psor[max_iterations=50]"
 LOADED = ("--plugin", "moody.py", "--plugin", "builds.toml")
 
 
@@ -40,6 +45,38 @@ def cpbench(folder: Path, *words: str, rc: int = 0) -> str:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == rc, done.stdout + done.stderr
     return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def altered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of two problems by few sweeps and by many; few fail on the first, and by a changed row on the second."""
+    folder = tmp_path_factory.mktemp("altered")
+    storage.save(LCP(M=[[1.0, 0.99], [0.99, 1.0]], q=[-1.0, -1.0], name="p1"), folder / "p1.h5")
+    storage.save(LCP(M=np.eye(3), q=-np.ones(3), name="p2"), folder / "p2.h5")
+    words = ("-s", MANY, "-s", FEW, "--no-report", "-q", "-o", "run.sqlite")
+    done = in_process(folder, "run", "p1.h5", "p2.h5", *words)
+    assert done.returncode == 0, done.stderr
+    with closing(sqlite3.connect(folder / "run.sqlite")) as db:
+        failed = "status = 'failed', claim = 'failed', error = NULL"
+        assert db.execute(f"UPDATE rows SET {failed} WHERE problem = 'p2' AND label = ?", (FEW,)).rowcount == 1
+        db.commit()
+    seal_anew(folder / "run.sqlite")
+    return folder
+
+
+def test_an_alarm_that_does_not_come_back_is_told(altered: Path) -> None:
+    words = ("compare", "run.sqlite", "--a", MANY, "--b", FEW, "--fail-on", "regression")
+    said = in_process(altered, *words)
+    assert said.returncode == 1
+    assert "regressed (2)" in said.stdout
+    said = in_process(altered, *words, "--confirm")
+    assert said.returncode == 1
+    assert "run again: 2 pairs, 4 solves" in said.stdout + said.stderr
+    assert "note: run again: 1 of 2 pairs alarmed twice, 1 did not" in said.stdout
+    assert f"regressed (1):\n  p1, {FEW}" in said.stdout
+    said = in_process(altered, "compare", "run.sqlite", "--a", FEW, "--b", MANY, "--confirm")
+    assert "2 pairs improved" in said.stdout.splitlines()[0]
+    assert "run again" not in said.stdout + said.stderr
 
 
 @pytest.fixture
@@ -61,6 +98,7 @@ def run(tmp_path: Path) -> Path:
 BUILDS = ("compare", "run.sqlite", "--a", "moody@base", "--b", "moody@head", "--fail-on", "regression")
 
 
+@pytest.mark.nightly
 def test_two_builds(run: Path) -> None:
     assert "regressed (2)" in cpbench(run, *BUILDS, rc=1)
     (run / "moods" / "2").unlink()
@@ -76,6 +114,7 @@ def test_two_builds(run: Path) -> None:
     assert "0 of 2 pairs alarmed twice" in (run / "out.md").read_text()
 
 
+@pytest.mark.nightly
 def test_two_files(run: Path) -> None:
     """The new side is run again, by what is installed now; the base is what its file says."""
     moods = [run / "moods" / str(n) for n in (2, 3)]
@@ -92,6 +131,7 @@ def test_two_files(run: Path) -> None:
     assert "unknown solver 'moody@head'" in cpbench(run, *compared, rc=2)
 
 
+@pytest.mark.nightly
 def test_nothing_is_run_where_nothing_alarms(run: Path) -> None:
     said = cpbench(run, "compare", "run.sqlite", "--a", "moody@head", "--b", "moody@base", "--confirm")
     assert "2 pairs improved" in said.splitlines()[0]

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import pandas as pd
 import pytest
 from synthetic_results import row, suite
+from tiers import some_by_day
 
 from cpbench.analysis import baseline
 from cpbench.analysis.comparison import Side, compare
@@ -91,19 +92,22 @@ def changed(*statuses: tuple[str, str]) -> tuple[list[dict[str, Any]], list[dict
 
 @pytest.mark.parametrize(
     ("statuses", "asked", "code"),
-    [
-        ([("solved", "crash")], None, 0),
-        ([("solved", "crash")], "wrong", 0),
-        ([("solved", "crash")], "wrong,crash", 1),
-        ([("solved", "timeout")], "regression", 1),
-        ([("solved", "timeout")], "timeout", 1),
-        ([("wrong", "wrong")], "regression,wrong,crash", 0),
-        ([("failed", "wrong")], "wrong", 1),
-        ([("failed", "solved")], "regression,wrong,crash,inconclusive", 0),
-        ([("solved", "unavailable")], "regression,wrong,crash", 0),
-        ([("solved", "unavailable")], "inconclusive", 1),
-        ([("failed", "failed")], "regression,wrong,crash,inconclusive", 0),
-    ],
+    some_by_day(
+        [
+            ([("solved", "crash")], None, 0),
+            ([("solved", "crash")], "wrong", 0),
+            ([("solved", "crash")], "wrong,crash", 1),
+            ([("solved", "timeout")], "regression", 1),
+            ([("solved", "timeout")], "timeout", 1),
+            ([("wrong", "wrong")], "regression,wrong,crash", 0),
+            ([("failed", "wrong")], "wrong", 1),
+            ([("failed", "solved")], "regression,wrong,crash,inconclusive", 0),
+            ([("solved", "unavailable")], "regression,wrong,crash", 0),
+            ([("solved", "unavailable")], "inconclusive", 1),
+            ([("failed", "failed")], "regression,wrong,crash,inconclusive", 0),
+        ],
+        4,
+    ),
 )
 def test_only_fail_on_ends_with_1(made: Make, cpbench, statuses, asked, code) -> None:
     base, new = changed(*statuses)
@@ -122,6 +126,7 @@ def test_stationary_answers_count_where_that_is_asked_for(made: Make, cpbench) -
     assert "stationary answers are counted as solved (--count-stationary)" in told
 
 
+@pytest.mark.nightly
 def test_two_builds_of_one_run(made: Make, cpbench) -> None:
     rows = [
         row(f"{'abc'[k % 3]}-{k}", f"x@{name}", "solved", 1e-3 * factor * (1 + 0.01 * (k % 3)), solver=f"x@{name}",

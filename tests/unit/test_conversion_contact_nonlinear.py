@@ -212,6 +212,7 @@ NOT_BY_NSGS = {"BoxesStack1-i100000-32.hdf5.dat", "OneObject-i100000-316.hdf5.da
 """Files of which Gauss–Seidel ends at 1e-6 (or 2e-3)."""
 
 
+@pytest.mark.nightly
 def test_real_files_there_and_back(shared_data):
     """What Gauss–Seidel found natively has an error there that is about the one here, and comes back with the same."""
     singular = contacts = files = 0

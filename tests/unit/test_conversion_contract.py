@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from tiers import some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
 from cpbench import graph, matrices, storage
@@ -102,7 +103,7 @@ def empty_for(name: str, like) -> list:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("sparse", some_by_day([False, True], 1))
 def test_source_is_untouched_and_the_trace_travels(name, sparse, tmp_path):
     problem, point = planted_for(name, sparse=sparse)
     before = {k: (matrices.dense(v).copy() if v.ndim == 2 else v.copy()) for k, v in problem.data().items()}
@@ -147,7 +148,7 @@ def test_elimination_stays_sparse_until_it_fills_up(rng):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("like", [np.asarray, sp.csr_array], ids=["dense", "sparse"])
+@pytest.mark.parametrize("like", some_by_day([np.asarray, sp.csr_array], 1), ids=["dense", "sparse"])
 def test_empty_and_zero_problems(name, like):
     for problem in [nothing(name, like), *(empty_for(name, like) if name in FIRST else [])]:
         edge = make(name)

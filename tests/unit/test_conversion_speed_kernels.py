@@ -205,6 +205,7 @@ def test_sizes() -> None:
     assert str(Size(7, 11, 1_500_000_000)) == "7 rows, 11 entries, 1.5 GB at most"
 
 
+@pytest.mark.nightly
 def test_small_conversions_do_not_import_numba() -> None:
     code = (
         "import sys, numpy as np, scipy.sparse as sp; from cpbench.conversions import make, conversions;"

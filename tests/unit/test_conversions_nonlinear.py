@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import graph
 from cpbench.bench.planning import plan
@@ -245,7 +246,7 @@ def at(how, z, w, lb, ub, **knobs):
 
 
 @pytest.mark.parametrize("how", ["min", "fb", "pfb", "ep"])
-@pytest.mark.parametrize(("lb", "ub"), [(0.0, INF), (-INF, 3.0), (0.0, 3.0), (-INF, INF), (1.0, 1.0)])
+@pytest.mark.parametrize(("lb", "ub"), some_by_day([(0.0, INF), (-INF, 3.0), (0.0, 3.0), (-INF, INF), (1.0, 1.0)], 2))
 def test_an_equation_is_zero_where_the_law_holds_and_nowhere_else(how, lb, ub):
     """On a grid: beyond, at and between the bounds, with F of both signs and 0. −1 and 2 − √3 fool the printed (38)."""
     for z, w in itertools.product((-1.0, 0.0, 1.0, 2.0 - 3.0**0.5, 3.0, 4.0), (-1.0, 0.0, 2.0 - 3.0**0.5, 1.0)):
@@ -293,7 +294,7 @@ def test_shares_of_the_penalty():
             at("pfb", 2.0, 2.0, 0.0, INF, share=share)
 
 
-@pytest.mark.parametrize("how", EQUATIONS)
+@pytest.mark.parametrize("how", some_by_day(EQUATIONS, 2))
 def test_asking_for_what_an_equation_asks_for_is_enough(how):
     """Roots of Φ to the tolerance asked solve the MiCP, at ties too: there Φ = δ leaves √δ of (38). 0 is in the box."""
     asked = 1e-5
@@ -333,7 +334,7 @@ def test_the_normal_map_is_zero_beside_the_solution():
 # --------------------------------------------------------------------------------------- one Newton step
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", some_by_day(range(5), 2))
 def test_steps_of_josephy_and_newton_converge_quadratically(seed):
     """The conversion again and again, `at` the answer before; the MLCPs by trying every active set."""
     problem, point = planted_nonlinear.micp(np.random.default_rng(seed), 6, "positive definite", "exp")

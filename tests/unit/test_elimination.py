@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from tiers import some_by_day
 
 from cpbench import factorization, matrices
 from cpbench.conversions import delassus, elimination, sparse_schur
@@ -57,6 +58,7 @@ def test_delassus_operator_is_the_dense_one_and_symmetric(rng, monkeypatch, d, s
     close(elimination.product(sp.csr_array(H.T), Factorization(A), H), reference)
 
 
+@pytest.mark.nightly
 def test_a_large_delassus_operator_is_canonical_and_scipys_product(rng):
     A, place = bodies(rng, [6] * 250)
     H = contacts(rng, [6] * 250, place, 800, 3)
@@ -122,7 +124,9 @@ def network(rng, n, kind):
     return sp.csr_array(A)
 
 
-@pytest.mark.parametrize("kind", ["band", "grid", "no diagonal", "permuted", "badly scaled", "two parts"])
+@pytest.mark.parametrize(
+    "kind", some_by_day(["band", "grid", "no diagonal", "permuted", "badly scaled", "two parts"], 2)
+)
 @pytest.mark.parametrize("way", ["reach", "bundles", "dense", "chosen"])
 def test_large_components(rng, monkeypatch, kind, way):
     costs = dict.fromkeys(sparse_schur.SECONDS, 1e-9)

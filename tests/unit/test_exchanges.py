@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from tiers import by_night, some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import cases, same
@@ -37,7 +38,7 @@ def _path(folder: Path, name: str, what: str = "problem") -> Path:
     return folder / f"{what}{exchanges.get(name).suffix}"
 
 
-@pytest.mark.parametrize(("name", "case"), PAIRS)
+@pytest.mark.parametrize(("name", "case"), some_by_day(PAIRS, 80))
 def test_a_problem_comes_back(name: str, case: str, tmp_path: Path) -> None:
     problem, path = CASES[case], _path(tmp_path, name)
     exchanges.get(name).write_problem(problem, path)
@@ -52,7 +53,7 @@ def test_a_problem_comes_back(name: str, case: str, tmp_path: Path) -> None:
             assert same(again.data()[part], value), f"{part}: a sign of a zero changed"
 
 
-@pytest.mark.parametrize(("name", "case"), PAIRS)
+@pytest.mark.parametrize(("name", "case"), some_by_day(PAIRS, 80))
 def test_an_answer_comes_back(name: str, case: str, tmp_path: Path, rng: np.random.Generator) -> None:
     problem, path = CASES[case], _path(tmp_path, name, "answer")
     point = problem.point_from_vector(rng.standard_normal(sum(problem.point_sizes.values())))
@@ -112,7 +113,7 @@ def test_a_problem_that_it_cannot_carry_is_refused(name: str, tmp_path: Path) ->
     assert not _path(tmp_path, name).exists()
 
 
-@pytest.mark.parametrize("name", exchanges.names())
+@pytest.mark.parametrize("name", [*(n for n in exchanges.names() if n != "hdf5"), *by_night(["hdf5"])])
 def test_what_an_exchange_refuses_is_known_before(name: str, tmp_path: Path) -> None:
     """Met only when it is written it would be an error of the solver's row."""
     exchange = exchanges.get(name)
@@ -222,6 +223,7 @@ def test_broken_matrix_market_is_one_line(content: str, says: str, tmp_path: Pat
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.nightly
 def test_an_array_without_rows_kills_nobody(tmp_path: Path) -> None:
     """SciPy 1.17 divides by zero: the process is gone, and no `except` sees it."""
     (tmp_path / "z.mtx").write_text("%%MatrixMarket matrix array real general\n0 1\n")

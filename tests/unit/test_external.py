@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from tiers import some_by_day
 
 from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.exchange import exchanges
@@ -150,6 +151,7 @@ def test_a_refusal_leaves_the_program_running(program, tmp_path: Path) -> None:
     assert _starts(tmp_path) == 1
 
 
+@pytest.mark.nightly
 def test_one_that_does_not_heed_its_limit_is_killed(program, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(served, "backstop", lambda seconds: 2 * seconds)
     solver = program()
@@ -168,6 +170,7 @@ def test_solvers_of_one_program_greet_it_once(program, tmp_path: Path) -> None:
     assert _starts(tmp_path) == 2
 
 
+@pytest.mark.nightly
 def test_folders_go_with_the_problem_and_programs_with_the_solver(program, tmp_path: Path) -> None:
     solver = program()
     handed = solver.hand_over(PROBLEM)
@@ -182,6 +185,7 @@ def test_folders_go_with_the_problem_and_programs_with_the_solver(program, tmp_p
     assert not _programs()
 
 
+@pytest.mark.nightly
 def test_a_script_that_ends_leaves_nothing(program, tmp_path: Path) -> None:
     program()
     script = (
@@ -210,14 +214,17 @@ def _served(*command: str, install: str = "") -> ServedSolver:
 
 @pytest.mark.parametrize(
     ("code", "state", "told"),
-    [
-        ("import nobody_has_this", "broken", "ModuleNotFoundError: No module named 'nobody_has_this'"),
-        ("print('hello')", "broken", "answered hello with 'hello'"),
-        ("pass", "broken", "exited with code 0 before it answered"),
-        ('input(); print(\'{"unavailable": "ask for a key", "state": "licence"}\')', "licence", "ask for a key"),
-        ('input(); print(\'{"unavailable": "no", "state": "odd"}\')', "broken", "no"),
-        ('input(); print(\'{"error": "protocol 2 only"}\')', "broken", "protocol 2 only"),
-    ],
+    some_by_day(
+        [
+            ("import nobody_has_this", "broken", "ModuleNotFoundError: No module named 'nobody_has_this'"),
+            ("print('hello')", "broken", "answered hello with 'hello'"),
+            ("pass", "broken", "exited with code 0 before it answered"),
+            ('input(); print(\'{"unavailable": "ask for a key", "state": "licence"}\')', "licence", "ask for a key"),
+            ('input(); print(\'{"unavailable": "no", "state": "odd"}\')', "broken", "no"),
+            ('input(); print(\'{"error": "protocol 2 only"}\')', "broken", "protocol 2 only"),
+        ],
+        3,
+    ),
 )
 def test_what_is_said_at_the_door(code: str, state: str, told: str) -> None:
     solver = _served(sys.executable, "-c", code)
@@ -238,6 +245,7 @@ def test_what_is_missing_says_how_to_get_it(tmp_path: Path) -> None:
     assert _served(str(tmp_path / "other")).availability().state == "broken"
 
 
+@pytest.mark.nightly
 def test_long_requests_and_chatter_on_stderr_get_through() -> None:
     """Lines longer than a pipe; more on stderr than one holds, between the request and the reply."""
     code = (
@@ -265,6 +273,7 @@ def test_a_system_without_descriptors_of_processes(monkeypatch: pytest.MonkeyPat
         program.ask("solve", 10.0)
 
 
+@pytest.mark.nightly
 def test_any_registered_solver_is_served_and_answers_as_it_does_here() -> None:
     """`psor` in another process: the same answers with the same options, starts and limits of iterations."""
     here = solvers.get("psor")
@@ -283,7 +292,7 @@ def test_any_registered_solver_is_served_and_answers_as_it_does_here() -> None:
         there.close()
 
 
-@pytest.mark.parametrize("name", [name for name in exchanges.names() if name != "fclib"])
+@pytest.mark.parametrize("name", some_by_day([name for name in exchanges.names() if name != "fclib"], 1))
 def test_any_exchange_serves_a_registered_solver(name: str) -> None:
     there = ServedSolver(
         solvers.get("psor").spec, [sys.executable, "-m", "cpbench.solvers.external.serve", "psor"], name
@@ -295,7 +304,8 @@ def test_any_exchange_serves_a_registered_solver(name: str) -> None:
         there.close()
 
 
-@pytest.mark.parametrize("check", ["check_claims_are_true", "check_answers_have_their_shape"])
+@pytest.mark.nightly
+@pytest.mark.parametrize("check", some_by_day(["check_claims_are_true", "check_answers_have_their_shape"], 1))
 def test_a_served_solver_conforms_as_any(check: str) -> None:
     command = [sys.executable, "-m", "cpbench.solvers.external.serve", "lemke"]
     there = ServedSolver(solvers.get("lemke").spec, command)
@@ -357,6 +367,7 @@ def test_a_claim_of_an_earlier_solve_is_not_taken_again(tmp_path: Path) -> None:
     assert output.claim == Claim.SOLVED
 
 
+@pytest.mark.nightly
 def test_folders_of_processes_that_start_together_stay(tmp_path: Path) -> None:
     """What looks for the folders of the dead does not take those that are just being made."""
     code = (

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from tiers import some_by_day
 
 from cpbench.errors import FormatError
 from cpbench.exchange import exchanges
@@ -27,7 +28,7 @@ def _path(folder: Path, name: str, stem: str = "problem") -> Path:
 LINEAR = [cls.node for cls in formulations if not any("map" in f.metadata for f in dataclasses.fields(cls))]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", some_by_day(NAMES, 6))
 @pytest.mark.parametrize("node", LINEAR)
 def test_problems_and_answers_are_read_again_as_they_were(name: str, node: str, tmp_path: Path) -> None:
     exchange = exchanges.get(name)
@@ -46,7 +47,7 @@ def test_problems_and_answers_are_read_again_as_they_were(name: str, node: str, 
             np.testing.assert_array_equal(getattr(point, part), vector)
 
 
-@pytest.mark.parametrize("name", [*NAMES, "mtx"])
+@pytest.mark.parametrize("name", some_by_day([*NAMES, "mtx"], 1))
 @pytest.mark.parametrize("node", sorted(set(formulations.names()) - set(LINEAR)))
 def test_nonlinear_maps_are_no_arrays(name: str, node: str, tmp_path: Path) -> None:
     """Neither written nor read, and told before; answers are arrays all the same."""

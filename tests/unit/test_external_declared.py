@@ -206,6 +206,7 @@ def test_a_plan_declares_its_solvers_before_it_names_them(tmp_path: Path) -> Non
         plan_file.read(path)
 
 
+@pytest.mark.nightly
 def test_other_processes_know_what_was_declared(tmp_path: Path) -> None:
     """By the environment; a file of tables may be given as a plugin too, and both may say the same."""
     path = _file(tmp_path, '[solver.mine]\nnode = "lcp"\nserve = "./mine"\n[solver."mine@x"]\nenv = {A = "1"}\n')

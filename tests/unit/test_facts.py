@@ -77,6 +77,7 @@ def test_the_p_property_is_that_of_all_minors(M: np.ndarray) -> None:
     assert transposed.value == found.value
 
 
+@pytest.mark.nightly
 @settings(max_examples=300, deadline=None)
 @given(small_matrices)
 def test_copositivity_is_that_of_hadelers_criterion(M: np.ndarray) -> None:
@@ -85,6 +86,7 @@ def test_copositivity_is_that_of_hadelers_criterion(M: np.ndarray) -> None:
     assert plus.value in ((True, False) if copositive.value else (False,))
 
 
+@pytest.mark.nightly
 @settings(max_examples=200, deadline=None)
 @given(small_matrices)
 def test_m_matrices_are_z_matrices_with_a_nonnegative_inverse(M: np.ndarray) -> None:
@@ -240,6 +242,7 @@ def test_large_ranks_and_definiteness_of_planted_matrices(n: int, rows: int | No
     assert word.number == pytest.approx(-0.5, abs=0.2)
 
 
+@pytest.mark.nightly
 def test_beyond_every_limit_a_fact_is_an_estimate_or_not_decided() -> None:
     rng = np.random.default_rng(5)
     n = 30000

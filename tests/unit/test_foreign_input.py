@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.io
+import scipy.sparse as sp
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.bench.planning import plan_file, quantities
@@ -48,7 +51,21 @@ def test_a_reader_that_returns_or_raises_is_not(tmp_path: Path) -> None:
     assert not seen, "it was in another process"
 
 
-@pytest.mark.parametrize("command", ["info", "show", "convert", "solve", "verify"])
+def test_indices_that_point_outside_their_matrix_are_refused(tmp_path: Path) -> None:
+    """SciPy reads them as they stand; a conversion of such a matrix killed the command line."""
+    square, one = sp.csc_matrix(np.eye(4)), np.ones((4, 1))
+    path, ends = tmp_path / "damaged.mat", np.array([0, 1, 2, 3, 4], np.int32)
+    scipy.io.savemat(path, {"P": square, "A": square, "q": one, "l": one, "u": one, "r": 0.0})
+    whole = path.read_bytes()
+    assert whole.count(ends.tobytes()) == 2
+    ends[2] = 1_000_000
+    before, _, after = whole.rpartition(np.arange(5, dtype=np.int32).tobytes())
+    path.write_bytes(before + ends.tobytes() + after)
+    with pytest.raises(FormatError, match="A: is a damaged sparse matrix"):
+        storage.load(path)
+
+
+@pytest.mark.parametrize("command", some_by_day(["info", "show", "convert", "solve", "verify"], 2))
 def test_pipes_and_devices_are_refused(monkeypatch, capsys, tmp_path, command) -> None:
     """At once: opening a pipe that nobody writes waits for ever, /dev/zero has no end."""
     os.mkfifo(tmp_path / "f.h5")

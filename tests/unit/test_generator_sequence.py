@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from generated import instances
 
 from cpbench import graph, matrices, storage
 from cpbench.cli.generate_command import command
@@ -18,21 +19,20 @@ from cpbench.generators.contact_sequence import DT, SPIN, scene
 from cpbench.solvers import Budget, solvers
 from cpbench.verification import judge
 
-LOCAL = generators.get("contact-sequence").instances()
-GLOBAL = generators.get("contact-sequence-global").instances()
+LOCAL, GLOBAL = "contact-sequence", "contact-sequence-global"
 SPHERES = 18
 
 
 def test_every_step_has_its_answer() -> None:
-    assert len(LOCAL) == len(GLOBAL) == 32
-    for instance in (*LOCAL, *GLOBAL):
+    assert len(instances(LOCAL)) == len(instances(GLOBAL)) == 32
+    for instance in (*instances(LOCAL), *instances(GLOBAL)):
         verdict = judge(instance.problem, instance.solution, 1e-13)
         assert verdict.solved, (instance.name, verdict)
         assert verdict.flags == ()
 
 
 def test_local_and_global_form_are_one_problem() -> None:
-    for one, other in zip(LOCAL[::8], GLOBAL[::8], strict=True):
+    for one, other in zip(instances(LOCAL)[::8], instances(GLOBAL)[::8], strict=True):
         condensed = graph.arrive(other.problem, "fc").problem
         size = matrices.max_abs(one.problem.W)
         assert matrices.max_abs(condensed.W - one.problem.W) < 1e-13 * size
@@ -42,7 +42,7 @@ def test_local_and_global_form_are_one_problem() -> None:
 
 def test_momentum_changes_by_gravity_and_reactions() -> None:
     """M(v_k − v_{k−1}) = h f + Hr with f = −mg e_z, from the problems and their answers alone."""
-    for before, after in pairwise(GLOBAL):
+    for before, after in pairwise(instances(GLOBAL)):
         M = after.problem.M.diagonal()
         gained = after.problem.f - M * before.solution.v
         weight = np.zeros((SPHERES, 6))
@@ -54,7 +54,7 @@ def test_momentum_changes_by_gravity_and_reactions() -> None:
 
 def test_matrices_are_the_geometry() -> None:
     """Forces act along the frame, on two spheres oppositely, and a normal force turns no sphere."""
-    for instance in GLOBAL:
+    for instance in instances(GLOBAL):
         where = instance.problem.contacts
         H = matrices.dense(instance.problem.H).reshape(SPHERES, 6, -1, 3)
         np.testing.assert_allclose(H[:, 3:, :, 0], 0.0, atol=1e-15)
@@ -69,7 +69,7 @@ def test_matrices_are_the_geometry() -> None:
 
 def test_spheres_do_not_sink_in() -> None:
     """Gaps, which are h·w_N where no wall moves, stay above a thousandth of a radius."""
-    for instance in GLOBAL:
+    for instance in instances(GLOBAL):
         between = instance.problem.contacts.bodies[:, 1] < SPHERES
         w = instance.problem.w.reshape(-1, 3)[between]
         assert (w[:, 0] * DT).min() > -3e-4
@@ -78,7 +78,7 @@ def test_spheres_do_not_sink_in() -> None:
 
 def test_contacts_come_go_and_keep_their_ids() -> None:
     came = went = jumped = 0
-    for before, after in pairwise(LOCAL):
+    for before, after in pairwise(instances(LOCAL)):
         old, new = before.problem.contacts, after.problem.contacts
         assert 10 <= after.problem.nc <= 40
         common, i, j = np.intersect1d(old.id, new.id, return_indices=True)
@@ -94,22 +94,23 @@ def test_contacts_come_go_and_keep_their_ids() -> None:
     assert came >= 5
     assert went >= 5
     assert jumped >= 1, "no tangent of two spheres jumps: the scene does not test the turning of frames"
-    states = [i.properties for i in LOCAL]
+    states = [i.properties for i in instances(LOCAL)]
     assert all(0 < s["sliding"] < s["pushing"] < s["contacts"] for s in states)
-    assert {bool(matrices.rank(i.problem.W) < 3 * i.problem.nc) for i in LOCAL[::31]} == {True}
+    assert {bool(matrices.rank(i.problem.W) < 3 * i.problem.nc) for i in instances(LOCAL)[::31]} == {True}
 
 
 def test_steps_are_chained() -> None:
-    for instances in (LOCAL, GLOBAL):
-        assert len({i.problem.sequence.name for i in instances}) == 1
-        for k, instance in enumerate(instances):
+    for steps in (instances(LOCAL), instances(GLOBAL)):
+        assert len({i.problem.sequence.name for i in steps}) == 1
+        for k, instance in enumerate(steps):
             place = instance.problem.sequence
             assert (instance.name, place.step, place.dt) == (f"step-{k:03d}", k, DT)
-            assert place.previous == (instances[k - 1].problem.fingerprint if k else "")
-            assert k == 0 or place.time - instances[k - 1].problem.sequence.time == DT
-    assert LOCAL[0].problem.sequence.name != GLOBAL[0].problem.sequence.name
+            assert place.previous == (steps[k - 1].problem.fingerprint if k else "")
+            assert k == 0 or place.time - steps[k - 1].problem.sequence.time == DT
+    assert instances(LOCAL)[0].problem.sequence.name != instances(GLOBAL)[0].problem.sequence.name
 
 
+@pytest.mark.nightly
 def test_a_second_run_gives_the_same() -> None:
     for one, other in zip(scene(), scene.__wrapped__(), strict=True):
         np.testing.assert_array_equal(one.r, other.r)
@@ -123,13 +124,15 @@ def test_written_as_a_pack_and_read_again(tmp_path: Path) -> None:
     assert storage.problem_files([pack]) == [f"{pack}::step-{k:03d}" for k in range(32)]
     for k in (0, 31):
         problem = storage.load(f"{pack}::step-{k:03d}")
-        assert problem.fingerprint == LOCAL[k].problem.fingerprint
-        assert problem.sequence == LOCAL[k].problem.sequence
+        assert problem.fingerprint == instances(LOCAL)[k].problem.fingerprint
+        assert problem.sequence == instances(LOCAL)[k].problem.sequence
         for part in ("id", "bodies", "position", "frame"):
-            np.testing.assert_array_equal(getattr(problem.contacts, part), getattr(LOCAL[k].problem.contacts, part))
+            np.testing.assert_array_equal(
+                getattr(problem.contacts, part), getattr(instances(LOCAL)[k].problem.contacts, part)
+            )
         found = storage.solution(f"{pack}::step-{k:03d}")
         assert found is not None
-        np.testing.assert_array_equal(found[0].r, LOCAL[k].solution.r)
+        np.testing.assert_array_equal(found[0].r, instances(LOCAL)[k].solution.r)
 
 
 def test_the_scene_is_not_shipped(tmp_path: Path) -> None:
@@ -139,10 +142,10 @@ def test_the_scene_is_not_shipped(tmp_path: Path) -> None:
     assert "needs a FOLDER" in refused.output
 
 
-@pytest.mark.parametrize("instances", [LOCAL, GLOBAL], ids=["fc", "gfc"])
-def test_the_answer_of_a_step_is_near_that_of_the_next(instances: list) -> None:
+@pytest.mark.parametrize("form", [LOCAL, GLOBAL])
+def test_the_answer_of_a_step_is_near_that_of_the_next(form: str) -> None:
     warm, cold = [], []
-    for before, after in pairwise(instances):
+    for before, after in pairwise(instances(form)):
         start = transfer(before.problem.contacts, before.solution, after.problem)
         assert start.how == BY_ID
         assert start.matched >= 20
@@ -156,7 +159,7 @@ def test_warm_starts_save_sweeps() -> None:
     nsgs, budget = solvers.get("nsgs"), Budget(tolerance=1e-6)
     last, saved = None, 0
     warm_sweeps = cold_sweeps = 0
-    for instance in LOCAL:
+    for instance in instances(LOCAL):
         problem = instance.problem
         start = None if last is None else transfer(last[0], last[1], problem).point
         warm, cold = nsgs.run(problem, budget, start=start), nsgs.run(problem, budget)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+import generated
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import storage, verification
 from cpbench.formulations import formulations
@@ -15,11 +17,11 @@ from cpbench.generators.collection import builtin_folder, write_collections
 from cpbench.solvers import Budget, solvers
 from cpbench.testing.checks_problem import KNOWN
 
-INSTANCES = {f"{c.name}-{i.name}": i for c in generators if c.builtin for i in c.instances()}
-LARGER = {i.name: i for name in ("contact-planted-large", "contact-stacks") for i in generators.get(name).instances()}
+INSTANCES = {f"{c.name}-{i.name}": i for c in generators if c.builtin for i in generated.instances(c.name)}
+LARGER = {i.name: i for name in ("contact-planted-large", "contact-stacks") for i in generated.instances(name)}
 
 
-@pytest.mark.parametrize("name", [*INSTANCES, *LARGER])
+@pytest.mark.parametrize("name", some_by_day([*INSTANCES, *LARGER], 60))
 def test_what_is_known_is_measured(name: str) -> None:
     instance: Instance = {**INSTANCES, **LARGER}[name]
     if instance.known in KNOWN:
@@ -41,12 +43,14 @@ def test_there_are_at_least_forty_of_every_class_some() -> None:
     assert {i.problem.node for i in INSTANCES.values()} >= set(formulations.names())
 
 
+@pytest.mark.nightly
 def test_the_shipped_files_are_what_the_formulas_give_bit_for_bit(tmp_path: Path) -> None:
     fresh = {path.relative_to(tmp_path): path.read_bytes() for path in write_collections(tmp_path)}
     shipped = builtin_folder()
     assert fresh == {p.relative_to(shipped): p.read_bytes() for p in shipped.glob("*/*") if p.is_file()}
 
 
+@pytest.mark.nightly
 def test_sheets_and_files_agree() -> None:
     for sheet in builtin_folder().glob("*/*.toml"):
         said = tomllib.loads(sheet.read_text())

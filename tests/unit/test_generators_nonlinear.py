@@ -7,10 +7,12 @@ import math
 from fractions import Fraction
 from typing import Any
 
+import generated
 import mpmath
 import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize, root
+from tiers import some_by_day
 
 from cpbench import matrices, verification
 from cpbench.expressions import Map, Operator
@@ -29,24 +31,34 @@ FAMILIES = (
 )  # fmt: skip
 LARGE = ("nash-cournot-large", "walras-large", "harker-pang-large", "traffic-grid-large", "membranes-large")
 COLLECTIONS = {name: generators.get(name) for name in FAMILIES}
-INSTANCES = {i.name: i for c in COLLECTIONS.values() for i in c.instances()}
-LARGER = {i.name: i for name in LARGE for i in generators.get(name).instances()}
-SOLVED = [name for name, i in {**INSTANCES, **LARGER}.items() if i.solution is not None]
+INSTANCES = {i.name: i for name in COLLECTIONS for i in generated.instances(name)}
+SOLVED = [name for name, i in INSTANCES.items() if i.solution is not None]
 
 
 def instance(name: str) -> Instance:
-    return {**INSTANCES, **LARGER}[name]
+    return INSTANCES[name]
 
 
 # ------------------------------------------------------------------------------------------ all of them
 
 
-@pytest.mark.parametrize("name", SOLVED)
+@pytest.mark.parametrize("name", some_by_day(SOLVED, 30))
 def test_known_solutions_solve(name: str) -> None:
-    one = instance(name)
+    _solves(instance(name))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("family", LARGE)
+def test_known_solutions_of_larger_ones_solve(family: str) -> None:
+    for one in generators.get(family).instances():
+        if one.solution is not None:
+            _solves(one)
+
+
+def _solves(one: Instance) -> None:
     verdict = verification.judge(one.problem, one.solution, KNOWN[one.known])
     assert verdict.error <= min(KNOWN[one.known], 1e-12)
-    assert set(verdict.flags) <= {"stationary"} or name == "powell-singular"  # F(0) = 0: its errors are absolute
+    assert set(verdict.flags) <= {"stationary"} or one.name == "powell-singular"  # F(0) = 0: its errors are absolute
     if isinstance(one.problem, Equation):
         found = root(one.problem.F, one.solution.z + 1e-3, tol=1e-14)  # by MINPACK, from near
         assert np.abs(found.x - one.solution.z).max() < 1e-4  # no better than √ε where the root is singular
@@ -60,7 +72,7 @@ def test_there_are_some_of_every_kind() -> None:
     assert not any(generators.get(name).builtin for name in LARGE)
 
 
-@pytest.mark.parametrize("name", INSTANCES)
+@pytest.mark.parametrize("name", some_by_day(INSTANCES, 30))
 def test_starts_are_where_everything_is_defined(name: str) -> None:
     problem, starts = instance(name).problem, instance(name).starts
     for point in starts:
@@ -75,7 +87,7 @@ def test_starts_are_where_everything_is_defined(name: str) -> None:
             assert np.isfinite(F.jacobian(at).data).all()
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", some_by_day(FAMILIES, 8))
 def test_the_last_bits_of_a_library_do_not_matter(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where sines, exponentials and powers are one unit in the last place larger, the problems have the same bits."""
     collection = COLLECTIONS[name]

@@ -242,6 +242,7 @@ def test_a_memory_keeps_apart_what_came_by_other_ways(registered):
             assert memory.seconds(start, arrival.route) > 0
 
 
+@pytest.mark.nightly
 def test_every_real_search_is_short():
     """Over the registered graph, all kinds: no pair has so many routes that a list of them would hurt."""
     begun = time.process_time()

@@ -7,13 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from tiers import by_night
 
 from cpbench.bench import handover
 from cpbench.formulations import LCP, MLCP
 from cpbench.generators.base import generators
 
+NAMES = generators.names()
 
-@pytest.mark.parametrize("name", generators.names())
+
+@pytest.mark.parametrize(
+    "name", [*(n for n in NAMES if "-large" not in n), *by_night(n for n in NAMES if "-large" in n)]
+)
 def test_every_kind_of_problem_arrives_as_it_was(name: str, tmp_path: Path) -> None:
     for instance in generators.get(name).instances():
         handover.write(instance.problem, tmp_path / "p")

@@ -188,6 +188,7 @@ def test_exported_answers_come_back(monkeypatch, tmp_path: Path, asked: Path, ma
     assert run(monkeypatch, tmp_path / "all.h5", "-s", "third", "--problems", asked, "-o", tmp_path / "c.sqlite") == 2
 
 
+@pytest.mark.nightly
 def test_imports_stand_beside_our_own_rows(monkeypatch, capsys, tmp_path: Path, asked: Path, made: Path) -> None:
     """Into a file of a run, twice only with --force; merged from a file of its own; and the run keeps its limits."""
     ours, theirs = tmp_path / "ours.sqlite", tmp_path / "theirs.sqlite"
@@ -232,13 +233,14 @@ def _cells(report: str, label: str) -> dict[str, str]:
     return dict(zip(lines[head], next(cells for cells in lines[head:] if cells[1] == label), strict=True))
 
 
+@pytest.mark.nightly
 def test_times_of_another_machine_are_not_ranked(both: Path, tmp_path: Path) -> None:
     with Store(both) as store:
         table, meta = store.table(), store.meta()
     ours = table["solver"] == "slow"
     table.loc[ours, ["origin", "label", "request"]] = ["", "slow", "exact"]
     table.loc[ours, "solve"] = 0.5
-    report = whole(write_report(table, meta, tmp_path / "a", "t"))
+    report = whole(write_report(table, meta, tmp_path / "a", "t", drawn=True))
     found = _cells(report, "`quick@imported`")
     assert (found["solved"], found["stationary"], found["ran"], found["false claims"]) == (
         "5",
@@ -252,7 +254,7 @@ def test_times_of_another_machine_are_not_ranked(both: Path, tmp_path: Path) -> 
     assert "| `quick@imported` | another machine |" in report
     assert "quick" not in (tmp_path / "a" / "profile-lcp.svg").read_text()
     assert "cpbench verify" in report
-    report = whole(write_report(table, meta, tmp_path / "b", "t", with_imported=True))
+    report = whole(write_report(table, meta, tmp_path / "b", "t", with_imported=True, drawn=True))
     assert _cells(report, "`slow`")["fastest"] == "0"
     assert "quick" in (tmp_path / "b" / "profile-lcp.svg").read_text()
 
@@ -315,6 +317,7 @@ def test_a_source_without_answers_is_one_line(
     assert says in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_the_built_in_problems_are_the_default(monkeypatch, capsys, tmp_path: Path) -> None:
     from cpbench.generators.collection import builtin_folder
 

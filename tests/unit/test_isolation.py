@@ -11,6 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from tiers import some_by_day
 
 from cpbench.bench.processes import cgroup, isolation
 from cpbench.bench.processes.cgroup import Cgroup
@@ -24,7 +25,7 @@ WAYS = ["", "group", "spawn"] if sys.platform == "linux" else ["spawn"]
 Start = Callable[..., Child]
 
 
-@pytest.fixture(params=WAYS, ids=lambda way: way or "best")
+@pytest.fixture(params=some_by_day(WAYS, 1), ids=lambda way: way or "best")
 def start(request: pytest.FixtureRequest) -> Iterator[Start]:
     """Starts children of the target given, and kills them."""
     ctx = context(1, request.param)

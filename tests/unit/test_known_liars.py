@@ -27,6 +27,7 @@ def lane() -> Iterator[Lane]:
         yield lane
 
 
+@pytest.mark.nightly
 def test_success_of_moby_where_there_is_no_solution(lane: Lane, tmp_path: Path) -> None:
     """Drake's Moby says kSolutionFound; the natural residual of what it found is 1."""
     row = row_of(lane, UNSOLVABLE, "drake-moby", tmp_path)
@@ -34,6 +35,7 @@ def test_success_of_moby_where_there_is_no_solution(lane: Lane, tmp_path: Path) 
     assert row["error"] == pytest.approx(1.0)
 
 
+@pytest.mark.nightly
 def test_the_other_lemkes_do_not_claim_it(lane: Lane, tmp_path: Path) -> None:
     for solver in ("drake-lemke", "quantecon-lemke"):
         assert row_of(lane, UNSOLVABLE, solver, tmp_path)["status"] == "failed"
@@ -46,6 +48,7 @@ def test_success_of_casadi_on_what_is_not_a_number(lane: Lane, tmp_path: Path) -
     assert row["status"] == "wrong"
 
 
+@pytest.mark.nightly
 def test_a_convex_program_that_highs_calls_unbounded(lane: Lane, tmp_path: Path) -> None:
     """min ½zᵀMz + qᵀz, z ≥ 0, for an LCP with a planted solution, M of rank 20 of 60: its minimum is there."""
     rng = np.random.default_rng(3)
@@ -60,13 +63,14 @@ def test_a_convex_program_that_highs_calls_unbounded(lane: Lane, tmp_path: Path)
     assert row_of(lane, program, "clarabel", tmp_path)["status"] == "solved"
 
 
+@pytest.mark.nightly
 def test_gams_beside_a_worker_is_no_child_of_a_solve(lane: Lane, tmp_path: Path) -> None:
     """Its process and the threads of gamspy are there since the warm-up."""
     if solvers.get("gams-path").availability().state == "licence":
         pytest.skip("does not apply: the licence of GAMS ran out")
     row = row_of(lane, LCP(M=np.eye(3), q=-np.ones(3)), "gams-path", tmp_path)
     assert (row["status"], row["flags"]) == ("solved", "")
-    assert row["reported"] > 0.0
+    assert row["reported"] is None, "GAMS counts the launch of PATH, which is not PATH's own time"
 
 
 CLOCK = """
@@ -126,6 +130,7 @@ except Unavailable as refused:
 """
 
 
+@pytest.mark.nightly
 def test_a_licence_that_ran_out(tmp_path: Path) -> None:
     """GAMS' own word on its demo licence (five months) 400 days from now: before the solve, and in the midst of it."""
     found = solvers.get("gams-path").availability()

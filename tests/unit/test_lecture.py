@@ -146,6 +146,7 @@ def test_figures_have_words_for_those_who_do_not_see_them(sections):
         assert figure.alt
 
 
+@pytest.mark.nightly
 def test_every_conversion_errs_as_it_promises(sections):
     """Exact edges lift to an answer, to rounding; the others say that they err."""
     known = examples.problems()
@@ -256,6 +257,7 @@ def test_formulas_keep_their_latex():
     assert made.endswith(r'<annotation encoding="application/x-tex">a &lt; b \perp c</annotation></semantics></math>')
 
 
+@pytest.mark.nightly
 def test_commands_on_the_page_work(sections, tmp_path, monkeypatch):
     runner = CliRunner()
     path = page.write(tmp_path, (overview.section,))

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from tiers import some_by_day
 
 from cpbench.bench import checkup
 from cpbench.cli.solver_tables import columns
@@ -70,6 +71,7 @@ def cpbench(environment: dict[str, str], *arguments: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=600).stdout
 
 
+@pytest.mark.nightly
 def test_a_list_of_those_that_a_run_takes_says_how_many_more_there_are(plugged: dict[str, str]) -> None:
     told = cpbench(plugged, "list", "solvers", "--node", "lcp").splitlines()
     assert next(line for line in told if "guest-absent" in line).endswith("missing: pip install no-such-guest")
@@ -81,6 +83,7 @@ def test_a_list_of_those_that_a_run_takes_says_how_many_more_there_are(plugged: 
     assert any(line.startswith("guest-rare") for line in cpbench(plugged, "list", "solvers", "--all").splitlines())
 
 
+@pytest.mark.nightly
 def test_a_check_imports_the_guests_and_survives_them(plugged: dict[str, str]) -> None:
     told = cpbench(plugged, "list", "solvers", "guest-*", "--check", "--json")
     found = {sheet["name"]: sheet["availability"] for sheet in json.loads(told)}
@@ -115,6 +118,7 @@ def test_the_doctor_tells_every_reason_once_with_what_to_do(plugged: dict[str, s
     assert "guest-broken" in rest
 
 
+@pytest.mark.nightly
 def test_the_sheet_of_a_solver_shows_its_options(plugged: dict[str, str]) -> None:
     told = cpbench(plugged, "list", "solvers", "guest-rare")
     assert "when named" in told
@@ -127,6 +131,7 @@ def test_the_sheet_of_a_solver_shows_its_options(plugged: dict[str, str]) -> Non
     assert "publishing    ask first" in cpbench(plugged, "list", "solvers", "guest-well")
 
 
+@pytest.mark.nightly
 def test_a_guest_that_hangs_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checkup, "PATIENCE", 0.5)
     monkeypatch.setattr(checkup, "_main", _sleep)
@@ -144,9 +149,9 @@ def test_columns_are_as_wide_as_their_widest_cell() -> None:
     assert list(columns([])) == []
 
 
-@pytest.mark.parametrize("arguments", [("formats", "nsgs"), ("formats", "--all"), ("solvers", "--node", "lpc")])
-def test_what_makes_no_sense_is_refused(arguments: tuple[str, ...]) -> None:
-    done = subprocess.run([sys.executable, "-m", "cpbench", "list", *arguments], capture_output=True, text=True)
+@pytest.mark.parametrize("arguments", some_by_day(["formats nsgs", "formats --all", "solvers --node lpc"], 1))
+def test_what_makes_no_sense_is_refused(arguments: str) -> None:
+    done = subprocess.run([sys.executable, "-m", "cpbench", "list", *arguments.split()], capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr.startswith("cpbench: ")
     assert done.stderr.count("\n") == 1

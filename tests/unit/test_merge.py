@@ -175,6 +175,7 @@ def test_an_output_that_is_there_is_left_alone(made: Make, tmp_path: Path) -> No
         merge([a, a], tmp_path / "c.sqlite")
 
 
+@pytest.mark.nightly
 def test_shards_give_what_one_run_gives(tmp_path: Path) -> None:
     """Rows, answers and the order of the table; times, dates and loads aside."""
     for n in (3, 4, 5, 6):

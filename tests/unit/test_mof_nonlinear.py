@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tiers import by_night, some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
 from mof_schema import violations
@@ -61,6 +62,7 @@ def maps(draw: st.DrawFn) -> Map:
     return build.finish(draw(st.lists(st.sampled_from(numbers), max_size=4)))
 
 
+@pytest.mark.nightly
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(maps())
 def test_a_map_comes_back_bit_for_bit(F: Map) -> None:
@@ -71,7 +73,7 @@ def test_a_map_comes_back_bit_for_bit(F: Map) -> None:
     assert from_mof.maps(text, "text", {"F": F.inputs}).get("F", Map.empty(F.inputs)) == F
 
 
-@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("node", some_by_day(NODES, 12))
 @pytest.mark.parametrize("seed", range(4))
 def test_hdf5_keeps_a_problem(node: str, seed: int, tmp_path: Path) -> None:
     problem = draw(node, seed, (0, 1, 4, 9)[seed]).problem
@@ -215,13 +217,16 @@ def schema(shared_data: Path) -> dict[str, Any]:
     return json.loads((shared_data.parent / "formats" / "mof.1.9.schema.json").read_text())
 
 
-@pytest.mark.parametrize("node", [*WRITTEN, "lcp", "mlcp", "relay", "qp"])
+@pytest.mark.parametrize(
+    "node", [*by_night(["nlp"]), *(n for n in WRITTEN if n != "nlp"), "lcp", "mlcp", "relay", "qp"]
+)
 def test_files_keep_to_the_schema(node: str, schema: dict[str, Any], tmp_path: Path) -> None:
     for seed in range(4):
         storage.save(draw(node, seed, 4).problem, tmp_path / "p.mof.json", force=True)
         assert violations(json.loads((tmp_path / "p.mof.json").read_text()), schema, schema) == []
 
 
+@pytest.mark.nightly
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(F=maps())
 def test_maps_keep_to_the_schema(F: Map, schema: dict[str, Any]) -> None:
@@ -529,6 +534,7 @@ def test_names_that_occur_twice_are_refused() -> None:
         from_mof.maps(json.dumps(model).encode(), "text", {"F": None})
 
 
+@pytest.mark.nightly
 def test_nesting_is_bounded_by_the_parser_and_chains_are_not() -> None:
     deep = '{"type":"sin","args":[' * 100_000
     text = json.dumps(_model(objective={"sense": "min", "function": _nonlinear("HERE")}))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from claims import assert_claim
+from tiers import some_by_day
 
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
@@ -125,7 +126,7 @@ def test_sweeps_that_stand_still_are_expected_to_go_on_standing() -> None:
     assert policy(replace(near, idle_sweeps=5000), 1e-8) is Method.NEWTON
 
 
-@pytest.mark.parametrize(("name", "most"), FILES)
+@pytest.mark.parametrize(("name", "most"), some_by_day(FILES, 2))
 def test_real_files_take_the_same_way_twice(shared_data: Path, name: str, most: int) -> None:
     problem, solver = storage.load(shared_data / "fc3d_local" / name), solvers.get("auto-contact")
     first, second = (solver.run(problem, Budget(tolerance=1e-8)) for _ in range(2))

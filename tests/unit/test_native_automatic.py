@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim
+from tiers import some_by_day
 
 from cpbench.formulations import LCP, MLCP, LCPPoint, Problem
 from cpbench.solvers import Budget, Claim, solvers
@@ -36,7 +37,7 @@ def test_a_choice_asks_members_of_its_own_node(name: str) -> None:
         assert asked == order(name, case.problem)
 
 
-@pytest.mark.parametrize("name", CHOICES)
+@pytest.mark.parametrize("name", some_by_day(CHOICES, 6))
 def test_a_choice_solves_what_a_member_solves(name: str) -> None:
     """On the planted cases; what no member solves, it does not solve either, and says so."""
     choice = solvers.get(name)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from tiers import some_by_day
 
 from cpbench import kernel_cache as cache
 from cpbench import storage
@@ -100,6 +101,7 @@ def test_processes_that_start_at_once_share_one_compilation(tmp_path: Path) -> N
     assert len(compiled) == 5  # the judge; sweeps and products, dense and sparse
 
 
+@pytest.mark.nightly
 def test_several_are_compiled_side_by_side_and_each_once(tmp_path: Path) -> None:
     names = ("pivoting", "complementary_bases", "mlcp_judged")
     code = (
@@ -117,6 +119,7 @@ def test_several_are_compiled_side_by_side_and_each_once(tmp_path: Path) -> None
     assert {name.partition(".")[0] for name in compiled} == {*names, "tableau"}
 
 
+@pytest.mark.nightly
 def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_changed(tmp_path: Path) -> None:
     """numba looks at the file of the kernel alone, and would go on with what it compiled of the other as it was."""
     package = tmp_path / "cpbench"
@@ -195,9 +198,7 @@ for name in sys.argv[1:]:
 """
 
 
-@pytest.mark.parametrize(
-    "names", [NATIVE[::8], pytest.param(NATIVE, marks=pytest.mark.nightly)], ids=["every eighth", "all"]
-)
+@pytest.mark.parametrize("names", [NATIVE[::40], pytest.param(NATIVE, marks=pytest.mark.nightly)], ids=["some", "all"])
 def test_nothing_is_loaded_after_the_warm_up_nor_more_than_is_used(names: list[str]) -> None:
     """Whatever lies in the cache: what a solve would have to compile the first time, on its own clock, is known."""
     code = LOADED.format(folder=str(Path(__file__).parent))
@@ -216,7 +217,7 @@ def problems(solver: Solver) -> Iterator[Problem]:
                 yield problem
 
 
-@pytest.mark.parametrize("name", NATIVE)
+@pytest.mark.parametrize("name", some_by_day(NATIVE, 12))
 def test_nothing_compiles_after_the_warm_up(name: str) -> None:
     """Read-only data, views and another size meet the signatures that the warm-up has compiled."""
     from numba.core.compiler import CompilerBase

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench.formulations import AVI, SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
@@ -51,7 +52,7 @@ def test_steps_end_at_the_boundary(rng: np.random.Generator) -> None:
     assert CONES.longest(s, -s) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("name", some_by_day(PROGRAMS, 3))
 @pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
 @pytest.mark.parametrize("sparse", [False, True])
 def test_programs_over_every_kind_of_factor(name: str, kind: str, sparse: bool) -> None:
@@ -62,7 +63,7 @@ def test_programs_over_every_kind_of_factor(name: str, kind: str, sparse: bool) 
         assert judge(problem, output.point, 1e-8).solved
 
 
-@pytest.mark.parametrize("name", COMPLEMENTARITY)
+@pytest.mark.parametrize("name", some_by_day(COMPLEMENTARITY, 2))
 @pytest.mark.parametrize("kind", ["positive definite", "monotone"])
 @pytest.mark.parametrize("sparse", [False, True])
 def test_complementarity_with_maps_that_are_not_symmetric(name: str, kind: str, sparse: bool) -> None:
@@ -86,7 +87,7 @@ def test_the_nearest_point_of_a_cone() -> None:
         np.testing.assert_allclose(x, K.project(c + shift) - shift, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", [*PROGRAMS, *COMPLEMENTARITY])
+@pytest.mark.parametrize("name", some_by_day([*PROGRAMS, *COMPLEMENTARITY], 2))
 def test_no_matter_what_units(name: str) -> None:
     """Forces and lengths of 1e-6 and 1e6 take about as many iterations."""
     counts: list[int] = []

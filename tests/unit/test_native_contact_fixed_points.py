@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from claims import assert_claim
+from tiers import some_by_day
 
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
@@ -199,15 +200,18 @@ def test_gauss_seidel_does_for_nesterov(rng: np.random.Generator, name: str) -> 
 
 @pytest.mark.parametrize(
     ("name", "file", "tolerance"),
-    [
-        ("tresca-fixed-point", "Confeti-ex13-4contact-Fc3D-SBM.dat", 1e-8),  # plain steps circle at 1e-2
-        ("aclm-fixed-point", "fclib_local_problem_test.hdf5", 1e-8),  # rough convex solves stay at 2e-1
-        ("de-saxce-fixed-point", "RockPile_tob1.dat", 1e-4),
-        ("apgd-contact", "Capsules-i125-1213.hdf5", 1e-8),
-        ("apgd-contact", "RockPile_tob1.dat", 1e-4),
-        ("proximal-newton", "RockPile_tob1.dat", 1e-8),  # ω = 1: more than four times the steps
-        ("proximal-newton", "mj_boxes300_mu04-nc935.hdf5", 1e-8),
-    ],
+    some_by_day(
+        [
+            ("tresca-fixed-point", "Confeti-ex13-4contact-Fc3D-SBM.dat", 1e-8),  # plain steps circle at 1e-2
+            ("aclm-fixed-point", "fclib_local_problem_test.hdf5", 1e-8),  # rough convex solves stay at 2e-1
+            ("de-saxce-fixed-point", "RockPile_tob1.dat", 1e-4),
+            ("apgd-contact", "Capsules-i125-1213.hdf5", 1e-8),
+            ("apgd-contact", "RockPile_tob1.dat", 1e-4),
+            ("proximal-newton", "RockPile_tob1.dat", 1e-8),  # ω = 1: more than four times the steps
+            ("proximal-newton", "mj_boxes300_mu04-nc935.hdf5", 1e-8),
+        ],
+        3,
+    ),
 )
 def test_real_files(shared_data: Path, name: str, file: str, tolerance: float) -> None:
     problem = storage.load(shared_data / "fc3d_local" / file)

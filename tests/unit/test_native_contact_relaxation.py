@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from numpy.polynomial import polynomial
+from tiers import some_by_day
 
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
@@ -58,7 +59,7 @@ def test_the_roots_are_those_of_numpy(rng: np.random.Generator) -> None:
     assert found > 100
 
 
-@pytest.mark.parametrize("local", list(Local))
+@pytest.mark.parametrize("local", some_by_day(list(Local), 2))
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_contact_is_solved_in_one_sweep(rng: np.random.Generator, dimension: int, local: Local) -> None:
     """Full nonsymmetric coupling of normal and tangents: nearly always by iterations, always by formulas."""

@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import cpbench as in_process
+from command_line import with_plugins
+from tiers import by_night
 
 from cpbench import storage
 from cpbench.cli import main
@@ -28,11 +29,7 @@ COMPILER = shutil.which("c++") or shutil.which("g++")
 
 
 def cpbench(folder: Path, *arguments: str, rc: int = 0) -> subprocess.CompletedProcess[str]:
-    if arguments[0] == "new":  # it loads no plugins
-        done = in_process(folder, *arguments)
-    else:
-        command = [sys.executable, "-W", "error", "-m", "cpbench", *arguments]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+    done = with_plugins(folder, *arguments)
     assert done.returncode == rc, done.stdout + done.stderr
     return done
 
@@ -68,7 +65,7 @@ def registries(monkeypatch: pytest.MonkeyPatch) -> None:
 # ------------------------------------------------------------------------------------------------ templates
 
 
-@pytest.mark.parametrize("kind", ["solver", "conversion", "problem"])
+@pytest.mark.parametrize("kind", ["solver", *by_night(["conversion", "problem"])])
 def test_python_passes_its_checks(tmp_path: Path, kind: str) -> None:
     said = cpbench(tmp_path, "new", kind, "demo-2").stdout
     assert said.splitlines() == ["wrote demo-2/demo_2.py", "next: cpbench check demo-2/demo_2.py"]
@@ -77,6 +74,7 @@ def test_python_passes_its_checks(tmp_path: Path, kind: str) -> None:
     assert "passed" in told
 
 
+@pytest.mark.nightly
 def test_a_shell_script_passes_its_checks(tmp_path: Path) -> None:
     needs(shutil.which("awk"), "awk")
     cpbench(tmp_path, "new", "solver", "demo", "--lang", "command")
@@ -102,6 +100,7 @@ def cpp(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "demo"
 
 
+@pytest.mark.nightly
 def test_cpp_passes_its_checks(cpp: Path) -> None:
     cpbench(cpp, "check", "demo.toml")
 
@@ -109,10 +108,9 @@ def test_cpp_passes_its_checks(cpp: Path) -> None:
 STRICT = ("-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("registries")
-@pytest.mark.parametrize(
-    "node", ["fc", *(pytest.param(n, marks=pytest.mark.nightly) for n in ("lcp", "mlcp", "ncp", "qp"))]
-)
+@pytest.mark.parametrize("node", ["fc", "lcp", "mlcp", "ncp", "qp"])
 def test_a_formulation_has_the_same_method_in_both_languages(tmp_path: Path, node: str) -> None:
     """Each passes its checks as it is written, and both need as many iterations: in C++ everything, the error that it
     stops by too, is written a second time."""
@@ -139,6 +137,7 @@ def test_a_formulation_has_the_same_method_in_both_languages(tmp_path: Path, nod
     assert solved >= 5
 
 
+@pytest.mark.nightly
 def test_the_makefile_compiles(cpp: Path, tmp_path: Path) -> None:
     needs(shutil.which("make"), "make")
     for file in ("demo.cpp", "cpbench.hpp", "Makefile"):
@@ -347,6 +346,7 @@ CAUGHT = {
 }
 
 
+@pytest.mark.nightly
 def test_broken_plugins_are_caught_by_the_named_check(tmp_path: Path) -> None:
     """One file with several kinds; the formulation is measured on the problems that the file brings."""
     text = REGISTERED
@@ -370,6 +370,7 @@ def build():
     assert parts["right"] == {}
 
 
+@pytest.mark.nightly
 def test_who_hangs_or_dies_fails_that_check_and_no_other(tmp_path: Path) -> None:
     text = (
         REGISTERED
@@ -463,7 +464,11 @@ def test_a_plugin_that_does_not_load_says_so_in_one_line(
     ("text", "word"),
     [
         ("import nothing_of_this_name", "p.py: line 1: ModuleNotFoundError"),
-        ("import os\nos._exit(3)", "ends the process that loads it (exited with code 3)"),
+        pytest.param(
+            "import os\nos._exit(3)",
+            "ends the process that loads it (exited with code 3)",
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_a_plugin_that_does_not_load_is_bad_input(tmp_path: Path, text: str, word: str) -> None:
@@ -476,6 +481,7 @@ def test_a_name_that_nobody_has_cannot_be_checked() -> None:
         conduct.named("lemkee")
 
 
+@pytest.mark.nightly
 def test_what_is_registered_is_checked_by_its_name(tmp_path: Path) -> None:
     told = cpbench(tmp_path, "check", "lcp-avi").stdout
     assert told.startswith("conversion lcp-avi (lcp -> avi)")
@@ -484,6 +490,7 @@ def test_what_is_registered_is_checked_by_its_name(tmp_path: Path) -> None:
 # -------------------------------------------------------------------------------------------------- --plugin
 
 
+@pytest.mark.nightly
 def test_a_plugin_is_named_before_or_after_the_command(tmp_path: Path) -> None:
     cpbench(tmp_path, "new", "solver", "demo")
     assert "demo" in cpbench(tmp_path, "--plugin", "demo/demo.py", "list", "solvers", "demo").stdout

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.linalg import solve
+from tiers import some_by_day
 
 from cpbench.analysis.active_sets import Side, active_set
 from cpbench.cones import box_defect, project_box
@@ -84,7 +85,7 @@ def test_the_degenerate_solution_is_told_apart() -> None:
     assert told == {True: 1.0, False: 0.0}
 
 
-@pytest.mark.parametrize("name", SOLVERS)
+@pytest.mark.parametrize("name", some_by_day(SOLVERS, 40))
 @pytest.mark.parametrize(
     ("collection", "instance"),
     [
@@ -105,7 +106,9 @@ def test_the_classics(name: str, collection: str, instance: str) -> None:
     assert micp.residuals(output.point).error <= 1e-10
 
 
-@pytest.mark.parametrize("name", [n for n in SOLVERS if n not in ("semismooth-newton-ep", "smoothing-newton")])
+@pytest.mark.parametrize(
+    "name", some_by_day([n for n in SOLVERS if n not in ("semismooth-newton-ep", "smoothing-newton")], 1)
+)
 def test_sparse_problems(name: str) -> None:
     for instance in ("bratu-20x20-12", "membrane-20x20", "minimal-surface-19x19"):
         micp = problem("membranes", instance)

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
@@ -73,7 +74,7 @@ def test_every_command_counts_its_options(path) -> None:
     assert isinstance(COMMANDS[path], Command)
 
 
-@pytest.mark.parametrize(("path", "flag"), OPTIONS)
+@pytest.mark.parametrize(("path", "flag"), some_by_day(OPTIONS, 80))
 def test_every_option_given_twice(monkeypatch, capsys, path, flag) -> None:
     """One of a single value is an error that names it, before anything else is looked at; a list has both."""
     option = option_of(path, flag)
@@ -110,13 +111,17 @@ def problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "p.h5"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("once", "twice", "column", "expected"),
-    [
-        (["-t", "1e-4,1e-8"], ["-t", "1e-4", "-t", "1e-8"], "tolerance", {1e-4, 1e-8}),
-        (["-s", "lemke,newton-min"], ["-s", "lemke", "-s", "newton-min"], "solver", {"lemke", "newton-min"}),
-        (["--start", "file,file:2"], ["--start", "file", "--start", "file:2"], "start", {"file", "file:2"}),
-    ],
+    some_by_day(
+        [
+            (["-t", "1e-4,1e-8"], ["-t", "1e-4", "-t", "1e-8"], "tolerance", {1e-4, 1e-8}),
+            (["-s", "lemke,newton-min"], ["-s", "lemke", "-s", "newton-min"], "solver", {"lemke", "newton-min"}),
+            (["--start", "file,file:2"], ["--start", "file", "--start", "file:2"], "start", {"file", "file:2"}),
+        ],
+        1,
+    ),
 )
 def test_both_ways_plan_both_rows(monkeypatch, problem, once, twice, column, expected) -> None:
     for name, words in (("once", once), ("twice", twice)):

@@ -37,6 +37,7 @@ def outcome(lane: Lane, address: Path, solver: str, tolerance: float = 1e-6) -> 
     return row
 
 
+@pytest.mark.nightly
 def test_bimatrix_game(lane: Lane, shared_data: Path) -> None:
     """lcp_CPS_3, Cottle, Pang and Stone 4.4.23: Lemke ends in a ray and says so; the game has three equilibria."""
     path = shared_data / "lcp" / "lcp_CPS_3.dat"
@@ -67,6 +68,7 @@ def test_singular_equality_block(lane: Lane, shared_data: Path) -> None:
         graph.arrive(storage.load(path), "lcp", via=[make("mlcp-lcp-schur")])
 
 
+@pytest.mark.nightly
 def test_nonsymmetric_delassus(lane: Lane, shared_data: Path) -> None:
     """Capsules-i125-1213: W is not symmetric; a Gauss–Seidel that symmetrises its blocks stalls at 4e-6.
 

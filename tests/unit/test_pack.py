@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.cli import main
@@ -73,7 +74,7 @@ def test_right_shapes_are_packed(monkeypatch, tmp_path, node) -> None:
     assert storage.load(tmp_path / "x.h5").node == node
 
 
-@pytest.mark.parametrize(("node", "name", "shape"), wrong_shapes())
+@pytest.mark.parametrize(("node", "name", "shape"), some_by_day(wrong_shapes(), 60))
 def test_wrong_shapes_are_refused_in_one_line(monkeypatch, capsys, tmp_path, node, name, shape) -> None:
     """The line names the file and what it has, or the file that does not fit to it."""
     out = tmp_path / "x.h5"

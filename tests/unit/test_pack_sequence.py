@@ -89,6 +89,7 @@ def test_arrays_with_steps_are_the_same_as_files(monkeypatch, tmp_path) -> None:
     assert [p.fingerprint for p in packed(tmp_path / "x.h5")] == [p.fingerprint for p in made]
 
 
+@pytest.mark.nightly
 def test_a_run_follows_ids_positions_or_nothing_and_says_so(monkeypatch, capsys, steps) -> None:
     """The first step and those without a match are cold; the terminal, the row and the report say it."""
     base = ["--sequence", "--dt", "0.01", *FILES]
@@ -127,6 +128,7 @@ def test_problems_of_no_sequence_do_not_start_from_a_step_before(monkeypatch, ca
     assert [p.fingerprint for p in packed(steps / "scene.h5")] == [problem(ids).fingerprint for ids in IDS]
 
 
+@pytest.mark.nightly
 def test_a_start_that_no_file_has_is_said(monkeypatch, capsys, steps) -> None:
     storage.save(problem([1]), steps / "s.h5")
     words = ["-s", "nsgs", "--start", "file", "--repeats", 1, "-q", "--no-report", "-o", "s.sqlite"]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from click.testing import CliRunner, Result
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.analysis import ncp_functions as ncp
@@ -191,6 +192,7 @@ def test_wrong_answers_stay_in_the_picture(address: str, rng: np.random.Generato
 # --- cone and facets ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 def test_the_example_of_the_cone_slides_by_the_law() -> None:
     """W = I: r_T is the projection of −q_T on the disk, û is at a right angle to r."""
     from cpbench.report.pictures.cone import example
@@ -337,16 +339,19 @@ def test_flat_cones_are_told() -> None:
 
 @pytest.mark.parametrize(
     ("M", "q"),
-    [
-        ([[2, 1], [1, 2]], [-5, -6]),
-        ([[1, 2], [3, 1]], [-1, -1]),
-        ([[-1, 0], [0, -1]], [-1, -2]),
-        ([[1, -1], [-1, 1]], [-2, 1]),
-        ([[0, 1], [-1, 0]], [-1, 2]),
-        ([[0, 0], [0, 0]], [-1, 0]),
-        ([[0, 0], [0, 0]], [0, 0]),
-        ([[1e8, 0], [0, 1e-8]], [-1e-6, -1]),
-    ],
+    some_by_day(
+        [
+            ([[2, 1], [1, 2]], [-5, -6]),
+            ([[1, 2], [3, 1]], [-1, -1]),
+            ([[-1, 0], [0, -1]], [-1, -2]),
+            ([[1, -1], [-1, 1]], [-2, 1]),
+            ([[0, 1], [-1, 0]], [-1, 2]),
+            ([[0, 0], [0, 0]], [-1, 0]),
+            ([[0, 0], [0, 0]], [0, 0]),
+            ([[1e8, 0], [0, 1e-8]], [-1e-6, -1]),
+        ],
+        1,
+    ),
 )
 def test_the_plane_is_drawn_whatever_the_matrix(M: list[list[float]], q: list[float], tmp_path: Path) -> None:
     drawing = drawn("lcp-cones", lcp(M, q))
@@ -451,7 +456,8 @@ def test_every_kind_tells_what_it_shows() -> None:
     assert PICTURES in ROOMS
 
 
-@pytest.mark.parametrize("suffix", canvas.SUFFIXES)
+@pytest.mark.nightly
+@pytest.mark.parametrize("suffix", some_by_day(canvas.SUFFIXES, 1))
 def test_the_same_bytes_twice(suffix: str, tmp_path: Path) -> None:
     one, two = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
     for path in (one, two):
@@ -491,6 +497,7 @@ def test_long_names_are_broken_and_formulas_are_not() -> None:
     )
 
 
+@pytest.mark.nightly
 def test_words_below_a_figure_stay_within_it(tmp_path: Path) -> None:
     """Digits and signs are wider than letters."""
     with canvas.drawing():
@@ -502,6 +509,7 @@ def test_words_below_a_figure_stay_within_it(tmp_path: Path) -> None:
     assert max(ends) <= drawn.figure.bbox.x1
 
 
+@pytest.mark.nightly
 def test_bare_figures_are_smaller(tmp_path: Path) -> None:
     heights = {}
     for flag in ((), ("--bare",)):
@@ -513,29 +521,32 @@ def test_bare_figures_are_smaller(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
-    [
-        (("conee",), "did you mean cone"),
-        (("cone", "builtin/rfc/rolling.h5::planted-12"), "this is rfc of dimension 5"),
-        (("cone", "builtin/fc/contact-planted-2d.h5::full-rank-2d-5"), "this is fc of dimension 2"),
-        (("cone", "builtin/lcp/lcp-classics.h5::munson1"), "this is lcp"),
-        (("cone", "--contact", "3"), "there is no contact 3; there are 1"),
-        (("cone", "--facets", "5"), "opposite pairs"),
-        (("cone", "--answer", "r.npy"), "give its FILE too"),
-        (("facets", f"{PLANTED}::frictionless-10"), "mu = 0"),
-        (("facets", "builtin/lcp/lcp-classics.h5::munson1"), "this is lcp"),
-        (("facets", "--facets", "4,7"), "7"),
-        (("contact",), "Missing argument 'FILE'"),
-        (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "zz"), "one of xy, xz, yz"),
-        (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "xy"), "no positions"),
-        (("contact", "builtin/lcp/lcp-planted.h5::spd-20"), "has no contacts"),
-        (("lcp-cones", "builtin/lcp/lcp-classics.h5::murty-10"), "n = 2, this lcp has n = 10"),
-        (("lcp-cones", f"{PLANTED}::one-open"), "this is fc"),
-        (("ncp-functions", "--weight", "1"), "between 0 and 1"),
-        (("active-set", "builtin/lcp/american-put.h5::american-put-100"), "give an answer with --answer FILE"),
-        (("active-set", f"{PLANTED}::one-open"), "not of fc"),
-        (("active-set", "builtin/lcp/lcp-planted.h5::spd-20", "--tolerance", "2"), "between 0 and 1"),
-        (("sparsity",), "Missing argument 'FILE'"),
-    ],
+    some_by_day(
+        [
+            (("conee",), "did you mean cone"),
+            (("cone", "builtin/rfc/rolling.h5::planted-12"), "this is rfc of dimension 5"),
+            (("cone", "builtin/fc/contact-planted-2d.h5::full-rank-2d-5"), "this is fc of dimension 2"),
+            (("cone", "builtin/lcp/lcp-classics.h5::munson1"), "this is lcp"),
+            (("cone", "--contact", "3"), "there is no contact 3; there are 1"),
+            (("cone", "--facets", "5"), "opposite pairs"),
+            (("cone", "--answer", "r.npy"), "give its FILE too"),
+            (("facets", f"{PLANTED}::frictionless-10"), "mu = 0"),
+            (("facets", "builtin/lcp/lcp-classics.h5::munson1"), "this is lcp"),
+            (("facets", "--facets", "4,7"), "7"),
+            (("contact",), "Missing argument 'FILE'"),
+            (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "zz"), "one of xy, xz, yz"),
+            (("contact", "builtin/fc/contact-planted-3d.h5::one-open", "--view", "xy"), "no positions"),
+            (("contact", "builtin/lcp/lcp-planted.h5::spd-20"), "has no contacts"),
+            (("lcp-cones", "builtin/lcp/lcp-classics.h5::murty-10"), "n = 2, this lcp has n = 10"),
+            (("lcp-cones", f"{PLANTED}::one-open"), "this is fc"),
+            (("ncp-functions", "--weight", "1"), "between 0 and 1"),
+            (("active-set", "builtin/lcp/american-put.h5::american-put-100"), "give an answer with --answer FILE"),
+            (("active-set", f"{PLANTED}::one-open"), "not of fc"),
+            (("active-set", "builtin/lcp/lcp-planted.h5::spd-20", "--tolerance", "2"), "between 0 and 1"),
+            (("sparsity",), "Missing argument 'FILE'"),
+        ],
+        8,
+    ),
 )
 def test_what_cannot_be_drawn_is_refused(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
     output = tmp_path / "x.svg"

@@ -158,6 +158,7 @@ def test_numbers_that_overflow_are_left_out() -> None:
     assert "spread" not in facts
 
 
+@pytest.mark.nightly
 def test_every_fact_of_every_builtin_problem_is_known_with_its_type() -> None:
     known = features.known()
     nodes = set()

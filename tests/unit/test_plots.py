@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 from synthetic_results import meta, results_file, row, suite, table
+from tiers import some_by_day
 
 from cpbench.analysis import deadlines, histories, pairwise, profiles, scaling, sweeps
 from cpbench.analysis import steps as walk
@@ -283,7 +284,7 @@ def test_another_tolerance_judges_the_answers_again() -> None:
     assert "tolerance 0.0001 (asked for: 1e-06)" in loose.conditions()
 
 
-@pytest.mark.parametrize("suffix", ["svg", "png", "pdf"])
+@pytest.mark.parametrize("suffix", some_by_day(["svg", "png", "pdf"], 1))
 def test_hostile_names_stay_text_in_every_file(tmp_path: Path, suffix: str) -> None:
     hostile = "<script>$\\frac{1}{0}$</script>"
     rows = pd.concat([SUITE, SUITE[SUITE["label"] == "lemke"].assign(label=hostile, key=lambda r: r["key"] + "h")])
@@ -298,19 +299,22 @@ def test_hostile_names_stay_text_in_every_file(tmp_path: Path, suffix: str) -> N
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [
-        (["profile", "FILE", "-o", "x.bmp"], "unknown suffix '.bmp'"),
-        (["profile", "FILE", "-o", "x.svg", "--metric", "timee"], "unknown metric 'timee': did you mean time"),
-        (["profile", "FILE", "-o", "x.svg", "--solver", "nobody"], "unknown solver of the results 'nobody'"),
-        (["profile", "FILE", "-o", "x.svg", "--node", "fc"], "unknown formulation 'fc'"),
-        (["profile", "FILE", "-o", "x.svg", "--family", "x*"], "unknown family 'x\\*'"),
-        (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs"], "takes two different labels"),
-        (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs,pg"], "unknown solver of the results 'pg'"),
-        (["data-profile", "FILE", "-o", "x.svg", "--per", "nc"], "unknown dimension 'nc'"),
-        (["sweep", "FILE", "-o", "x.svg", "--option", "omega"], "unknown option of the solvers 'omega'"),
-        (["profile", "none.sqlite", "-o", "x.svg"], "none.sqlite"),
-        (["profil", "FILE", "-o", "x.svg"], "unknown figure 'profil': did you mean profile"),
-    ],
+    some_by_day(
+        [
+            (["profile", "FILE", "-o", "x.bmp"], "unknown suffix '.bmp'"),
+            (["profile", "FILE", "-o", "x.svg", "--metric", "timee"], "unknown metric 'timee': did you mean time"),
+            (["profile", "FILE", "-o", "x.svg", "--solver", "nobody"], "unknown solver of the results 'nobody'"),
+            (["profile", "FILE", "-o", "x.svg", "--node", "fc"], "unknown formulation 'fc'"),
+            (["profile", "FILE", "-o", "x.svg", "--family", "x*"], "unknown family 'x\\*'"),
+            (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs"], "takes two different labels"),
+            (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs,pg"], "unknown solver of the results 'pg'"),
+            (["data-profile", "FILE", "-o", "x.svg", "--per", "nc"], "unknown dimension 'nc'"),
+            (["sweep", "FILE", "-o", "x.svg", "--option", "omega"], "unknown option of the solvers 'omega'"),
+            (["profile", "none.sqlite", "-o", "x.svg"], "none.sqlite"),
+            (["profil", "FILE", "-o", "x.svg"], "unknown figure 'profil': did you mean profile"),
+        ],
+        5,
+    ),
 )
 def test_bad_input_is_refused_in_one_line(tmp_path: Path, arguments: list[str], message: str) -> None:
     file = results_file(tmp_path / "r.sqlite", SUITE)

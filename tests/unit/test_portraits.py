@@ -17,9 +17,9 @@ from synthetic_results import meta, results_file, row, table
 from cpbench import storage
 from cpbench.analysis.contact_states import contact_states
 from cpbench.analysis.portraits import CELLS, CONTACTS, LEAST, portrait
+from cpbench.api import portraits
 from cpbench.bench.results.answers import pack
 from cpbench.bench.results.store import Store
-from cpbench.cli import portraits
 from cpbench.errors import PointError
 from cpbench.formulations import LCP, FCPoint, FrictionContact
 from cpbench.formulations.base import Problem
@@ -144,6 +144,7 @@ def test_the_best_verified_answer_shows_what_contacts_do(tmp_path: Path) -> None
     assert found["contacts"] == portrait(problem, point)["contacts"]
 
 
+@pytest.mark.nightly
 def test_what_is_gone_changed_or_hostile_gets_words_and_the_others_their_pictures(tmp_path: Path) -> None:
     one, other = LCP(M=np.eye(3), q=-np.ones(3)), LCP(M=2 * np.eye(3), q=-np.ones(3))
     good = saved(one, tmp_path / "good.h5")
@@ -167,6 +168,7 @@ def test_what_is_gone_changed_or_hostile_gets_words_and_the_others_their_picture
     assert {why[name] for name in ("cut", "noise", "text")} == {portraits.UNREADABLE}
 
 
+@pytest.mark.nightly
 def test_a_problem_of_a_generator_needs_no_file(tmp_path: Path) -> None:
     instance = generators.get("lcp-classics").instances()[0]
     found = asked(tmp_path, line("murty", instance.problem, "nowhere/murty.h5", family="lcp-classics"))
@@ -175,6 +177,7 @@ def test_a_problem_of_a_generator_needs_no_file(tmp_path: Path) -> None:
     assert told.items() >= portrait(instance.problem).items()
 
 
+@pytest.mark.nightly
 def test_who_is_slow_is_left_and_the_others_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(portraits, "PATIENCE", 0.02)
     slow = [LCP(M=np.eye(2 + k), q=np.ones(2 + k)) for k in range(3)]
@@ -187,6 +190,7 @@ def test_who_is_slow_is_left_and_the_others_go_on(tmp_path: Path, monkeypatch: p
     assert len(found) == 4
 
 
+@pytest.mark.nightly
 def test_pictures_stay_within_their_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     problems = [LCP(M=np.eye(k), q=-np.ones(k)) for k in range(3, 30)]
     rows = [line(f"p-{k}", p, saved(p, tmp_path / f"{k}.h5")) for k, p in enumerate(problems)]

@@ -17,6 +17,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 import cpbench as package
 from cpbench import storage
@@ -72,6 +73,7 @@ def write_lcp(folder: Path, name: str, n: int = 3) -> Path:
 # --------------------------------------------------------------------------------------- taken from an output
 
 
+@pytest.mark.nightly
 def test_recommend_warm_without_a_start(run: Run, tmp_path: Path) -> None:
     """Without guesses in the file a warm start would be refused: the command starts cold, and says so."""
     write_lcp(tmp_path, "a problem")
@@ -81,6 +83,7 @@ def test_recommend_warm_without_a_start(run: Run, tmp_path: Path) -> None:
     assert re.search(r"\bsolved\b", run(*shlex.split(line)))
 
 
+@pytest.mark.nightly
 def test_recommend_from_a_guess(run: Run, tmp_path: Path) -> None:
     import h5py
 
@@ -93,6 +96,7 @@ def test_recommend_from_a_guess(run: Run, tmp_path: Path) -> None:
     assert re.search(r"\bsolved\b", run(*words))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("lang", ["python", "cpp"])
 def test_new(run: Run, tmp_path: Path, lang: str) -> None:
     if lang == "cpp" and not (shutil.which("make") and shutil.which("c++")):
@@ -106,6 +110,7 @@ def test_new(run: Run, tmp_path: Path, lang: str) -> None:
             subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, timeout=300)
 
 
+@pytest.mark.nightly
 def test_new_ci_names_what_it_was_given(run: Run, tmp_path: Path) -> None:
     """The script begins with its options: it gets as far as the commit to compare with, which this folder has not."""
     subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
@@ -117,6 +122,7 @@ def test_new_ci_names_what_it_was_given(run: Run, tmp_path: Path) -> None:
     assert "no commit 'HEAD~1' here" in done.stderr
 
 
+@pytest.mark.nightly
 def test_tune_and_select_name_the_plugin(run: Run, tmp_path: Path) -> None:
     """A solver that a plugin brings is unknown to whoever does not load it."""
     for k in range(8):
@@ -134,12 +140,15 @@ def test_tune_and_select_name_the_plugin(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("words", "told"),
-    [
-        (("solve", "two.h5", "-s", "bananas"), "cpbench list solvers --all"),
-        (("solve", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
-        (("run", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
-        (("run", "empty"), "cpbench list formats"),
-    ],
+    some_by_day(
+        [
+            (("solve", "two.h5", "-s", "bananas"), "cpbench list solvers --all"),
+            (("solve", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
+            (("run", "a contact.h5", "-s", "casadi-sqpmethod"), "cpbench route 'a contact.h5' --explain"),
+            (("run", "empty"), "cpbench list formats"),
+        ],
+        2,
+    ),
 )
 def test_the_hint_of_a_refusal(run: Run, tmp_path: Path, words: tuple[str, ...], told: str) -> None:
     write_lcp(tmp_path, "two", 2)
@@ -161,7 +170,8 @@ def texts() -> list[tuple[str, str]]:
     found = [
         (f"{path.relative_to(ROOT)}:{node.lineno}", node.value)
         for path in sorted(ROOT.rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if re.search(r"cpbench (?!import\b)", text := path.read_text("utf-8"))  # of most files none
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and "cpbench " in node.value
     ]
     templates = [path for path in sorted((ROOT / "templates").rglob("*")) if path.is_file()]

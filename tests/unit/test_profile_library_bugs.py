@@ -86,6 +86,7 @@ def test_a_failure_lands_on_its_own_problem_whatever_the_order_of_rows() -> None
             assert heights(performance_profile(wide), "s2", 1, 2, INF) == [1 / 3, 2 / 3, 2 / 3]
 
 
+@pytest.mark.nightly
 def test_the_analysis_needs_no_profile_package_and_no_particular_pandas() -> None:
     """perprof-py's requirements resolve to a pandas that cannot be imported beside the numpy they resolve to."""
     wanted = importlib.metadata.requires("cpbench") or []

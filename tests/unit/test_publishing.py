@@ -48,7 +48,7 @@ def test_a_restriction_is_said_before_any_figure(tmp_path: Path) -> None:
 
 
 def test_a_publishable_report_shows_nothing_of_the_restricted(tmp_path: Path) -> None:
-    told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T", publishable=True).read_text()
+    told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T", publishable=True, drawn=True).read_text()
     assert "Left out" in told
     assert "restricted: `vendor`" in told
     assert told.count("vendor") == 1, "where it is said that it is left out"
@@ -94,6 +94,7 @@ def test_reasons_are_counted_by_solver() -> None:
     assert found == {"pip install absent": {"absent": 3, "twin": 3}, "at most 1000 rows, found 1200": {"partly": 1}}
 
 
+@pytest.mark.nightly
 def test_the_command_leaves_them_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=[-5.0, -6.0], name="deudeu"), tmp_path / "p.h5")
     monkeypatch.chdir(tmp_path)

@@ -9,7 +9,9 @@ import sys
 from pathlib import Path
 
 import click
+import pytest
 
+import cpbench
 from cpbench.bench.planning import plan_file
 from cpbench.cli import cli
 from cpbench.formulations import formulations
@@ -50,6 +52,25 @@ def test_the_plan_file_is_one(tmp_path: Path) -> None:
     listed = [sys.executable, "-m", "cpbench", "list", "solvers", "--plugin", str(tmp_path / "mine.toml"), "mine*"]
     told = subprocess.run(listed, capture_output=True, text=True, check=True).stdout
     assert re.findall(r"^\s*(mine\S*)", told, re.MULTILINE) == ["mine", "mine@head"]
+
+
+PYTHON = re.findall(r"^```python\n(.*?)^```", README.read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    "block",
+    [pytest.param(block, marks=[pytest.mark.nightly] if "cp.run(" in block else []) for block in PYTHON],
+)
+def test_its_python_runs(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "casadi" in block:
+        pytest.importorskip("casadi", reason="does not apply: CasADi is not installed")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block, str(README), "exec"), {})
+
+
+def test_its_python_names_what_there_is() -> None:
+    names = {name for block in PYTHON for name in re.findall(r"\bcp\.(\w+)", block)}
+    assert {"solve", "run"} <= names <= set(cpbench.__all__)
 
 
 def test_the_options_named_are_those_of_the_commands() -> None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.bench.planning import plan
@@ -107,6 +108,7 @@ def test_one_tolerance_is_gone_by_and_asked_for(monkeypatch, capsys, problems: l
     assert "give --tolerance with --results of runs" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_by_the_shipped_table(monkeypatch, capsys, problems: list[Path]) -> None:
     assert cpbench(monkeypatch, "recommend", "builtin/lcp/lcp-classics.h5::murty-10", "--any") == 0
     said = capsys.readouterr().out
@@ -143,6 +145,7 @@ def test_warm_goes_by_warm_rows_and_says_when_there_are_none(
     assert not any("no warm" in remark for remark in found["remarks"])
 
 
+@pytest.mark.nightly
 def test_a_solver_that_is_not_installed_is_passed_over(tmp_path: Path, problems: list[Path]) -> None:
     plugin = tmp_path / "guests.py"
     plugin.write_text(
@@ -217,7 +220,7 @@ def test_features_of_an_older_file_are_read_again(monkeypatch, capsys, tmp_path:
 
 @pytest.mark.parametrize(
     ("case", "word"),
-    [
+    some_by_day([
         ("absent", "no such results file"),
         ("empty", "is empty, not a results file"),
         ("text", "not a results file"),
@@ -231,7 +234,7 @@ def test_features_of_an_older_file_are_read_again(monkeypatch, capsys, tmp_path:
         ("both", "give a PROBLEM, or --evaluate, or --make TABLE"),
         ("one family", "there is nothing to leave out"),
         ("make of nothing", "--results FILE"),
-    ],
+    ], 5),
 )  # fmt: skip
 def test_bad_input_is_one_line(
     monkeypatch, capsys, tmp_path: Path, problems: list[Path], measured: Path, case: str, word: str

@@ -288,6 +288,7 @@ def test_an_origin_does_not_advise_itself() -> None:
     assert every["solved"] == lcp["solved"] == int(np.isfinite(found["ratio"]).sum())
 
 
+@pytest.mark.nightly
 def test_no_choice_of_knobs_sees_what_they_advise() -> None:
     """Changing all outcomes of a part changes neither its knobs nor what it is advised."""
     rng = np.random.default_rng(3)
@@ -338,6 +339,7 @@ def test_the_knobs_that_serve_the_others_arechosen() -> None:
     assert (found["plain_ratio"] == 5.0).sum() == 12
 
 
+@pytest.mark.nightly
 def test_the_advice_is_that_of_recommend() -> None:
     """The choices of many cases at once are those that `recommend` makes for one, on the shipped table."""
     known = from_text(files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8"), SHIPPED)
@@ -409,6 +411,7 @@ def test_the_shipped_table_is_of_the_built_in_problems(shipped: Experience) -> N
         assert not solvers.get(label.partition("[")[0]).spec.publishing, label
 
 
+@pytest.mark.nightly
 def test_what_the_shipped_advice_is_worth(shipped: Experience) -> None:
     """Origins left out, knobs chosen without them: it beats what is chosen beforehand, and not what is chosen after."""
     found = evaluate(shipped)

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import to_hex
 from synthetic_results import looks_of, suite
+from tiers import some_by_day
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
@@ -125,14 +126,17 @@ def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
 
 @pytest.mark.parametrize(
     "times",
-    [
-        pd.DataFrame({"a": [INF, INF]}),
-        pd.DataFrame({"a": [1.0]}),
-        pd.DataFrame({"a": [1.0], "b": [1e9]}),
-        pd.DataFrame({"<b>&": [1.0], "$x$": [2.0], "_hidden": [3.0], "漢": [4.0], "x" * 200: [5.0], "a\nb": [6.0]}),
-        pd.DataFrame({f"solver {i}": [float(i + 1)] for i in range(60)}),
-        pd.DataFrame(),
-    ],
+    some_by_day(
+        [
+            pd.DataFrame({"a": [INF, INF]}),
+            pd.DataFrame({"a": [1.0]}),
+            pd.DataFrame({"a": [1.0], "b": [1e9]}),
+            pd.DataFrame({"<b>&": [1.0], "$x$": [2.0], "_hidden": [3.0], "漢": [4.0], "x" * 200: [5.0], "a\nb": [6.0]}),
+            pd.DataFrame({f"solver {i}": [float(i + 1)] for i in range(60)}),
+            pd.DataFrame(),
+        ],
+        2,
+    ),
     ids=["none solved", "one", "far apart", "labels", "sixty", "nothing"],
 )
 def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
@@ -144,6 +148,7 @@ def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
         assert b"</svg>" in svg.read_bytes()
 
 
+@pytest.mark.nightly
 def test_no_date_no_version_no_pyplot(tmp_path: Path) -> None:
     profile, kinds = profile_of(5, 4)
     png, svg, pdf = figures.save(figures.profile_figure(profile, "t", kinds, looks(profile)), tmp_path, "one")

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from markdown_it import MarkdownIt
 from synthetic_results import meta, row, suite, table
+from tiers import some_by_day
 from written_reports import whole, write_report
 
 from cpbench.report.text import code, fenced, plain, solve_command
@@ -22,16 +23,21 @@ HOSTILE = [
 ]
 
 
-def report(rows: pd.DataFrame, folder: Path, **facts: object) -> str:
-    path = write_report(rows, meta(**facts), folder, "A title")
+def report(rows: pd.DataFrame, folder: Path, drawn: bool = False, **facts: object) -> str:
+    path = write_report(rows, meta(**facts), folder, "A title", drawn=drawn)
     assert path == folder / "report.md"
     return whole(path)
 
 
-def check_whole(text: str, folder: Path) -> None:
-    """Pictures exist, every table is one, no cell is broken."""
-    for target in re.findall(r"\]\(([^)]+\.(?:png|svg))\)", text):
+def check_pictures(text: str, folder: Path) -> None:
+    targets = re.findall(r"\]\(([^)]+\.(?:png|svg))\)", text)
+    assert targets
+    for target in targets:
         assert (folder / target).stat().st_size > 1000
+
+
+def check_whole(text: str) -> None:
+    """Every table is one, no cell is broken."""
     tokens = RENDER.parse(text)
     rows = [t for t in tokens if t.type == "tr_open"]
     head = sum(1 for line in text.splitlines() if re.fullmatch(r"\|(-+:?\|)+", line))
@@ -42,8 +48,9 @@ def check_whole(text: str, folder: Path) -> None:
 
 
 def test_a_run_of_every_outcome(tmp_path: Path) -> None:
-    text = report(suite(45, 20), tmp_path, refused=[["bad.h5", "bad.h5: W: is NaN at 3"]])
-    check_whole(text, tmp_path)
+    text = report(suite(45, 20), tmp_path, drawn=True, refused=[["bad.h5", "bad.h5: W: is NaN at 3"]])
+    check_pictures(text, tmp_path)
+    check_whole(text)
     for heading in (
         "## Ranking",
         "## Answers to be careful with",
@@ -73,11 +80,12 @@ def test_a_run_of_every_outcome(tmp_path: Path) -> None:
     assert (rows["time"] < float("inf")).sum() == (rows["status"] == "solved").sum()
 
 
+@pytest.mark.nightly
 def test_the_same_data_give_the_same_bytes(tmp_path: Path) -> None:
-    rows = suite(12, 9)
+    rows = suite(6, 9)
     one, two = tmp_path / "one", tmp_path / "two"
-    report(rows, one)
-    report(rows.sample(frac=1.0, random_state=1), two)
+    report(rows, one, drawn=True)
+    report(rows.sample(frac=1.0, random_state=1), two, drawn=True)
     names = sorted(p.name for p in one.iterdir())
     figures = [f"profile-lcp{part}.{kind}" for part in ("-each", "") for kind in ("pdf", "png", "svg")]
     assert names == ["details-lcp.md", "details.md", *figures, "report.md", "results.csv"]
@@ -124,7 +132,7 @@ def shape_with(name: str, folder: Path) -> list[str]:
         machine={"cpu": name},
         solvers={name: sheet},
     )
-    check_whole(text, folder)
+    check_whole(text)
     tokens = RENDER.parse(text)
     spans = [child.type for token in tokens for child in token.children or []]
     return [t.type for t in tokens] + [s for s in spans if s not in ("text", "text_special", "code_inline")]
@@ -135,7 +143,7 @@ def harmless(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return shape_with("harmless", tmp_path_factory.mktemp("harmless"))
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", some_by_day(HOSTILE, 1))
 def test_a_hostile_name_stays_text(name: str, harmless: list[str], tmp_path: Path) -> None:
     """Rendered as Markdown there is no tag, link, heading, emphasis or cell that the report did not put there."""
     assert shape_with(name, tmp_path) == harmless
@@ -156,19 +164,22 @@ def test_pieces_render_to_what_went_in() -> None:
 
 @pytest.mark.parametrize(
     "rows",
-    [
-        pd.DataFrame(),
-        table(),
-        table(row("p", "s", "solved", 1.0)),
-        table(row("p", "s", "crash", signal=-11)),
-        table(row("p", "s", "not_run"), row("p", "t", "not_run")),
-        table(*(row(f"p-{i}", s, "timeout") for i in range(3) for s in ("s", "t"))),
-        table(*(row(f"p-{i}", "s", "solved", 0.0) for i in range(3))),
-    ],
+    some_by_day(
+        [
+            pd.DataFrame(),
+            table(),
+            table(row("p", "s", "solved", 1.0)),
+            table(row("p", "s", "crash", signal=-11)),
+            table(row("p", "s", "not_run"), row("p", "t", "not_run")),
+            table(*(row(f"p-{i}", s, "timeout") for i in range(3) for s in ("s", "t"))),
+            table(*(row(f"p-{i}", "s", "solved", 0.0) for i in range(3))),
+        ],
+        3,
+    ),
     ids=["no columns", "no rows", "one solved", "one crashed", "nothing run", "none solved", "zero seconds"],
 )
 def test_small_and_sad_tables(rows: pd.DataFrame, tmp_path: Path) -> None:
-    check_whole(report(rows, tmp_path), tmp_path)
+    check_whole(report(rows, tmp_path))
 
 
 def test_facts_may_be_missing(tmp_path: Path) -> None:
@@ -176,6 +187,7 @@ def test_facts_may_be_missing(tmp_path: Path) -> None:
     assert "limit: none" in path.read_text()
 
 
+@pytest.mark.nightly
 def test_settings_are_reported_apart(tmp_path: Path) -> None:
     text = report(
         table(
@@ -185,10 +197,10 @@ def test_settings_are_reported_apart(tmp_path: Path) -> None:
         ),
         tmp_path,
     )
-    check_whole(text, tmp_path)
+    check_whole(text)
     for heading in ("# A title: lcp, tolerance 1e-08", "# A title: lcp, tolerance 1e-06", "# A title: qp"):
         assert f"\n{heading}\n" in text
-    assert (tmp_path / "profile-lcp-1e-08-cold-1.png").exists()
+    assert "(profile-lcp-1e-08-cold-1.png)" in text
 
 
 def test_many_problems_have_no_matrix(tmp_path: Path) -> None:
@@ -262,6 +274,7 @@ def test_commands_name_the_route() -> None:
     assert command("lemke@necessary", "necessary") == "cpbench solve p.h5 -s lemke --routes all --tolerance 1e-08"
 
 
+@pytest.mark.nightly
 def test_times_of_a_busy_or_drifting_machine_are_marked(tmp_path: Path) -> None:
     rows = suite(3, 3)
     references = [{"at": "t", "pairs": k, "seconds": s, "loadavg": 0.5} for k, s in enumerate((1e-3, 2e-3, math.nan))]
@@ -269,7 +282,7 @@ def test_times_of_a_busy_or_drifting_machine_are_marked(tmp_path: Path) -> None:
     assert "side by side**" not in quiet
     assert "drift" not in quiet
     busy = report(rows.assign(jobs=2.0, loadavg=1.5), tmp_path, references=references)
-    check_whole(busy, tmp_path)
+    check_whole(busy)
     assert "taken while up to 2 solves ran side by side**" in busy
     assert (
         "it took 1 ms to 2 ms, a drift of the machine by a factor 2.00. **Time ratios below 2 are within this" in busy
@@ -283,6 +296,19 @@ def test_warm_starts_are_set_beside_cold_ones(tmp_path: Path) -> None:
     text = report(table(*cold, *warm), tmp_path)
     assert "| lcp | `s` | `previous` | 4 | 4 | 4 | 0 | 0.5 | — |" in text
     assert "## Warm against cold" not in report(table(*cold), tmp_path)
+
+
+def test_what_does_not_compare_has_a_mark_in_the_table_of_times(tmp_path: Path) -> None:
+    rows = table(
+        row("a", "s", "solved", 1.0, start="previous", started="cold: no ids"),
+        row("b", "s", "solved", 1.0, start="previous", started="previous"),
+        row("a", "path", "solved", 1.0, start="previous", started="previous"),
+    )
+    text = report(rows, tmp_path, solvers={"path": {"launches": True}})
+    assert "| `s`‡ |" in text
+    assert "| `path`† |" in text
+    assert "† Every solve of path launches a program, and its launch is in the time." in text
+    assert "‡ Fell back to a cold start: s 1 of 2." in text
 
 
 def test_stationary_has_a_column_and_is_counted_where_that_is_asked_for(tmp_path: Path) -> None:
@@ -300,14 +326,15 @@ def test_stationary_has_a_column_and_is_counted_where_that_is_asked_for(tmp_path
     assert re.search(r"\| `lemke` \| [^|]*\| 2 \| 0 \| 2 \| 0 \|", whole(tmp_path / "report.md"))
 
 
-def test_a_report_of_a_large_run_is_short(tmp_path: Path) -> None:
-    """Of twenty formulations, each with failures of every kind: the answer and what must be known fit 300 lines."""
-    nodes = [f"node{k:02d}" for k in range(20)]
+@pytest.mark.parametrize(("number", "lines"), [(3, 150), pytest.param(20, 300, marks=pytest.mark.nightly)])
+def test_a_report_of_a_large_run_is_short(tmp_path: Path, number: int, lines: int) -> None:
+    """Of many formulations, each with failures of every kind: the answer and what must be known fit some lines."""
+    nodes = [f"node{k:02d}" for k in range(number)]
     parts = [suite(9, 18, seed=k).assign(node=node) for k, node in enumerate(nodes)]
     rows = pd.concat([part.assign(key=part["key"] + part["node"]) for part in parts], ignore_index=True)
     text = write_report(rows, meta(), tmp_path, "A title").read_text(encoding="utf-8")
-    check_whole(text, tmp_path)
-    assert len(text.splitlines()) <= 300
+    check_whole(text)
+    assert len(text.splitlines()) <= lines
     for node in nodes:
         assert f"- **{node}**: " in text
         assert f"[{node}](details-{node}.md)" in text

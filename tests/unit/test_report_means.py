@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 from synthetic_results import meta, row, suite, table
 from written_reports import write_report
 
@@ -62,6 +63,7 @@ def test_a_choice_that_decides_is_told(tmp_path: Path) -> None:
     assert (cells(text)["quick"][6], cells(text)["quick"][-1]) == ("1/1/2", "2")
 
 
+@pytest.mark.nightly
 def test_little_to_resample_or_to_charge_is_told(tmp_path: Path) -> None:
     rows = table(*(row(f"f-{i}", s, "solved" if i % 3 else "timeout", 1.0 + i) for i in range(6) for s in ("a", "b")))
     text = section(rows, tmp_path, "Means")

@@ -77,6 +77,7 @@ def report(path: Path, *options: str) -> tuple[set[str], str]:
     return {p.name for p in (path.parent / "out").glob("results.*")}, done.output
 
 
+@pytest.mark.nightly
 def test_a_report_has_its_rows_in_every_format(tmp_path: Path) -> None:
     sheets = {"lemke": {"name": "lemke"}, "gams": {"name": "gams", "publishing": "ask before publishing"}}
     rows = table(row("a-1", "lemke", "solved", 1.0), row("a-1", "gams", "solved", 2.0))
@@ -90,6 +91,7 @@ def test_a_report_has_its_rows_in_every_format(tmp_path: Path) -> None:
         assert frame["time"].tolist() == [1.0], "the time that the profiles are of"
 
 
+@pytest.mark.nightly
 def test_a_report_without_pyarrow_says_so_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = results_file(tmp_path / "r.sqlite", small())
     monkeypatch.setitem(sys.modules, "pyarrow", None)
@@ -98,6 +100,7 @@ def test_a_report_without_pyarrow_says_so_and_goes_on(tmp_path: Path, monkeypatc
     assert told.count("no results.parquet: Parquet needs pyarrow: pip install 'cpbench[arrow]'\n") == 1
 
 
+@pytest.mark.nightly
 def test_a_report_has_the_formats_that_were_asked_for(tmp_path: Path) -> None:
     path = results_file(tmp_path / "r.sqlite", small())
     assert report(path, "--data", "csv")[0] == {"results.csv"}
@@ -124,6 +127,7 @@ def test_many_rows_are_written_where_they_are_asked_for(monkeypatch: pytest.Monk
     assert row_files.chosen(many, ["csv"]) == (["csv"], [])
 
 
+@pytest.mark.nightly
 def test_a_report_without_csv_does_not_speak_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(row_files.MOST, "csv", 1)
     sheets = {"lemke": {"name": "lemke"}, "gams": {"name": "gams", "publishing": "ask before publishing"}}

@@ -169,6 +169,7 @@ def test_a_hundred_forgeries_are_found_by_later_readers(honest: Path, tmp_path: 
     assert not missed
 
 
+@pytest.mark.nightly
 def test_a_hundred_forgeries_are_found_by_the_run_whose_key_the_forger_has(honest: Path, tmp_path: Path) -> None:
     """He seals what he writes as the run would; the run remembers what it wrote, and marks it for later readers."""
     for seed in range(TRIES):
@@ -360,6 +361,7 @@ def test_commands_refuse_rows_that_cannot_be_believed(
     assert {path.name for path in tmp_path.iterdir()} == {"good.sqlite", "r.sqlite"}
 
 
+@pytest.mark.nightly
 def test_what_it_costs(tmp_path: Path) -> None:
     """A file of 20,000 rows is checked in less than a second of this processor, and three on a busy one."""
     path = tmp_path / "r.sqlite"

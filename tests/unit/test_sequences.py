@@ -98,6 +98,7 @@ def test_warm_and_cold_are_paired_by_step(both: pd.DataFrame) -> None:
     assert (warm[1:] < cold[1:]).sum() > 2 * STEPS // 3
 
 
+@pytest.mark.nightly
 def test_a_run_that_is_killed_goes_on_from_the_kept_answer(scene: Path, both: pd.DataFrame, tmp_path: Path) -> None:
     """kill -9 after 13 steps; the same again: every step does what it does in a run that is left alone."""
     output = tmp_path / "r.sqlite"
@@ -133,6 +134,7 @@ def test_a_step_whose_predecessor_failed_starts_cold_and_says_so(scene: Path, tm
     assert list(rows["started"]) == ["cold: first step"] + ["cold: the step before was max_iter"] * 2
 
 
+@pytest.mark.nightly
 def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path) -> None:
     with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
         asked = [plan.exact(), *plan.facets("inner", 8)]
@@ -145,6 +147,7 @@ def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path
     assert rows["message"].str.contains("takes no starting point").all()
 
 
+@pytest.mark.nightly
 def test_one_step_is_solved_again_from_near_its_solution(scene: Path) -> None:
     """The start is in the row; a problem by itself has no step before it."""
     command = ["solve", f"{scene}::step-003", "-s", "nsgs", "--json", "--start"]
@@ -184,6 +187,7 @@ def test_a_step_that_follows_is_not_read_off_a_history() -> None:
     assert variant(tight[0]) != variant(loose[0])
 
 
+@pytest.mark.nightly
 def test_followers_of_a_step_that_is_run_again_are_run_again(scene: Path, tmp_path: Path) -> None:
     """Step 0 had crashed and step 1 begun cold: when 0 is reset, so is 1, and 2, which had an answer, is not."""
     with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
@@ -197,6 +201,7 @@ def test_followers_of_a_step_that_is_run_again_are_run_again(scene: Path, tmp_pa
         assert store.pending() == {planned[0].key, planned[1].key}
 
 
+@pytest.mark.nightly
 def test_steps_need_the_answers_before(scene: Path, tmp_path: Path) -> None:
     done = cpbench(tmp_path, "run", str(scene), "-s", "nsgs", "--start", "previous", "--keep", "none")
     assert done.returncode == 2

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
+from tiers import some_by_day
 
 from cpbench import matrices
 from cpbench.bench.lane import Lane
@@ -45,7 +46,8 @@ def _nsgs(storage: str) -> SiconosSolver:
     )
 
 
-@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.nightly
+@pytest.mark.parametrize("sparse", some_by_day([False, True], 1))
 def test_a_matrix_is_the_same_in_every_storage(sparse: bool) -> None:
     """Nonsymmetric W: rows for columns would give another answer. The sweeps are the same up to rounding."""
     problem, _ = planted.fc(np.random.default_rng(5), 6, 3, "monotone", sparse=sparse)
@@ -71,6 +73,7 @@ def test_a_problem_that_kills_is_the_last_of_its_process_alone() -> None:
         assert end.value.code == -signal.SIGABRT
 
 
+@pytest.mark.nightly
 def test_loading_again_and_again_takes_no_memory() -> None:
     """Every problem has a child of the guest: nothing of it stays."""
     solver = solvers.get("siconos-lcp-lemke")

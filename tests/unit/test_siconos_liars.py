@@ -27,6 +27,7 @@ def lane() -> Iterator[Lane]:
         yield lane
 
 
+@pytest.mark.nightly
 def test_the_relaxation_that_is_listed_among_the_solvers_of_the_law(lane: Lane, tmp_path: Path) -> None:
     """SICONOS_FRICTION_3D_SOCLCP drops the De Saxcé term: info 0, own error 1e-8, and the contacts lift off."""
     row = row_of(lane, THREE_CONTACTS, "siconos-fc3d-soclcp", tmp_path)
@@ -36,6 +37,7 @@ def test_the_relaxation_that_is_listed_among_the_solvers_of_the_law(lane: Lane, 
     assert row_of(lane, THREE_CONTACTS, "siconos-fc3d-nsgs", tmp_path)["status"] == "solved"
 
 
+@pytest.mark.nightly
 def test_lemke_in_the_plane_compares_its_error_with_a_number_of_pivots(lane: Lane, tmp_path: Path) -> None:
     """SICONOS_FRICTION_2D_LEMKE: info 0 whatever it found, for its error is tested against iparam[0]."""
     problem, _ = planted.fc(np.random.default_rng(0), 5, 2, "positive definite")
@@ -45,6 +47,7 @@ def test_lemke_in_the_plane_compares_its_error_with_a_number_of_pivots(lane: Lan
     assert row_of(lane, problem, "siconos-fc2d-nsgs", tmp_path)["status"] == "solved"
 
 
+@pytest.mark.nightly
 def test_newton_on_a_singular_jacobian_passes_a_test_of_nan(lane: Lane, tmp_path: Path) -> None:
     """SICONOS_LCP_NEWTONMIN: NaN is not greater than the tolerance, hence info 0."""
     row = row_of(lane, SADDLE, "siconos-lcp-newtonmin", tmp_path)
@@ -61,6 +64,7 @@ def test_relaxed_sweeps_overflow_into_a_success(lane: Lane, tmp_path: Path, shar
     assert row_of(lane, problem, "siconos-mlcp-enum", tmp_path)["status"] == "solved"
 
 
+@pytest.mark.nightly
 def test_relaxed_sweeps_overflow_on_a_definite_problem_too(lane: Lane, tmp_path: Path) -> None:
     """SICONOS_MLCP_RPSOR with ω = 2 and ρ = 0.5, its defaults."""
     problem, _ = planted.mlcp(np.random.default_rng(1), 6, 8, "positive definite")
@@ -68,6 +72,7 @@ def test_relaxed_sweeps_overflow_on_a_definite_problem_too(lane: Lane, tmp_path:
     assert (row["status"], row["claim"], row["error"]) == ("wrong", "solved", np.inf)
 
 
+@pytest.mark.nightly
 def test_a_solver_that_exits_takes_nobody_along(lane: Lane, tmp_path: Path) -> None:
     """SICONOS_FRICTION_3D_NSGSV calls exit(1); the next solve of the same worker has another process."""
     for _ in range(2):
@@ -77,6 +82,7 @@ def test_a_solver_that_exits_takes_nobody_along(lane: Lane, tmp_path: Path) -> N
         (tmp_path / "siconos-fc3d-nsgsv.h5").unlink()
 
 
+@pytest.mark.nightly
 def test_an_assertion_is_a_signal(lane: Lane, tmp_path: Path) -> None:
     """SICONOS_FRICTION_3D_NSGS asserts W_ii > 0; SICONOS_MLCP_LCP_LEMKE an LCP in its MLCP. Both abort."""
     backwards = FrictionContact(W=np.diag([-1.0, 1, 1]), q=[-1.0, 1, 0], mu=[0.5], dimension=3)

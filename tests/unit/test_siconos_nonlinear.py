@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench.conversions.base import conversions
 from cpbench.errors import Ended, FormatError
@@ -64,7 +65,7 @@ def in_the_guest(program: str, *arguments: str) -> Any:
 # ------------------------------------------------------------------------------------ published solutions
 
 
-@pytest.mark.parametrize("name", NCP_SOLVERS)
+@pytest.mark.parametrize("name", some_by_day(NCP_SOLVERS, 1))
 def test_both_solutions_of_kojima_and_shindo_from_published_starts(name: str) -> None:
     given = problem("ncp-classics", "kojima-shindo")
     reached = set()
@@ -80,17 +81,20 @@ def test_both_solutions_of_kojima_and_shindo_from_published_starts(name: str) ->
 
 @pytest.mark.parametrize(
     ("solver", "collection", "name"),
-    [
-        *((s, "ncp-classics", "josephy") for s in NCP_SOLVERS[:2]),
-        *((s, "ncp-classics", "mathiesen") for s in NCP_SOLVERS[:2]),
-        *((s, "nash-cournot", "nash-cournot-5") for s in NCP_SOLVERS),
-        *((s, "nash-cournot", "nash-cournot-10") for s in NCP_SOLVERS),
-        *((s, "membranes", "minimal-surface-9x9") for s in MCP_SOLVERS),
-        *((s, "vi-classics", "fukushima") for s in MCP_SOLVERS),
-        *((s, "membranes", "membrane-10x10") for s in BOX_SOLVERS),
-        *((s, "membranes", "bratu-10x10-6") for s in BOX_SOLVERS),
-        *((s, "vi-planted", "box-12") for s in VI_SOLVERS[:2]),
-    ],
+    some_by_day(
+        [
+            *((s, "ncp-classics", "josephy") for s in NCP_SOLVERS[:2]),
+            *((s, "ncp-classics", "mathiesen") for s in NCP_SOLVERS[:2]),
+            *((s, "nash-cournot", "nash-cournot-5") for s in NCP_SOLVERS),
+            *((s, "nash-cournot", "nash-cournot-10") for s in NCP_SOLVERS),
+            *((s, "membranes", "minimal-surface-9x9") for s in MCP_SOLVERS),
+            *((s, "vi-classics", "fukushima") for s in MCP_SOLVERS),
+            *((s, "membranes", "membrane-10x10") for s in BOX_SOLVERS),
+            *((s, "membranes", "bratu-10x10-6") for s in BOX_SOLVERS),
+            *((s, "vi-planted", "box-12") for s in VI_SOLVERS[:2]),
+        ],
+        5,
+    ),
 )
 def test_problems_of_the_collections(solver: str, collection: str, name: str) -> None:
     given = problem(collection, name)
@@ -195,7 +199,7 @@ def _moved(F: Map, numbers: Any, inputs: int) -> Any:
     return np.where(numbers < F.inputs, numbers, numbers + inputs - F.inputs)
 
 
-@pytest.mark.parametrize("node", ["ncp", "micp", "vi", "nlp", "qvi", "ge", "lcp"])
+@pytest.mark.parametrize("node", some_by_day(["ncp", "micp", "vi", "nlp", "qvi", "ge", "lcp"], 3))
 def test_problems_with_maps_are_read_again_as_they_were(node: str, tmp_path: Path) -> None:
     exchange = exchanges.get("npy-map")
     for case in cases(node)[:6]:
@@ -239,7 +243,7 @@ except ZeroDivisionError as cause:
 """
 
 
-@pytest.mark.parametrize("which", ["value", "entries"])
+@pytest.mark.parametrize("which", some_by_day(["value", "entries"], 1))
 @pytest.mark.parametrize("solver", ["siconos-ncp-newton-fb", "siconos-mcp-newton-fb", "siconos-mcp-old-fb"])
 def test_a_function_that_fails_is_no_answer(solver: str, which: str, tmp_path: Path) -> None:
     """Nothing can be raised through C: the first failure is kept, and told when Siconos returns."""
@@ -277,6 +281,7 @@ def test_where_f_is_no_number_newton_fails() -> None:
     assert judge(given, output.point, 1e-8).solved == (output.claim is Claim.SOLVED)
 
 
+@pytest.mark.nightly
 def test_a_solver_that_does_not_end_is_killed_and_the_next_problem_is_solved() -> None:
     """A rotation, on which hyperplanes go on and on, with more iterations than anybody waits for."""
     turning = VI(F=graph(2, lambda z: np.array([z[1], -z[0]]) * 1e-9), start=[1.0, 1.0])

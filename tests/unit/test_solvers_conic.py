@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from tiers import some_by_day
 
 from cpbench.formulations import SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
@@ -59,7 +60,7 @@ def test_equilibration_takes_the_units_out(rng: np.random.Generator) -> None:
     assert top.max() < 2.0
 
 
-@pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite", "monotone"])
+@pytest.mark.parametrize("kind", some_by_day(["positive definite", "singular semidefinite", "monotone"], 1))
 @pytest.mark.parametrize("sparse", [False, True])
 def test_newton_reaches_ten_digits_on_monotone_cone_problems(kind: str, sparse: bool) -> None:
     """27 unknowns in every kind of factor, M nonsymmetric for `monotone`; from x = 0."""

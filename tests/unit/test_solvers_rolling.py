@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from tiers import some_by_day
 
 from cpbench import cones, kernel_cache
 from cpbench.formulations import FCPoint, FrictionContact, RollingFrictionContact
@@ -56,7 +57,7 @@ def block(rng: np.random.Generator, d: int, skew: float) -> np.ndarray:
     return D + skew * (S - S.T)
 
 
-@pytest.mark.parametrize("d", [3, 5])
+@pytest.mark.parametrize("d", some_by_day([3, 5], 2))
 @pytest.mark.parametrize("skew", [0.0, 0.05])
 def test_one_contact_is_solved_exactly(rng: np.random.Generator, d: int, skew: float) -> None:
     """All four of sticking or sliding with or without rolling occur."""

@@ -10,6 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import graph, storage
 from cpbench.bench.starts import (
@@ -166,6 +167,7 @@ def test_a_guess_of_fclib_is_nearer_than_nothing(shared_data: Path, tmp_path: Pa
 # ------------------------------------------------------------------------------------------- known solutions
 
 
+@pytest.mark.nightly
 def test_noise_has_the_size_that_was_asked_in_every_block(rng: np.random.Generator, tmp_path: Path) -> None:
     problem, point = planted_contact.grfc(rng, 301, 300, 40, 5)
     got = start_for(noise(0.01), problem, kept(tmp_path, problem, point), tolerance=TOLERANCE)
@@ -248,7 +250,8 @@ def test_a_step_is_read_again_from_its_file(planted_fc: Any, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("node", "target"), [("gfc", "fc"), ("gfc", "soclcp"), ("fcm", "fc"), ("mlcp", "lcp"), ("lcp", "qp")]
+    ("node", "target"),
+    some_by_day([("gfc", "fc"), ("gfc", "soclcp"), ("fcm", "fc"), ("mlcp", "lcp"), ("lcp", "qp")], 2),
 )
 def test_a_solution_arrives_as_a_solution(node: str, target: str, tmp_path: Path) -> None:
     checked = 0

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import kernel_cache, storage
 from cpbench.formulations import LCP
@@ -38,7 +39,8 @@ def _said(code: str, **variables: str) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("name", ["lemke", "lemke-mlcp", "clarabel", "siconos-lcp-lemke"])
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", some_by_day(["lemke", "lemke-mlcp", "clarabel", "siconos-lcp-lemke"], 1))
 def test_one_solver_is_found_without_importing_the_others(name: str) -> None:
     """Whatever its module is called: in one of its own, in that of another, in the table of a family."""
     code = (
@@ -49,11 +51,13 @@ def test_one_solver_is_found_without_importing_the_others(name: str) -> None:
     assert _said(code) == f"{name} True"
 
 
+@pytest.mark.nightly
 def test_a_name_that_is_nowhere_is_answered_with_the_nearest_of_all() -> None:
     code = "from cpbench.solvers import solvers\ntry: solvers.get('lemka')\nexcept Exception as e: print(e)"
     assert _said(code).startswith("unknown solver 'lemka': did you mean lemke")
 
 
+@pytest.mark.nightly
 def test_a_plugin_may_not_take_the_name_of_a_solver_that_is_looked_for(tmp_path: Path) -> None:
     plugin = tmp_path / "mine.py"
     plugin.write_text(
@@ -69,15 +73,18 @@ def test_a_plugin_may_not_take_the_name_of_a_solver_that_is_looked_for(tmp_path:
 @pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
 @pytest.mark.parametrize(
     ("arguments", "begins"),
-    [
-        (["solve", "p.h5", "-s", "lemke"], True),
-        (["run", "p.h5", "-s", "lemke", "--threads=1"], True),
-        (["run"], True),
-        (["run", "--plan", "mine.toml"], False),
-        (["run", "p.h5", "--plugin", "mine.py"], False),
-        (["solve", "--help"], False),
-        (["info", "p.h5"], False),
-    ],
+    some_by_day(
+        [
+            (["solve", "p.h5", "-s", "lemke"], True),
+            (["run", "p.h5", "-s", "lemke", "--threads=1"], True),
+            (["run"], True),
+            (["run", "--plan", "mine.toml"], False),
+            (["run", "p.h5", "--plugin", "mine.py"], False),
+            (["solve", "--help"], False),
+            (["info", "p.h5"], False),
+        ],
+        2,
+    ),
 )
 def test_a_command_that_solves_begins_its_processes_before_it_imports(arguments: list[str], begins: bool) -> None:
     """Unless a file or a plugin may say how."""
@@ -88,6 +95,7 @@ def test_a_command_that_solves_begins_its_processes_before_it_imports(arguments:
     assert _said(code) == f"{begins} False"
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="does not apply: one core")
 def test_a_solver_that_compiles_is_put_off_and_others_are_timed_meanwhile(tmp_path: Path) -> None:
     for k in range(4):
@@ -107,7 +115,7 @@ def test_a_solver_that_compiles_is_put_off_and_others_are_timed_meanwhile(tmp_pa
     assert ["compiling" in "".join(lines) for lines in told] == [True, False]
 
 
-@pytest.mark.parametrize("command", ["run", "solve"])
+@pytest.mark.parametrize("command", some_by_day(["run", "solve"], 1))
 def test_what_tells_of_the_end_of_a_run_is_not_imported_at_its_beginning(command: str) -> None:
     """Pandas takes longer to import than a small run to solve."""
     code = f"import sys, cpbench.cli.{command}_command; print('pandas' in sys.modules, 'numba' in sys.modules)"

@@ -18,6 +18,7 @@ from cpbench.formulations import LCP
 from cpbench.matrices import matrix
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of file sizes")
 def test_a_disk_that_fills_up_leaves_nothing(tmp_path: Path) -> None:
     code = (

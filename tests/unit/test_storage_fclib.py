@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from tiers import some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import cases, same
@@ -61,7 +62,7 @@ def vector_sum(x: np.ndarray) -> list[str]:
     return [str(x.size), f"{weighted:.17g}"]
 
 
-@pytest.mark.parametrize("compress", [True, False])
+@pytest.mark.parametrize("compress", some_by_day([True, False], 3))
 @pytest.mark.parametrize("name", ["fc2-dense-5", "fc3-sparse-5", "fc3-mixed-place", "fc3-converted", "fc3-large"])
 def test_the_c_library_reads_our_local_files(name: str, compress: bool, c_reader: Path, tmp_path: Path) -> None:
     problem = CASES[name]

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError
@@ -306,7 +307,7 @@ def refused(path: Path | str, expected: str, **options: Any) -> str:
     return message
 
 
-@pytest.mark.parametrize("name", HDF5 | NEW_GROUPS)
+@pytest.mark.parametrize("name", some_by_day(HDF5 | NEW_GROUPS, 30))
 def test_hdf5(name: str, tmp_path: Path) -> None:
     problem, damage, expected = (HDF5 | NEW_GROUPS)[name]
     path = tmp_path / "a.h5"
@@ -469,6 +470,7 @@ def test_nothing_is_unpickled(tmp_path: Path) -> None:
     assert storage.load(absent).sizes()["k"] == 0
 
 
+@pytest.mark.nightly
 def test_numpy_and_matlab_files(tmp_path: Path) -> None:
     eye, q = npy(np.eye(2)), npy(np.ones(2))
     header = npy(np.zeros(1)).replace(b"(1,)", b"(10000000000,)")[: len(npy(np.zeros(1)))]

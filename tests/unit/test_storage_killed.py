@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.formulations import LCP, Relay
@@ -62,8 +63,9 @@ def _nameless_size(pid: int, place: Path) -> int:
     return -1
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
-@pytest.mark.parametrize("suffix", [".h5", ".dat"])
+@pytest.mark.nightly
+@pytest.mark.parametrize("share", some_by_day([0.0, 0.5, 0.9], 1))
+@pytest.mark.parametrize("suffix", some_by_day([".h5", ".dat"], 1))
 def test_killed_while_writing(suffix: str, share: float, folder: Path) -> None:
     before = sorted(os.listdir(folder))
     full = (folder / "out.h5").stat().st_size
@@ -79,7 +81,8 @@ def test_killed_while_writing(suffix: str, share: float, folder: Path) -> None:
     assert storage.problem_files([folder]) == [str(folder / "in.h5"), str(folder / "out.h5")]
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5])
+@pytest.mark.nightly
+@pytest.mark.parametrize("share", some_by_day([0.0, 0.5], 1))
 def test_killed_while_replacing(share: float, folder: Path) -> None:
     out = folder / "kept.h5"
     storage.save(LCP(M=np.eye(2), q=np.ones(2)), out, force=True)
@@ -95,7 +98,7 @@ def test_killed_while_replacing(share: float, folder: Path) -> None:
         (folder / left).unlink()
 
 
-@pytest.mark.parametrize("delay", [0.3, 0.8])
+@pytest.mark.parametrize("delay", some_by_day([0.3, 0.8], 1))
 def test_killed_before_it_writes(delay: float, folder: Path) -> None:
     child = convert(folder, "early.h5")
     time.sleep(delay)

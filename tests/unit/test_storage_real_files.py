@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sp
+from tiers import by_night, some_by_day
 
 from cpbench import storage
 from cpbench.errors import FormatError
@@ -55,7 +56,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("folder", NODES)
+@pytest.mark.parametrize("folder", [*(f for f in NODES if f != "qp"), *by_night(["qp"])])
 def test_folder(folder: str, shared_data: Path) -> None:
     addresses = storage.problem_files([shared_data / folder])
     assert len(addresses) == COUNTS[folder]
@@ -81,6 +82,7 @@ def test_refused(file: str, shared_data: Path) -> None:
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.nightly
 def test_sizes_are_those_of_the_manifest(shared_data: Path) -> None:
     lines = (shared_data / "MANIFEST.tsv").read_text().splitlines()[1:]
     checked = 0
@@ -141,7 +143,7 @@ def test_the_normal_of_contactbench_goes_first(shared_data: Path) -> None:
     assert np.array_equal(problem.q[::3], g[2::3])
 
 
-@pytest.mark.parametrize("name", ["HS118", "QAFIRO", "QPCBOEI1", "DUALC2", "STADAT2", "TAME", "VALUES"])
+@pytest.mark.parametrize("name", some_by_day(["HS118", "QAFIRO", "QPCBOEI1", "DUALC2", "STADAT2", "TAME", "VALUES"], 2))
 def test_mat_constraints_are_the_file_s(name: str, shared_data: Path, rng: np.random.Generator) -> None:
     """Violations of random points agree with those of l ≤ Ax ≤ u, row by row in the largest one."""
     file = shared_data / "qp" / f"{name}.mat"

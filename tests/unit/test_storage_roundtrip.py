@@ -14,6 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
 from storage_cases import INFO, cases, same
@@ -28,7 +29,7 @@ CASES = cases()
 
 
 @pytest.mark.parametrize("compress", [True, False])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", some_by_day(CASES, 20))
 def test_hdf5_is_bit_exact(name: str, compress: bool, tmp_path: Path) -> None:
     problem = CASES[name]
     path = tmp_path / f"{name}.h5"
@@ -52,7 +53,7 @@ def text_refusal(problem: Any) -> str:
     return ""
 
 
-@pytest.mark.parametrize("name", [n for n in CASES if "converted" not in n])
+@pytest.mark.parametrize("name", some_by_day([n for n in CASES if "converted" not in n], 60))
 def test_siconos_text_is_bit_exact(name: str, tmp_path: Path) -> None:
     problem = CASES[name]
     path = tmp_path / "p.dat"
@@ -222,6 +223,7 @@ def test_a_problem_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not hasattr(os, "O_TMPFILE"), reason="files without a name are Linux's")
 def test_a_killed_write_leaves_nothing(tmp_path: Path) -> None:
     code = (

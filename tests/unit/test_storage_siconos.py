@@ -106,6 +106,7 @@ REAL = [
 ]
 
 
+@pytest.mark.nightly
 def test_siconos_reads_the_same_numbers(shared_data: Path) -> None:
     theirs = siconos(*(part for kind, file in REAL for part in (kind, shared_data / file)))
     for (_, file), read in zip(REAL, theirs, strict=True):
@@ -160,6 +161,7 @@ def test_siconos_reads_what_we_write(tmp_path: Path, rng: np.random.Generator) -
         agree(problem, read)
 
 
+@pytest.mark.nightly
 def test_tau_is_the_slope_of_the_cone(tmp_path: Path, rng: np.random.Generator) -> None:
     """‖x_T‖ ≤ tau x_N, not ‖x_T‖ ≤ x_N/tau: what Siconos' own solver says of our file."""
     B = rng.standard_normal((6, 6))

@@ -193,6 +193,7 @@ def test_reference_and_machines(store: Store) -> None:
     assert first["at"] <= second["at"]
 
 
+@pytest.mark.nightly
 def test_a_row_costs_the_same_however_many_there_are(tmp_path: Path) -> None:
     """In steps of SQLite's machine, which unlike times do not depend on the day."""
     costs = {}

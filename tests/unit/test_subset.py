@@ -16,6 +16,7 @@ import synthetic_results as synthetic
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kendalltau
+from tiers import some_by_day
 
 from cpbench.analysis import costs, subset
 from cpbench.analysis import table as rows_of
@@ -103,7 +104,7 @@ def test_the_choice_is_the_greedy_one(seed: int) -> None:
     assert math.fsum(pick.gain for pick in found.picks) == pytest.approx(found.value, abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", some_by_day(range(8), 1))
 def test_it_comes_near_the_best_choice(seed: int) -> None:
     """The bounds of Nemhauser et al. (equal costs) and Leskovec et al., against all subsets; one family, no duty."""
     times = outcomes(11, 4, 100 + seed)
@@ -156,6 +157,7 @@ def test_the_seed_decides_ties_and_nothing_else() -> None:
     assert picked[0] == picked[1]
 
 
+@pytest.mark.nightly
 def test_random_problems_of_the_same_cost_tell_less() -> None:
     """Pairs of solvers of which some problem clearly puts one first, and the order of all: 200 random choices that
     fill the budget, fixed seeds."""
@@ -326,17 +328,20 @@ def cpbench(
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [
-        (("none.sqlite",), "no such results file"),
-        (("empty.sqlite",), "empty.sqlite: "),
-        (("text.sqlite",), "not a results file"),
-        (("idle.sqlite",), "no pair was run"),
-        (("run.sqlite", "--budget", "500ms"), "use --budget 3s or more"),
-        (("run.sqlite", "--budget", "none"), "nothing to select"),
-        (("run.sqlite", "-o", "ci.txt"), "a plan is a .toml file"),
-        (("run.sqlite", "-o", "there.toml"), "exists; --force replaces it"),
-        (("run.sqlite", "-o", "none/ci.toml"), "cannot be written"),
-    ],
+    some_by_day(
+        [
+            (("none.sqlite",), "no such results file"),
+            (("empty.sqlite",), "empty.sqlite: "),
+            (("text.sqlite",), "not a results file"),
+            (("idle.sqlite",), "no pair was run"),
+            (("run.sqlite", "--budget", "500ms"), "use --budget 3s or more"),
+            (("run.sqlite", "--budget", "none"), "nothing to select"),
+            (("run.sqlite", "-o", "ci.txt"), "a plan is a .toml file"),
+            (("run.sqlite", "-o", "there.toml"), "exists; --force replaces it"),
+            (("run.sqlite", "-o", "none/ci.toml"), "cannot be written"),
+        ],
+        3,
+    ),
 )
 def test_bad_input_is_one_line(
     tmp_path: Path, cpbench: Callable[..., tuple[int, str, str]], words: tuple[str, ...], message: str
@@ -371,6 +376,7 @@ def test_one_solver_or_none_that_solves_gives_a_plan_of_families(
     assert (tmp_path / "ci.toml").read_bytes() == first
 
 
+@pytest.mark.nightly
 def test_the_plan_runs_within_its_budget(tmp_path: Path, cpbench: Callable[..., tuple[int, str, str]]) -> None:
     """Two solvers on two collections, a choice of them, and the choice run for real."""
     given = ("builtin/lcp/lcp-classics.h5", "builtin/relay/relays.h5", *SOLVERS, "--timeout", "2s")

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from cpbench import storage
+from cpbench import graph, storage
 from cpbench.analysis.attendance import left_out_lines
 from cpbench.bench import left_out
 from cpbench.bench.planning import grids, run_plan, suites
@@ -68,6 +68,15 @@ def test_the_quick_solvers_come_with_cpbench_or_its_backends_and_reach_the_main_
     )
     assert {name for spec in chosen for name in spec.requires} <= core | more
     assert {"qp", "lcp", "micp", "vi", "nlp", "fc"} <= {spec.node for spec in chosen if {*spec.requires} <= core}
+
+
+def test_a_quick_solver_takes_every_quick_problem() -> None:
+    """By an exact route, whatever the problem's own numbers say of it."""
+    folder, nodes = builtin_folder(), sorted({solvers.get(name).spec.node for name in suites.quick_solvers()})
+    for address in quick_problems(folder):
+        problem = storage.load(f"{folder}/{address.removeprefix('builtin/')}")
+        ends = [problem.node] if problem.node in nodes else nodes
+        assert any(True for node in ends for _ in graph.arrivals(problem, node)), address
 
 
 def test_without_problems_a_run_is_the_quick_suite() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.cli import main
@@ -43,7 +44,7 @@ def contact(path: Path, W: np.ndarray | None = None, mu: float = 0.5) -> Path:
     return path
 
 
-@pytest.mark.parametrize("columns", [80, 100])
+@pytest.mark.parametrize("columns", some_by_day([80, 100], 6))
 @pytest.mark.parametrize(
     ("words", "first"),
     [

@@ -63,6 +63,15 @@ def counts() -> pd.DataFrame:
     return summary.solve_counts(rows, means.charge(times, means.LIMIT, 10.0)).set_index("label")
 
 
+def test_a_table_says_whose_time_has_the_launch_of_a_program_in_it(tmp_path: Path) -> None:
+    sheets = {**SHEETS, "pgs": {**SHEETS["pgs"], "launches": True}}
+    write_document(SUITE, meta(solvers=sheets), tmp_path, "A run")
+    document = (tmp_path / "report.tex").read_text()
+    assert r"\texttt{pgs}\ensuremath{^\dagger} &" in document
+    assert r"\ensuremath{^\dagger} Every solve of pgs launches a program" in document
+    assert r"\texttt{psor} &" in document
+
+
 def test_macros_tables_and_analysis_have_the_same_numbers(tmp_path: Path) -> None:
     folder = written(tmp_path)
     numbers, document = defined(folder), (folder / "report.tex").read_text()
@@ -144,6 +153,7 @@ def test_an_empty_run_is_a_document_too(tmp_path: Path) -> None:
     assert "No pair was planned" in (written(tmp_path, table()) / "report.tex").read_text()
 
 
+@pytest.mark.nightly
 def test_citations_of_collections_are_read_from_their_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     problems = Path(__file__).parents[2] / "problems" / "lcp" / "lcp-classics.h5"
     run = tmp_path / "r.sqlite"
@@ -177,6 +187,7 @@ def tex_is_there() -> bool:
     return len(asked.stdout.split()) == 2
 
 
+@pytest.mark.nightly
 def test_it_compiles_and_says_the_numbers(tmp_path: Path) -> None:
     """What pdflatex expands the macros to, written to its log, is what the analysis says."""
     if not tex_is_there():
@@ -219,6 +230,7 @@ def test_bad_input_is_refused(tmp_path: Path, options: list[str], message: str) 
     assert message in said
 
 
+@pytest.mark.nightly
 def test_a_baseline_has_a_section_in_the_markdown_report(tmp_path: Path) -> None:
     base = SUITE.copy()
     changed = SUITE.copy()

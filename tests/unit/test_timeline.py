@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
+from tiers import by_night
 
 from cpbench.analysis.timeline import COLUMNS, Run, moved, timeline
 from cpbench.cli import main
@@ -118,7 +119,7 @@ def test_the_tables_have_every_point() -> None:
     assert timeline_tables.as_csv(points).count("\n") == 7
 
 
-@pytest.mark.parametrize("labels", [1, 5, 30])
+@pytest.mark.parametrize("labels", [1, 5, *by_night([30])])
 def test_the_figure_is_drawn_for_any_number_of_labels(labels: int) -> None:
     rows = [synthetic.row(p, f"solver-{k}", "solved", 0.01 * (k + 1)) for p in "ab" for k in range(labels)]
     table = synthetic.table(*rows)
@@ -151,6 +152,7 @@ def history(
     return call
 
 
+@pytest.mark.nightly
 def test_the_command_shows_and_writes(tmp_path: Path, history: Callable[..., tuple[int, str, str]]) -> None:
     table = synthetic.suite(problems=4, labels=3)
     (tmp_path / "old").mkdir()

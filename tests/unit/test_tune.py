@@ -198,6 +198,7 @@ def fingerprints(folder: Path) -> dict[str, str]:
     return {path.stem: storage.load(path).fingerprint for path in sorted(folder.glob("*.h5"))}
 
 
+@pytest.mark.nightly
 def test_a_tuned_plan_runs_on_the_other_half_and_is_marked(obstacles: Path, tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
     told = ["tune", "psor[max_iterations=300]", obstacles, "--budget", "20s", "--configurations", 12, "-o", "t.toml"]
@@ -316,6 +317,7 @@ def test_a_plan_that_cannot_be_written_is_told_before_the_search(monkeypatch: An
     assert "its folder is not there" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_ctrl_c_keeps_the_best_so_far(obstacles: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "cpbench", "tune", "psor", str(obstacles), "--budget", "2m", "-o", "t.toml"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

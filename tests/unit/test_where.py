@@ -69,6 +69,7 @@ def test_any_condition_reads_as_python_does(text: str) -> None:
     assert condition(text, KNOWN).holds(FACTS) is expected
 
 
+@pytest.mark.nightly
 @settings(max_examples=300, deadline=None)
 @given(st.text(max_size=60) | st.text("()<>=! *+-/%'\"n1.eandor", max_size=40))
 def test_no_text_does_anything_but_be_read_or_refused(text: str) -> None:

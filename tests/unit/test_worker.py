@@ -14,6 +14,7 @@ import numpy as np
 import psutil
 import pytest
 import scipy.sparse as sp
+from tiers import some_by_day
 
 from cpbench.bench import handover, worker
 from cpbench.bench.processes import meter, wire
@@ -45,6 +46,7 @@ BURN = "import time\nwhile time.process_time() < 0.3: pass"
 FORKS = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {BURN!r}])\nprint(flush=True)\nsys.stdin.read()"
 
 
+@pytest.mark.nightly
 @linux
 def test_what_a_command_and_the_children_of_a_helper_used_is_charged() -> None:
     measured = Meter()
@@ -65,6 +67,7 @@ def test_what_a_command_and_the_children_of_a_helper_used_is_charged() -> None:
         assert measured.cpu() - before > 0.25
 
 
+@pytest.mark.nightly
 @linux
 def test_processes_there_when_a_solve_begins_are_helpers_and_more_of_them_are_left_behind() -> None:
     """As a served program has that holds each problem in a child of its own; one that keeps them all is told."""
@@ -179,7 +182,7 @@ def _serve(child: Child, path: str, **asked: object) -> list[dict]:
     return told
 
 
-@pytest.mark.parametrize("fresh", [False, True], ids=["warm", "fresh"])
+@pytest.mark.parametrize("fresh", some_by_day([False, True], 1), ids=["warm", "fresh"])
 def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
     child = Child(context(1), worker.main, ("lemke", 2**30, fresh))
     try:
@@ -201,6 +204,7 @@ def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
         child.kill()
 
 
+@pytest.mark.nightly
 def test_where_nothing_can_be_forked_a_worker_serves_one_request(path: str) -> None:
     child = Child(context(1, "spawn"), worker.main, ("lemke", 2**30, True))
     try:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pandas as pd
+from matplotlib.figure import Figure
 
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page
@@ -19,13 +22,16 @@ def write_report(
     folder: Path,
     title: str,
     histories: pd.DataFrame | None = None,
+    *,
+    drawn: bool = False,
     **chosen: Any,
 ) -> Path:
-    """report.md with its figures and results.csv; `chosen` is what `run.assembled` takes."""
+    """report.md and results.csv, and its figures if `drawn`; `chosen` is what `run.assembled` takes."""
     run = assembled(table, meta, folder, histories, **chosen)
     run.folder.mkdir(parents=True, exist_ok=True)
     row_files.write(run.timed, run.folder / "results.csv")
-    return markdown.write_text(run, title)
+    with nullcontext() if drawn else patch.object(Figure, "savefig"):  # three formats of one take half a second
+        return markdown.write_text(run, title)
 
 
 def whole(path: Path) -> str:

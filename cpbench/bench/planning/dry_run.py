@@ -13,6 +13,7 @@ from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN
 from cpbench.bench.time_limits import GRACE
 from cpbench.bench.worker import SHORT
+from cpbench.plurals import counted
 from cpbench.solvers.base import Trait, solvers
 
 ROWS = 60
@@ -20,19 +21,22 @@ ROWS = 60
 WIDTH = 44
 
 
-def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str]) -> Iterator[str]:
-    """The plan for a reader; `before` has the status of every row that the results file has, by key."""
-    yield from _matrix(assembly.pairs)
+def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str], room: int | None = None) -> Iterator[str]:
+    """The plan for a reader; `before` has the status of every row that the results file has, by key.
+
+    A matrix that is wider than `room` columns is left to its sums.
+    """
+    yield from _matrix(assembly.pairs, room)
     yield ""
     yield from _sets(assembly)
     todo = to_run(assembly.pairs, before, asked.rerun)
     if asked.shard != (1, 1):
         whole = len({pair.key for part in assembly.parts for pair in part.pairs})
-        yield f"shard {asked.shard[0]} of {asked.shard[1]}: {len(assembly.pairs)} of {whole} pairs"
+        yield f"shard {asked.shard[0]} of {asked.shard[1]}: {len(assembly.pairs)} of {counted(whole, 'pair')}"
     if before:
         done, every = len(assembly.pairs) - len(todo), len(assembly.pairs)
-        yield f"{asked.results} has {done} of the {every} pairs; {len(todo)} are to be run"
-    yield f"{len(todo)} pairs to run: {_bound(todo, asked)}"
+        yield f"{asked.results} has {done} of the {counted(every, 'pair')}; {len(todo)} to be run"
+    yield f"{counted(len(todo), 'pair')} to run: {_bound(todo, asked)}"
 
 
 def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list[Pair]:
@@ -43,8 +47,8 @@ def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list
     return [pair for pair in pairs if pair.key not in skipped]
 
 
-def _matrix(pairs: Sequence[Pair]) -> Iterator[str]:
-    """Pairs of every problem by every solver; solvers have numbers, which are told below."""
+def _matrix(pairs: Sequence[Pair], room: int | None) -> Iterator[str]:
+    """Pairs of every problem by every solver, or their sums; solvers have numbers, which are told below."""
     names = sorted({pair.entry.solver for pair in pairs})
     single = len({pair.address for pair in pairs}) <= ROWS
     counts = Counter((_row(pair, single), pair.entry.solver) for pair in pairs)
@@ -54,13 +58,15 @@ def _matrix(pairs: Sequence[Pair]) -> Iterator[str]:
     width = max(3, *(len(str(n)) for n in counts.values()), 0) + 1
     problems = Counter({row: len(there) for row, there in _problems(pairs, single).items()})
     head = "problem" if single else "family"
-    yield f"{head:<{WIDTH}}" + "".join(f"{i:>{width}}" for i in range(1, len(names) + 1)) + f"{'all':>{width + 3}}"
+    fits = room is None or WIDTH + width * (len(names) + 1) + 3 <= room
+    numbers = "".join(f"{i:>{width}}" for i in range(1, len(names) + 1)) if fits else ""
+    yield f"{head:<{WIDTH}}{numbers}{'all' if fits else 'pairs':>{width + 3}}"
     for row in rows:
-        told = row if single else f"{row}, {problems[row]} problems"
+        told = row if single else f"{row}, {counted(problems[row], 'problem')}"
         cells = [counts[row, name] for name in names]
-        shown = "".join(f"{count or '.':>{width}}" for count in cells)
+        shown = "".join(f"{count or '.':>{width}}" for count in cells) if fits else ""
         yield f"{_fitted(told):<{WIDTH}}{shown}{sum(cells):>{width + 3}}"
-    yield "solvers: " + ", ".join(f"{i} {name}" for i, name in enumerate(names, 1))
+    yield "solvers: " + ", ".join(f"{i} {name}" if fits else name for i, name in enumerate(names, 1))
 
 
 def _row(pair: Pair, single: bool) -> str:
@@ -82,17 +88,16 @@ def _sets(assembly: Assembly) -> Iterator[str]:
     for part in assembly.parts:
         name = f"set {part.asked.name}: " if part.asked.name else ""
         tolerances = ", ".join(f"{tolerance:g}" for tolerance in part.asked.tolerance)
-        yield (
-            f"{name}{len(part.problems)} problems x {len(part.entries)} solvers with options, routes "
-            f"{'+'.join(part.asked.via) or part.asked.allowed_routes}, tolerance {tolerances}: {len(part.pairs)} pairs "
-            "that a route may reach"
-        )
+        there = f"{counted(len(part.problems), 'problem')} x {counted(len(part.entries), 'solver')} with options"
+        routes = "+".join(part.asked.via) or part.asked.allowed_routes
+        pairs = counted(len(part.pairs), "pair")
+        yield f"{name}{there}, routes {routes}, tolerance {tolerances}: {pairs} that a route may reach"
         for text in part.asked.solvers:
             entries = grids.grid(text)
             if len(entries) > 1:
                 names = {entry.label for entry in entries}
                 count = sum(pair.entry.label in names for pair in part.pairs)
-                yield f"  {text}: {len(entries)} entries, {count} pairs"
+                yield f"  {text}: {len(entries)} entries, {counted(count, 'pair')}"
 
 
 def longest(todo: Sequence[Pair], asked: RunPlan) -> float:
@@ -121,7 +126,7 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
     if again:
         parts.append(f"{duration(again)} for histories")
     if asked.retry:
-        parts.append(f"{asked.retry} retries as much again each")
+        parts.append(f"{counted(asked.retry, 'retry', 'retries')}, as much again each")
     lanes = f" on {asked.jobs} lanes" if asked.jobs > 1 else ""
     return (
         f"worst case {duration(longest(todo, asked))}{lanes} ({'; '.join(parts)}); conversions and judging come on top"

@@ -11,7 +11,10 @@ import multiprocessing as mp
 import os
 import signal
 import socket
+import sys
+import threading
 import time
+import types
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from multiprocessing import forkserver
@@ -114,7 +117,21 @@ def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any
 @contextlib.contextmanager
 def _apart_from_here() -> Generator[None]:
     """The forkserver, where it starts now, is not to import a `numpy.py` of the folder that the run was started in, and
-    its tracker of resources is not to talk of those of guests."""
+    its tracker of resources is not to talk of those of guests. Nor is a child to import the script that began the run,
+    as multiprocessing would have it: that script would begin the run again.
+    """
+    with _starting:
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = types.ModuleType("__main__")
+        try:
+            with _variables():
+                yield
+        finally:
+            sys.modules["__main__"] = main
+
+
+@contextlib.contextmanager
+def _variables() -> Generator[None]:
     wanted = {
         SAFE_PATH: os.environ.get(SAFE_PATH, "1"),
         WARNINGS: ",".join(filter(None, (os.environ.get(WARNINGS), NO_LEAKS))),
@@ -131,6 +148,8 @@ def _apart_from_here() -> Generator[None]:
                 os.environ[name] = value
 
 
+_starting = threading.Lock()
+"""Held while a process starts: what is changed for it is of the whole process."""
 _here: Isolation | None = None
 """The means by which this process was started, None in the runner."""
 

@@ -14,6 +14,7 @@ import pandas as pd
 from cpbench.analysis.comparison import Comparison, Verdict
 from cpbench.analysis.comparison.gates import WORST
 from cpbench.analysis.comparison.suites import Suite
+from cpbench.plurals import counted
 from cpbench.report.comparison import words
 from cpbench.report.text import one_line
 
@@ -78,7 +79,7 @@ def _case(found: Comparison, suite: str, name: str, pair: pd.Series) -> ElementT
 
 def _whole(suite: Suite, name: str) -> ElementTree.Element:
     case = ElementTree.Element("testcase", name="time of all pairs", classname=name, time="0.000000")
-    told = f"{words.times_of(suite)} times the time, {suite.timed} pairs"
+    told = f"{words.times_of(suite)} times the time, {counted(suite.timed, 'pair')}"
     if suite.time == Verdict.REGRESSED:
         ElementTree.SubElement(case, "failure", message=told, type="time").text = f"p = {suite.p:.2g}"
     elif suite.time == Verdict.INCONCLUSIVE:

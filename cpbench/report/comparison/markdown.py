@@ -62,7 +62,7 @@ def _section(found: Comparison, verdict: Verdict, own: pd.DataFrame) -> Iterator
         rows.append([*cells, code(words.again(found, pair))] if regressed else cells)
     yield table(["problem", "solver", "kind", "what happened", *(["again with"] if regressed else [])], rows)
     if len(own) > LISTED:
-        yield f"{len(own) - LISTED} more pairs are not shown."
+        yield f"Not shown: {counted(len(own) - LISTED, 'more pair')}."
 
 
 def _suites(found: Comparison) -> Iterator[str]:

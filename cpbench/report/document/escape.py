@@ -24,6 +24,7 @@ _OTHERS = {
     "ø": r"{\o}", "Ø": r"{\O}", "å": r"{\aa}", "Å": r"{\AA}", "æ": r"{\ae}", "ł": r"{\l}", "Ł": r"{\L}", "ı": r"{\i}",
     "§": r"\S{}", "°": r"\ensuremath{^\circ}", "×": r"\ensuremath{\times}", "µ": r"\ensuremath{\mu}",
     "‖": r"\ensuremath{\|}", "≈": r"\ensuremath{\approx}", "⊇": r"\ensuremath{\supseteq}", "⁻": r"\ensuremath{^{-}}",
+    "†": r"\ensuremath{^\dagger}", "‡": r"\ensuremath{^\ddagger}",
 }  # fmt: skip
 _ACCENTS = {
     "\u0300": "`", "\u0301": "'", "\u0302": "^", "\u0303": "~", "\u0304": "=", "\u0306": "u", "\u0307": ".",

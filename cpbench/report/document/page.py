@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import means, profiles, summary
+from cpbench.analysis import cautions, means, profiles, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
 from cpbench.analysis.table import Group
@@ -175,7 +175,8 @@ def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: C
         "\\emph{Median} of the times of solved problems; \\emph{mean}: shifted geometric over all problems, a failure "
         "charged the limit."
     )
-    made = solved_table(macros, words, counts, f"{caption}\\label{{tab:{letters(name)}}}")
+    notes = cautions.footnotes(rows, run.meta.get("solvers") or {})
+    made = solved_table(macros, words, counts, f"{caption}\\label{{tab:{letters(name)}}}", notes)
     profile = profiles.performance_profile(times, problems)
     labels = profile.leading(EMPHASISED)
     key = f"fig:{letters(name)}"
@@ -210,7 +211,7 @@ def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
         title = text(f"{one_line(family) or '(no family)'}: {counted(int(sizes[family]), 'problem')}")
         found[title] = profiles.performance_profile(rows_of.times(_with_labels(own, rows)))
     rest = len(sizes) - len(found)
-    return found, f"{rest} families with fewer problems are not shown." if rest else ""
+    return found, f"Not shown: {counted(rest, 'family', 'families')} with fewer problems." if rest else ""
 
 
 def _with_labels(own: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:

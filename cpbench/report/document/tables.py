@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from cpbench.analysis.cautions import Footnote, marks
 from cpbench.report.document.escape import label, text
 from cpbench.report.document.macros import Macros
 from cpbench.report.figures import MARKS
@@ -32,7 +33,9 @@ def _tables(head: Sequence[str], rows: Sequence[Sequence[str]], spec: str, capti
         )
 
 
-def solved_table(macros: Macros, words: tuple[str, ...], counts: Any, caption: str) -> str:
+def solved_table(
+    macros: Macros, words: tuple[str, ...], counts: Any, caption: str, notes: Sequence[Footnote] = ()
+) -> str:
     """What each label solved and how fast, of `analysis.summary.solve_counts`; defines a macro for each number."""
     rows: list[list[str]] = []
     for r in counts.itertuples(index=False):
@@ -47,10 +50,14 @@ def solved_table(macros: Macros, words: tuple[str, ...], counts: Any, caption: s
         }
         macros.define((*named, "planned"), str(r.planned))
         sign = f" {text(MARKS[r.kind])}" if r.kind in MARKS else ""
-        row = [label(r.label) + sign, *(macros.define((*named, word), value) for word, value in cells.items())]
+        row = [
+            label(r.label) + sign + text(marks(r.label, notes)),
+            *(macros.define((*named, word), value) for word, value in cells.items()),
+        ]
         rows += [row] if r.solved or r.stationary or r.false else []
     rest = len(counts) - len(rows)
     caption += f" Not shown: {rest} that solved none." if rest else ""
+    caption += "".join(f" {text(f'{note.mark} {note.sentence}')}" for note in notes)
     head = ["solver", "solved", "stationary", "false", "fastest", "median", "mean"]
     return table(head, rows, r">{\raggedright\arraybackslash}p{0.3\columnwidth}rrrrrr", caption)
 

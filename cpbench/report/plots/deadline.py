@@ -13,6 +13,7 @@ import numpy as np
 
 from cpbench.analysis import deadlines
 from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 from cpbench.report import canvas, figures, legend, run_canvas
 from cpbench.report.chosen import Choice, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
@@ -79,5 +80,5 @@ def draw(run: Run, choice: Choice, *, deadline: float = math.nan) -> Drawing:
         "then, with Wilson's 95 % interval, which takes them for independent; in a row: most consecutive misses in a "
         "recorded sequence."
     )
-    guide += f" {rest} solvers that missed more or solved none are not shown." if rest else ""
+    guide += f" Not shown: {counted(rest, 'solver')} that missed more or solved none." if rest else ""
     return run_canvas.drawn(figure, f"Deadline of {seconds(deadline)}, {chosen.scope()}", guide, chosen)

@@ -12,6 +12,7 @@ import pandas as pd
 
 from cpbench.analysis import scaling
 from cpbench.errors import CpbenchError, UnknownName
+from cpbench.plurals import counted
 from cpbench.report import canvas, figures, legend, run_canvas
 from cpbench.report.chosen import Choice, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
@@ -64,7 +65,7 @@ def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
         f"Each panel is a solver: a dot a problem it solved, a triangle one on which it was stopped at the limit, grey "
         f"dots those of all others. The line is the power law time ~ {symbol}^b that fits both, with b and its 95 % "
         "interval, problems taken as independent; other failures say nothing of time and are left out."
-        + (f" {more} more solvers, which solved fewer, are not shown." if more else "")
+        + (f" Not shown: {counted(more, 'more solver')} that solved fewer." if more else "")
     )
     return run_canvas.drawn(figure, f"Time against {symbol}, {chosen.scope()}", guide, chosen)
 

@@ -69,7 +69,7 @@ def draw(run: Run, choice: Choice, *, sequence: str = "") -> Drawing:
             else ""
         )
         + (f" {counted(fell, 'warm start')} had nothing to start from and were cold." if fell else "")
-        + (f" {others} more solvers are not shown; --solver chooses." if others else "")
+        + (f" Not shown: {counted(others, 'more solver')}; --solver chooses." if others else "")
     )
     return run_canvas.drawn(
         figure,

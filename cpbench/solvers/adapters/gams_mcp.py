@@ -2,8 +2,8 @@
 
 GAMS runs in a process of its own, which is started in the warm-up; the numbers
 reach it in `hand_over`, untimed, as those of a solver in this process are in its memory. What is timed is the solve
-statement: GAMS generates the model, runs the solver in yet another process and reads its answer. The seconds that it
-reports are those of that process as GAMS counts them (resUsd), its launch included, and not the solver's own.
+statement: GAMS generates the model, runs the solver in yet another process and reads its answer. GAMS' own count of
+seconds (resUsd) has the launch of that process in it, so that it is not handed on as what the solver reports.
 """
 
 from __future__ import annotations
@@ -100,7 +100,6 @@ class GamsMCP(Solver):
             point=prepared.point(x) if np.isfinite(x).all() else None,
             counters={"iterations": int(model.num_iterations)} if _told(model.num_iterations) else {},
             message=f"{ended}, {found}",
-            reported=float(model.total_solver_time) if _told(model.total_solver_time) else None,
         )
 
     def warmup(self) -> None:

@@ -1,6 +1,7 @@
 """PATH, MILES and NLPEC on nonlinear complementarity problems: a process of GAMS a solve, which reads the model.
 
-The time is that of the process: compiling the model, generating it, and the solver; `reported` is the solver's own.
+The time is that of the process: compiling the model, generating it, and the solver. GAMS' own count of seconds (resUsd)
+has the launch of the solver in it, so that it is not handed on as what the solver reports.
 Tolerance: a tenth of ours times the problem's scale, on the guest's absolute residual; an answer is claimed solved
 where the node's own residual agrees.
 """
@@ -97,7 +98,7 @@ class GamsMiCP(Solver):
             told = _run(folder, self.guest, budget)
         if isinstance(told, str):
             return SolverOutput(claim=Claim.FAILED, message=told)
-        ended, found, iterations, seconds, z = int(told[0]), int(told[1]), told[2], told[3], told[4:]
+        ended, found, iterations, z = int(told[0]), int(told[1]), told[2], told[3:]
         if ended == LICENCE:
             raise Unavailable("licence", f"{self.guest} has no licence; {gams_licence.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
@@ -113,7 +114,6 @@ class GamsMiCP(Solver):
             point=point,
             counters={"iterations": int(iterations)} if 0 <= iterations < 1e9 else {},
             message=f"solver status {ended}, model status {found}, error {error:.1e}",
-            reported=float(seconds) if 0 <= seconds < 1e299 else None,
         )
 
     def version(self) -> str:

@@ -84,7 +84,7 @@ def expressions(F: Map) -> list[str]:
 
 
 def model(problem: MiCP, start: Vector, guest: str, limits: Mapping[str, float]) -> str:
-    """The whole file: it writes the statuses, iterations, seconds and levels to answer.txt."""
+    """The whole file: it writes the statuses, iterations and levels to answer.txt."""
     n = problem.start.size
     lines = ["$offDigit", "$offListing", "option limRow=0, limCol=0, solPrint=off;"]
     lines += [f"Variable x{i}; Equation e{i};" for i in range(n)]
@@ -99,7 +99,7 @@ def model(problem: MiCP, start: Vector, guest: str, limits: Mapping[str, float])
     lines += [f"m.{name}={_number(value)};" for name, value in limits.items()]
     lines.append("solve m using mcp;")
     lines.append("file answer /answer.txt/; answer.nr=2; answer.nd=15; answer.nw=25; put answer;")
-    told = ["m.solveStat", "m.modelStat", "m.iterUsd", "m.resUsd", *(f"x{i}.l" for i in range(n))]
+    told = ["m.solveStat", "m.modelStat", "m.iterUsd", *(f"x{i}.l" for i in range(n))]
     lines += [f"put {value} /;" for value in told]
     return "\n".join([*lines, "putclose;"])
 

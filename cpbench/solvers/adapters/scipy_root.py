@@ -156,7 +156,7 @@ class ScipyRoot(Solver):
         )
 
 
-def _spec(guest: str, summary: str, method: str, citation: str) -> SolverSpec:
+def _spec(guest: str, summary: str, method: str, citation: str, *, quick: bool = False) -> SolverSpec:
     return SolverSpec(
         name=f"scipy-root-{guest}",
         node="equation",
@@ -166,6 +166,7 @@ def _spec(guest: str, summary: str, method: str, citation: str) -> SolverSpec:
         licence="BSD-3-Clause",
         traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
         options=RootOptions,
+        quick=quick,
     )
 
 
@@ -175,7 +176,11 @@ class ScipyHybr(ScipyRoot):
 
     guest, exact, settings = "hybr", True, {"xtol": STUCK}
     spec: ClassVar[SolverSpec] = _spec(
-        "hybr", "Powell's hybrid method, exact Jacobian", "trust region", "Moré, Garbow and Hillstrom 1980, ANL-80-74"
+        "hybr",
+        "Powell's hybrid method, exact Jacobian",
+        "trust region",
+        "Moré, Garbow and Hillstrom 1980, ANL-80-74",
+        quick=True,
     )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+import pkgutil
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -12,6 +14,7 @@ from typing import Any, ClassVar
 from cpbench.formulations.base import Problem
 from cpbench.kernel_cache import load_all
 from cpbench.solvers.base import (
+    ROOMS,
     Budget,
     Claim,
     NoOptions,
@@ -106,6 +109,19 @@ def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
     return SolverSpec(
         name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
     )
+
+
+def automatic_solvers() -> dict[str, str]:
+    """Return the automatic choice of each node that has one, by node; modules of other solvers are not imported."""
+    found: dict[str, str] = {}
+    for room in ROOMS:
+        package = importlib.import_module(f"cpbench.solvers.native.{room}")
+        for info in pkgutil.iter_modules(package.__path__):
+            if info.name.startswith("auto_"):
+                module = importlib.import_module(f"{package.__name__}.{info.name}")
+                own = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
+                found |= {c.spec.node: c.spec.name for c in own if issubclass(c, Solver)}
+    return found
 
 
 class _Run:

@@ -63,6 +63,7 @@ class NewtonContact(Solver):
         citation="Josephy 1979, MRC report 1965; Acary and Brogliato 2008, Springer LNACM 35, section 10.1.5",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=NewtonContactOptions,
+        quick=True,
     )
 
     def setup(

@@ -20,7 +20,8 @@ class _System(Conditions):
 @register
 class EquationNewton(Solver):
     """F(z) = 0 as an inequality over the whole space: Φ = F, d = −F′⁻¹F; εI added, Levenberg–Marquardt or
-    extragradient steps where that does not descend or F or F′ is no number. Tolerance: on the judged error itself."""
+    extragradient steps where that does not descend or F or F′ is no number. Tolerance: on ‖F‖ as it is
+    judged, with a step or two beyond."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="equation-newton",

@@ -189,6 +189,7 @@ def _motion(problem: QVI, x: Vector, z: Vector, lb: Vector, ub: Vector) -> Spars
 class NaturalNewton(Method):
     """Newton while it descends, extragradient steps in between."""
 
+    aim = 1e-4
     field: Conditions
     options: NaturalNewtonOptions
 

@@ -14,7 +14,7 @@ from cpbench.solvers.native.nonlinear.projection_run import ProjectionSolver, ru
 
 
 class NaturalMapSolver(ProjectionSolver):
-    """Newton on the natural map of the optimality conditions. Tolerance: on the judged error itself."""
+    """Newton on the natural map of the optimality conditions. Tolerance: on that map, with a step or two beyond."""
 
     method = NaturalNewton
 
@@ -80,4 +80,5 @@ class QVINewton(NaturalMapSolver):
         "semismooth Newton on the natural map of the moving set, extragradient steps where it does not descend",
         "Alart and Curnier 1991, Comput. Methods Appl. Mech. Eng. 92; Facchinei, Kanzow and Sagratella 2014, "
         "Math. Program. 144",
+        quick=True,
     )

@@ -1,12 +1,13 @@
-"""Results files as commands read them: only those whose rows are as a run wrote them."""
+"""Results files as commands and scripts read them: only those whose rows are as a run wrote them."""
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
-import click
-
 from cpbench.bench.results.store import Store
+
+logger = logging.getLogger("cpbench.results")
 
 
 def sealed(path: Path) -> Store:
@@ -19,5 +20,5 @@ def sealed(path: Path) -> Store:
         store.close()
         raise
     if found.note:
-        click.echo(found.note, err=True)
+        logger.warning("%s", found.note)
     return store

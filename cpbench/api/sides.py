@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
-from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
 
 if TYPE_CHECKING:

@@ -32,6 +32,19 @@ class Candidate:
     options: str = ""
     obstacle: str = ""
 
+    @property
+    def told(self) -> str:
+        """What it came to on problems like this one, in a sentence."""
+        advice = self.advice
+        if not advice.measured:
+            return "never measured"
+        expected = f"about {2**advice.loss:.2g} times the fastest"
+        if not advice.similar:
+            return f"{expected}; estimated from other problems"
+        return (
+            f"{expected}; solved {advice.solved} of {advice.similar} like it, {advice.within} within twice the fastest"
+        )
+
 
 def solver_of(label: str, request: str) -> Solver | None:
     """The solver of a label as results have it, None for one that is not registered here."""

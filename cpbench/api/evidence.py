@@ -12,10 +12,10 @@ import pandas as pd
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.experience import Experience, experience, from_text
+from cpbench.api.candidates import solver_of
 from cpbench.bench.results.problem_features import problem_features
+from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
-from cpbench.cli.candidates import solver_of
-from cpbench.cli.sealed import sealed
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 

@@ -1,0 +1,191 @@
+"""Problems from files and to files, in other formulations, and answers measured on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cpbench.api.solution import Solution
+from cpbench.formulations.base import Kind, Point, Problem
+
+if TYPE_CHECKING:
+    from cpbench.graph import Apply, Arrival
+    from cpbench.verification import Verdict
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Converted:
+    """A problem in another formulation, and the way back.
+
+    Attributes
+    ----------
+    source : the problem that was converted. arrival : what became of it, and how (`graph.Arrival`).
+    """
+
+    source: Problem
+    arrival: Arrival
+
+    @property
+    def problem(self) -> Problem:
+        """The problem in its new formulation."""
+        return self.arrival.problem
+
+    @property
+    def route(self) -> str:
+        """The conversions, in their order."""
+        return self.arrival.route.label
+
+    @property
+    def kind(self) -> Kind:
+        """What an answer to `problem` is worth on `source`."""
+        return self.arrival.kind
+
+    def lift(self, answer: Solution | Point | Sequence[float]) -> Any:
+        """Carry an answer to `problem` back to `source`; returns a point of `source`.
+
+        Parameters
+        ----------
+        answer : a solution of `problem`, a point of it, or a vector of shape (n,) with its parts one after the other.
+
+        Raises PointError when it is no answer to `problem`.
+        """
+        from cpbench import graph
+
+        return graph.lift(self.problem, point_of(self.problem, answer), len(self.arrival.route.steps))
+
+    def __repr__(self) -> str:
+        return f"Converted by {self.route} ({self.kind}):\n{self.problem}"
+
+    def _repr_html_(self) -> str:
+        from cpbench.report.show_html import problem_html
+
+        return problem_html(self.problem)
+
+
+def load(path: str | Path, *, format: str | None = None) -> Problem:
+    """Read a problem from a file, or one of the built-in problems.
+
+    Parameters
+    ----------
+    path : a file, ``FILE::NAME`` in a pack, or ``builtin/lcp/american-put.h5::american-put-100``.
+    format : a name from `cpbench list formats`; None: by what the file holds.
+
+    Raises FormatError where the file cannot be read, UnknownName on an unknown format.
+
+    >>> import cpbench
+    >>> cpbench.load("builtin/lcp/american-put.h5::american-put-100").sizes()
+    {'n': 100}
+    """
+    from cpbench import storage
+    from cpbench.bench.planning.selection import located
+    from cpbench.generators.collection import builtin_folder
+
+    return storage.load(located(str(path), builtin_folder), format=format)
+
+
+def convert(
+    problem: Problem,
+    to: str | None = None,
+    via: str | Sequence[str] | None = None,
+    *,
+    kinds: frozenset[Kind] | None = None,
+    knobs: Mapping[str, Any] | None = None,
+    apply: Apply | None = None,
+) -> Converted:
+    """Convert a problem to another formulation, by the cheapest route whose every answer is an answer.
+
+    Parameters
+    ----------
+    to : the formulation to reach (`cpbench list formulations`); None: where `via` leads.
+    via : conversions that the route must take, by name or its end, with knobs: ``"inner[facets=16]"``. They are taken
+        whatever they promise.
+    kinds : the promises that other steps may have, None for exact ones. knobs : for conversions of `via` that have them
+        and whose text sets none. apply : takes each step (see `graph.arrive`).
+
+    Raises NoRoute with the obstacles met, UnknownName.
+
+    >>> import cpbench
+    >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
+    >>> qp = cpbench.convert(lcp, "qp")
+    >>> qp.route, qp.lift(cpbench.solve(qp.problem)).z.round(6).tolist()
+    ('lcp-qp', [1.333333, 2.333333])
+    """
+    from cpbench import graph
+    from cpbench.conversions.base import Conversion
+
+    pinned: tuple[Conversion, ...] = ()
+    if via:
+        from cpbench.bench.planning import plan
+
+        asked = plan.pinned([via] if isinstance(via, str) else list(via), knobs or {})
+        pinned = plan.parse_request(asked.header)[1]
+    if to is not None:
+        graph.formulations.get(to)
+    target = to or (pinned[-1].target if pinned else problem.node)
+    return Converted(problem, graph.arrive(problem, target, kinds or graph.EXACT, pinned, apply or Conversion.step))
+
+
+def explain(problem: Problem, to: str) -> list[str]:
+    """Return what exact routes to a formulation there are: a line on each that refuses, and one on what leads there.
+
+    Raises UnknownName on an unknown formulation.
+
+    >>> import cpbench
+    >>> for line in cpbench.explain(cpbench.LCP(M=[[2.0, 1.0], [0.0, 2.0]], q=[-5.0, -6.0]), "qp"):
+    ...     print(line)
+    lcp-qp refuses: M is not symmetric, asymmetry = 5.0e-01; use lcp-qp-nonsymmetric
+    lcp-avi > avi-qp: avi-qp refuses: M is not symmetric, asymmetry = 5.0e-01: it is no gradient; use avi-mlcp
+    lcp-qp-nonsymmetric leads there (equivalent)
+    """
+    from cpbench import graph
+    from cpbench.errors import NoRoute
+
+    graph.formulations.get(to)
+    dead = [str(end) for end in graph.explain(problem, to)]
+    try:
+        arrival = graph.arrive(problem, to)
+    except NoRoute:
+        return [*dead, f"no exact route from {problem.node} to {to}"]
+    return [*dead, f"{arrival.route.label} leads there ({arrival.kind})"]
+
+
+def verify(
+    problem: Problem,
+    answer: Solution | Point | Sequence[float],
+    *,
+    tolerance: float = 1e-6,
+    measure: str | None = None,
+) -> Verdict:
+    """Measure an answer from anywhere on a problem.
+
+    Parameters
+    ----------
+    answer : a point, a vector of shape (n,) with the parts of a point one after the other, or a solution.
+    tolerance : the largest error that passes. measure : one published number that decides instead of the backward error
+        (``"natural"``, ``"fclib2018"``, ...).
+
+    Raises PointError when it has not the shape of an answer, UnknownName on a measure that is not of this formulation.
+
+    >>> import cpbench
+    >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
+    >>> cpbench.verify(lcp, [4 / 3, 7 / 3]).solved, cpbench.verify(lcp, [1.0, 2.0]).solved
+    (True, False)
+    """
+    from cpbench import verification
+
+    return verification.judge(problem, point_of(problem, answer), tolerance, measure)
+
+
+def point_of(problem: Problem, answer: Solution | Point | Sequence[float]) -> Any:
+    """Return an answer as a point of the problem; raises PointError when it is none."""
+    from cpbench.errors import PointError
+
+    if isinstance(answer, Solution):
+        if answer.point is None:
+            raise PointError(f"{problem.node}: the solution has no answer ({answer.status}: {answer.message})")
+        answer = answer.point
+    found = answer if isinstance(answer, Point) else problem.point_from_vector(answer)
+    problem.check_point(found)
+    return found

@@ -1,0 +1,164 @@
+"""The results of a benchmark: rows as a table, a ranking, figures, a report, a comparison."""
+
+from __future__ import annotations
+
+import html
+import io
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cpbench.bench.results.sealed import sealed
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from cpbench.analysis.comparison import Comparison
+    from cpbench.analysis.ranking import Ranking
+
+
+class Results:
+    """The rows of a results file, one a pair of a problem and a solver.
+
+    Parameters
+    ----------
+    path : the file that `cpbench.run` or `cpbench run` wrote. remarks : what a reader should know of the run.
+
+    Raises StoreError where it is no results file, SealError where rows are not as a run wrote them.
+    """
+
+    def __init__(self, path: str | Path, *, remarks: Sequence[str] = ()) -> None:
+        self.path = Path(path)
+        self.remarks = tuple(remarks)
+        with sealed(self.path) as store:
+            self._rows, self.meta = store.table(), store.meta()
+            self._histories = list(store.histories())
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The rows: problem, solver, status, error, solve [s] and all else that was measured; a copy."""
+        return self._rows.copy()
+
+    @cached_property
+    def rankings(self) -> list[Ranking]:
+        """A ranking of each formulation, with a sentence that says what to use."""
+        from cpbench.analysis import ranking
+        from cpbench.analysis import table as rows_of
+
+        return ranking.rankings(rows_of.normalised(self._rows), self.meta.get("solvers"))
+
+    def plot(
+        self,
+        kind: str,
+        node: str = "",
+        *,
+        solvers: Sequence[str] = (),
+        families: Sequence[str] = (),
+        tolerance: float = math.nan,
+        start: str = "",
+        **options: Any,
+    ) -> Figure:
+        """Draw a figure of the run; `cpbench plot --help` lists the kinds, `cpbench plot KIND --help` their options.
+
+        Parameters
+        ----------
+        node : formulation, where the results have several. solvers, families : names or globs, all for none.
+        tolerance : of the rows; another than was asked for judges their answers again. start : start policy.
+        options : of the kind, as ``metric="iterations"`` of a profile.
+
+        Raises UnknownName for what is not there, CpbenchError where the results have several values and need one.
+        """
+        from cpbench.bench import history
+        from cpbench.report import figure_kinds, plots, run_canvas
+        from cpbench.report.chosen import Choice
+        from cpbench.report.run import assembled
+
+        found = figure_kinds.find(plots.__name__, kind)
+        for name in options:
+            if name not in found.options:
+                from cpbench.errors import UnknownName
+
+                raise UnknownName(f"option of the figure {kind}", name, found.options)
+        choice = Choice(node, tuple(solvers), tuple(families), tolerance, start)
+        run = assembled(self._rows, self.meta, Path(), history.table(self._histories))
+        with run_canvas.drawing():
+            figure = found.draw(run, choice, **options).figure
+        setattr(figure, "_repr_png_", lambda: _png(figure))  # noqa: B010  (it came without pyplot, which notebooks know)
+        return figure
+
+    def profile(self, node: str = "", *, metric: str = "time", **choice: Any) -> Figure:
+        """Draw the performance profile: the fraction of problems solved within τ times the least cost.
+
+        Parameters
+        ----------
+        node : formulation, where the results have several. metric : the cost: time, solve, cpu, memory, iterations or
+        counter:NAME. choice : as `plot` takes it.
+        """
+        return self.plot("profile", node, metric=metric, **choice)
+
+    def report(self, folder: str | Path, title: str = "", **choice: Any) -> Path:
+        """Write the report into a folder (an offline page, Markdown, figures, rows); returns the page.
+
+        Parameters
+        ----------
+        choice : `publishable`, `with_imported`, `count_stationary`, `data`, as `cpbench report --help` says.
+        """
+        from cpbench.api.reports import write_report
+        from cpbench.errors import FormatError
+
+        place = Path(folder)
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as cause:
+            raise FormatError(place, "", f"cannot be a folder ({cause.strerror or cause})") from None
+        with sealed(self.path) as store:
+            files, _ = write_report(store, place, title or self.path.stem, **choice)
+        return next(file for file in files if file.suffix == ".html")
+
+    def compare(self, base: str | Path | Results, **settings: Any) -> Comparison:
+        """Compare with an earlier run, or a baseline (.csv): what improved, regressed or is inconclusive.
+
+        Parameters
+        ----------
+        settings : `margin`, `counter_margin`, `alpha`, `same_machine`, `seed`, `count_stationary`
+        (`analysis.comparison.Settings`).
+        """
+        from cpbench.analysis.comparison import Settings, compare
+        from cpbench.api import sides
+
+        after = sides.side(self.path)
+        before = base.path if isinstance(base, Results) else Path(base)
+        return compare(sides.base(before, after), after, Settings(**settings))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __repr__(self) -> str:
+        sentences = [ranking.sentence for ranking in self.rankings]
+        return "\n".join([f"Results of {len(self)} pairs in {self.path.name}", *sentences, *self.remarks])
+
+    def _repr_html_(self) -> str:
+        parts: list[str] = []
+        for ranking in self.rankings:
+            head = "".join(f"<th>{name}</th>" for name in ("solver", "solved", "median [s]", "× fastest", "route"))
+            rows = "".join(
+                f"<tr><td>{html.escape(row.solver)}</td><td>{row.solved} of {row.started}</td>"
+                f"<td>{_shown(row.median)}</td><td>{_shown(row.factor)}</td><td>{html.escape(row.route)}</td></tr>"
+                for row in ranking.shown
+            )
+            parts.append(f"<p>{html.escape(ranking.sentence)}</p><table><tr>{head}</tr>{rows}</table>")
+        return "".join([*parts, *(f"<p>{html.escape(remark)}</p>" for remark in self.remarks)])
+
+
+def _shown(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else ""
+
+
+def _png(figure: Figure) -> bytes:
+    """Return the picture that a notebook shows."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110, bbox_inches="tight")
+    return buffer.getvalue()

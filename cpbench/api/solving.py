@@ -1,0 +1,222 @@
+"""Solving one problem in this process: find a solver and a route, warm up, solve, carry the answer back, judge it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from cpbench import verification
+from cpbench.api.solution import Solution
+from cpbench.bench.judging import judge_answer, look_for_proof
+from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
+from cpbench.formulations.base import Kind, Problem
+from cpbench.solvers.base import Budget, Solver, parse_options, solvers
+from cpbench.verification import Status
+
+PROOF_SHARE = 0.5
+"""The part of the time limit within which a proof is looked for that there is no solution."""
+NATIVE = "cpbench.solvers.native."
+_warm: set[str] = set()
+"""Solvers that have warmed up in this process."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A solver, and the problem as it was brought there.
+
+    Attributes
+    ----------
+    problem : of the solver's own formulation. steps : conversions that led there, `label` and `kind` of them all.
+    seconds : what they took.
+    """
+
+    solver: Solver
+    options: Any
+    name: str
+    problem: Problem
+    steps: int = 0
+    label: str = "direct"
+    kind: Kind = Kind.EQUIVALENT
+    seconds: float = 0.0
+
+
+def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-6, seconds: float = 10.0) -> Solution:
+    """Solve a problem, in this process, and measure the answer on it.
+
+    Parameters
+    ----------
+    problem : of any formulation; where the solver is for another one, exact conversions lead there and back.
+    solver : a name, with options where wanted: ``"nsgs[omega=1.2]"``. None: the automatic choice of cpbench's own
+        solvers for this formulation, or for the nearest one that has such a choice and takes the problem.
+    tolerance : the largest error of an answer that counts as solved (see `Solution.error`).
+    seconds : limit of set-up and solve [s], from after the warm-up on. It is told to the solver; one that does not look
+        at the clock is not stopped, and its answer has the status `timeout`. `cpbench.run` stops whatever does not end.
+
+    Returns
+    -------
+    Solution : also where the solver fails, which its `status` says.
+
+    Raises
+    ------
+    UnknownName : no such solver or option. NoRoute : no exact conversion leads from the problem to the solver.
+    NotApplicable : the solver refuses the problem. Unavailable : its package is not installed.
+
+    >>> import cpbench
+    >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
+    >>> solution = cpbench.solve(lcp, "lemke")
+    >>> bool(solution), solution.x.round(12).tolist(), solution.route
+    (True, [1.333333333333, 2.333333333333], 'direct')
+    """
+    if not isinstance(problem, Problem):
+        raise ProblemError(
+            "problem", f"is a {type(problem).__name__}, expected a Problem; cpbench.load reads one from a file"
+        )
+    if not (tolerance > 0 and seconds > 0):
+        raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
+    way = _way_to(problem, solver) if solver is not None else _automatic(problem)
+    if way.name not in _warm:
+        way.solver.warmup()
+        _warm.add(way.name)
+    return _solved(problem, way, tolerance, seconds)
+
+
+def _way_to(problem: Problem, name: str) -> Way:
+    """Bring the problem to a named solver."""
+    from cpbench.bench.planning.plan import bracketed
+
+    base, given = bracketed("solver", name)
+    solver = solvers.get(base)
+    state = solver.availability()
+    if not state.ok:
+        raise Unavailable(state.state, f"{base}: {state.detail}")
+    way = _brought(problem, solver, parse_options(solver.spec, given), name)
+    why = solver.obstacle(way.problem)
+    if why is not None:
+        raise NotApplicable(name, why)
+    return way
+
+
+def _automatic(problem: Problem) -> Way:
+    """Bring the problem to the nearest automatic choice that takes it; raises NoRoute."""
+    refused: list[str] = []
+    for name in _nearest(problem.node):
+        chosen = solvers.get(name)
+        try:
+            way = _brought(problem, chosen, chosen.spec.options(), name)
+        except NoRoute as cause:
+            refused.append(str(cause))
+            continue
+        why = chosen.obstacle(way.problem)
+        if why is None:
+            return way
+        refused.append(f"{name}: {why}")
+    raise NoRoute(
+        f"no automatic choice takes this problem ({problem.node}); name a solver (cpbench.list_solvers). "
+        f"{refused[0] if refused else ''}"
+    )
+
+
+def _nearest(node: str) -> Iterator[str]:
+    """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first; then our
+    other solvers of that formulation."""
+    from cpbench.solvers.native.automatic import automatic_solvers
+
+    known = automatic_solvers()
+    if node in known:
+        yield known[node]
+    from cpbench import graph
+
+    first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
+    ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
+    yield from (name for _, name in ordered)
+    ours = (one for one in solvers if one.spec.node == node and type(one).__module__.startswith(NATIVE))
+    yield from (one.spec.name for one in ours if one.spec.by_default and one.spec.name not in known.values())
+
+
+def _brought(problem: Problem, solver: Solver, options: Any, name: str) -> Way:
+    if solver.spec.node == problem.node:
+        return Way(solver, options, name, problem, kind=solver.spec.kind)
+    from cpbench import graph
+
+    done = graph.Memory()
+    arrival = graph.arrive(problem, solver.spec.node, apply=done)
+    kind = max(arrival.kind, solver.spec.kind, key=lambda kind: kind.rank)
+    return Way(
+        solver,
+        options,
+        name,
+        arrival.problem,
+        len(arrival.route.steps),
+        arrival.route.label,
+        kind,
+        done.seconds(problem, arrival.route),
+    )
+
+
+def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Solution:
+    """Run the solver and judge what it returns."""
+    from cpbench import graph
+
+    budget = Budget(tolerance=graph.tolerance(way.problem, tolerance, way.steps), seconds=seconds)
+    spent = {"convert": way.seconds} if way.steps else {}
+    solver = way.solver
+    try:
+        handed = solver.hand_over(way.problem)
+        begun = time.perf_counter()
+        prepared = solver.setup(handed, budget, way.options)
+        between = time.perf_counter()
+        output = solver.solve(prepared, budget, way.options)
+        spent |= {"setup": between - begun, "solve": time.perf_counter() - between}
+        output = solver.collect(output)
+    except (NotApplicable, Unavailable):
+        raise
+    except Exception as error:
+        status = Status.MEMOUT if isinstance(error, MemoryError) else Status.ERROR
+        message = f"{type(error).__name__}: {error}"
+        return Solution(
+            problem=problem,
+            solver=way.name,
+            status=status,
+            verdict=verification.no_answer(tolerance),
+            tolerance=tolerance,
+            route=way.label,
+            kind=way.kind,
+            seconds=spent,
+            message=message,
+        )
+    found = judge_answer(
+        problem,
+        way.problem,
+        way.steps,
+        None if output.point is None else output.point.arrays(),
+        tolerance=tolerance,
+        claim=output.claim,
+        kind=way.kind,
+        promise=solver.spec.kind,
+        prove=lambda: look_for_proof(
+            partial(verification.prove, problem),
+            not way.steps,
+            output.claim,
+            output.certificate,
+            PROOF_SHARE * seconds,
+        ),
+    )
+    late = spent["setup"] + spent["solve"] > seconds
+    told = [found.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
+    return Solution(
+        problem=problem,
+        solver=way.name,
+        status=Status.TIMEOUT if late else found.status,
+        verdict=found.verdict,
+        tolerance=tolerance,
+        route=way.label,
+        kind=way.kind,
+        point=found.point,
+        claim=str(output.claim),
+        seconds={**spent, "lift": found.lift, "verify": found.verify},
+        counters=dict(output.counters),
+        message="; ".join(filter(None, told)),
+    )

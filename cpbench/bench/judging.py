@@ -1,0 +1,130 @@
+"""An answer of a solver on its way back: lifted, measured on the problem that was asked, and given its status."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cpbench import graph, verification
+from cpbench.errors import PointError
+from cpbench.formulations.base import Kind, Point, Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What an answer is worth.
+
+    Attributes
+    ----------
+    status : of the pair. point : the answer to the problem that was asked, None where there is none.
+    verdict : on that problem. target : on the solver's own problem, None where that is not known.
+    message : why there is no answer, or no proof. proof : that there is no solution, where one was found.
+    lift, verify : seconds.
+    """
+
+    status: verification.Status
+    point: Point | None
+    verdict: verification.Verdict
+    target: verification.Verdict | None = None
+    message: str = ""
+    proof: verification.Proof | None = None
+    lift: float = 0.0
+    verify: float = 0.0
+
+    @property
+    def flags(self) -> list[str]:
+        """Flags of the verdict, and whether rounding decides on the solver's own problem."""
+        beyond = self.target is not None and self.target is not self.verdict and "unresolvable" in self.target.flags
+        return [*self.verdict.flags, *([verification.TARGET_UNRESOLVABLE] if beyond else [])]
+
+
+def judge_answer(
+    source: Problem,
+    converted: Problem,
+    steps: int,
+    answer: Mapping[str, Any] | None,
+    *,
+    tolerance: float,
+    claim: str,
+    kind: Kind = Kind.EQUIVALENT,
+    promise: Kind = Kind.EQUIVALENT,
+    measure: str | None = None,
+    prove: Callable[[], verification.Attempt | None] = lambda: None,
+) -> Judgement:
+    """Lift an answer to `converted` by its last `steps` conversions and measure it on `source`.
+
+    It is measured on the solver's own problem too: what is missed there is the solver's doing, the rest the
+    route's. A solver whose `promise` is less than an answer drops a term, and solves a problem that nobody has.
+
+    Parameters
+    ----------
+    answer : the vectors of the point by name, None where the solver has none. claim : a `solvers.Claim` value.
+    kind : the promise of the route. prove : looks for a proof that there is no solution; asked where the answer fails.
+    """
+    lifted = verified = 0.0
+    point: Point | None = None
+    message = ""
+    verdict, target = verification.no_answer(tolerance), None
+    if answer is not None:
+        try:
+            begun = time.perf_counter()
+            found = converted.point_type(**answer)
+            converted.check_point(found)
+            point = graph.lift(converted, found, steps)
+            between = time.perf_counter()
+            verdict = verification.judge(source, point, tolerance, measure)
+            lifted, verified = between - begun, time.perf_counter() - between
+            if promise.exact:
+                wanted = graph.tolerance(converted, tolerance, steps)
+                target = verification.judge(converted, found, wanted) if steps else verdict
+        except (PointError, TypeError) as refusal:
+            message, point = f"the answer is none: {refusal}", None
+    attempt = None if verdict.solved else prove()
+    proof = attempt.proof if attempt else None
+    status = verification.status(
+        verdict,
+        claim,
+        kind=max(kind, promise, key=lambda kind: kind.rank),
+        target=target,
+        proven_infeasible=proof is not None and proof.kind == verification.Status.INFEASIBLE,
+        proven_unbounded=proof is not None and proof.kind == verification.Status.UNBOUNDED,
+    )
+    return Judgement(
+        verification.Status.ERROR if message else status,
+        point,
+        verdict,
+        target,
+        message or (attempt.message if attempt else ""),
+        proof,
+        lifted,
+        verified,
+    )
+
+
+def look_for_proof(
+    prove: Callable[[str, Any, float], verification.Attempt],
+    direct: bool,
+    claim: str,
+    certificate: Any,
+    seconds: float,
+) -> verification.Attempt | None:
+    """Look for a proof of a claim that the problem that was asked has no solution; None without such a claim.
+
+    A certificate is for that very problem: those of converted problems (not `direct`) are of other data. Nor is the
+    claim of what was converted the same claim: the conditions of optimality of an unbounded program have no solution.
+
+    Parameters
+    ----------
+    prove : takes the kind of claim, a certificate or None, and seconds.
+    """
+    kind = claim if claim in verification.PROVEN or certificate is None else str(verification.Status.INFEASIBLE)
+    if kind not in verification.PROVEN:
+        return None
+    if direct:
+        return prove(kind, certificate, seconds)
+    attempts = [prove(kind, None, seconds / 2)]
+    if attempts[0].proof is None:
+        attempts += [prove(other, None, seconds / 2) for other in verification.PROVEN if other != kind]
+    return attempts[-1] if attempts[-1].proof is not None else attempts[0]

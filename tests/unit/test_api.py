@@ -1,0 +1,253 @@
+"""The Python interface: what `import cpbench` offers, as a script or a notebook uses it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cpbench
+from cpbench import formulations
+from cpbench.errors import NoRoute, PointError, ProblemError, Unavailable, UnknownName
+from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.verification import Status
+
+LCP = formulations.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0], name="two")
+EXACT = np.array([4.0, 7.0]) / 3.0
+"""M z + q = 0 at z = (4/3, 7/3) > 0: 8/3 + 7/3 = 5 and 4/3 + 14/3 = 6."""
+
+
+@pytest.mark.parametrize("name", cpbench.__all__)
+def test_every_name_resolves(name: str) -> None:
+    assert getattr(cpbench, name) is not None
+
+
+def test_every_formulation_and_its_point_is_exported() -> None:
+    for cls in formulations.formulations:
+        assert getattr(cpbench, cls.__name__) is cls
+        assert getattr(cpbench, cls.point_type.__name__) is cls.point_type
+
+
+def test_an_import_brings_nothing_with_it() -> None:
+    code = "import sys, cpbench; print([m for m in ('numpy', 'scipy', 'h5py', 'click') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
+
+
+def test_one_solve_imports_few_solvers() -> None:
+    """Discovery of all of them takes longer than most problems."""
+    code = (
+        "import sys, cpbench; s = cpbench.solve(cpbench.LCP(M=[[2.0]], q=[-1.0]), 'lemke'); "
+        "print(bool(s), sum('.solvers.adapters.' in m for m in sys.modules), 'pandas' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "True 0 False", done.stderr
+
+
+def test_an_answer_is_measured_on_the_problem_that_was_asked() -> None:
+    solution = cpbench.solve(LCP, "lemke", tolerance=1e-9)
+    assert solution
+    assert solution.status is Status.SOLVED
+    assert solution.claim == Claim.SOLVED
+    np.testing.assert_allclose(solution.x, EXACT, rtol=1e-12)
+    assert solution.error <= 1e-9
+    assert solution.route == "direct"
+    assert 0 < solution.time < 10
+
+
+def test_a_solver_of_another_formulation_is_reached_and_its_answer_carried_back() -> None:
+    solution = cpbench.solve(LCP, "qp-dual-active-set")
+    assert solution.route == "lcp-qp"
+    assert solution.problem is LCP
+    assert "convert" in solution.seconds
+    np.testing.assert_allclose(solution.x, EXACT, rtol=1e-9)
+
+
+def test_a_solver_is_chosen_where_none_is_named() -> None:
+    assert cpbench.solve(LCP).solver == "auto-lcp"
+
+
+@pytest.mark.parametrize("node", ["equation", "nfc"])
+def test_a_formulation_without_an_automatic_choice_gets_a_solver_of_its_own(node: str) -> None:
+    from cpbench.api.solving import _nearest
+
+    chosen = [solvers.get(name).spec.node for name in _nearest(node)]
+    assert node in chosen
+
+
+class Liar(Solver):
+    """Claims anything; `LIES` says what."""
+
+    spec = SolverSpec(name="liar-in-a-script", node="lcp", summary="", method="")
+    answer: SolverOutput | Exception = SolverOutput(claim=Claim.SOLVED)
+
+    def solve(self, prepared: object, budget: Budget, options: object, start: object = None, record: object = None):
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+class NeedsGuest(Liar):
+    """Cannot run here."""
+
+    spec = SolverSpec(name="needs-a-guest", node="lcp", summary="", method="", requires=("no_such_package",))
+
+
+@pytest.fixture(autouse=True)
+def liar() -> Iterator[Liar]:
+    one = Liar()
+    for solver in (one, NeedsGuest()):
+        solvers.add(solver.spec.name, solver)
+    yield one
+    for name in ("liar-in-a-script", "needs-a-guest"):
+        del solvers._items[name]  # pyright: ignore[reportPrivateUsage]
+
+
+@pytest.mark.parametrize(
+    ("answer", "status"),
+    [
+        (SolverOutput(claim=Claim.SOLVED, point=formulations.LCPPoint(z=[1.0, 1.0])), Status.WRONG),
+        (SolverOutput(claim=Claim.SOLVED, point=formulations.LCPPoint(z=[1.0])), Status.ERROR),
+        (SolverOutput(claim=Claim.FAILED, point=formulations.LCPPoint(z=EXACT)), Status.SOLVED),
+        (SolverOutput(claim=Claim.INFEASIBLE), Status.FAILED),
+        (ZeroDivisionError("of its own"), Status.ERROR),
+    ],
+)
+def test_a_claim_is_kept_beside_the_verdict_and_decides_nothing(liar: Liar, answer: object, status: Status) -> None:
+    liar.answer = answer  # pyright: ignore[reportAttributeAccessIssue]
+    solution = cpbench.solve(LCP, "liar-in-a-script")
+    assert solution.status is status
+    assert bool(solution) is (status is Status.SOLVED)
+    if isinstance(answer, Exception):
+        assert solution.message == "ZeroDivisionError: of its own"
+        assert solution.x is None
+    elif isinstance(answer, SolverOutput):
+        assert solution.claim == answer.claim
+
+
+def test_an_answer_after_the_limit_is_late() -> None:
+    solution = cpbench.solve(LCP, "lemke", seconds=1e-9)
+    assert solution.status is Status.TIMEOUT
+    assert not solution
+    assert "limit of 1e-09 s" in solution.message
+
+
+@pytest.mark.parametrize(
+    ("solver", "cause"),
+    [("lemka", UnknownName), ("nsgs", NoRoute), ("psor[omega=x]", UnknownName), ("needs-a-guest", Unavailable)],
+)
+def test_what_cannot_be_done_is_one_line(solver: str, cause: type[Exception]) -> None:
+    with pytest.raises(cause) as refusal:
+        cpbench.solve(LCP, solver)
+    assert "\n" not in str(refusal.value)
+
+
+def test_no_problem_and_no_limits_are_refused() -> None:
+    with pytest.raises(ProblemError, match="is a str, expected a Problem"):
+        cpbench.solve("file.h5")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ProblemError, match="tolerance: must be positive"):
+        cpbench.solve(LCP, "lemke", tolerance=0.0)
+
+
+def test_a_conversion_lifts_what_it_is_given() -> None:
+    qp = cpbench.convert(LCP, "qp")
+    assert qp.problem.node == "qp"
+    assert qp.kind.exact
+    solution = cpbench.solve(qp.problem, "qp-dual-active-set")
+    for answer in (solution, solution.point, solution.x):
+        lifted = qp.lift(answer)
+        assert cpbench.verify(LCP, lifted, tolerance=1e-9).solved
+    with pytest.raises(PointError):
+        qp.lift([1.0])
+    assert cpbench.convert(LCP, via="lcp-ncp").problem.node == "ncp"
+
+
+def test_answers_from_anywhere_are_measured() -> None:
+    assert cpbench.verify(LCP, EXACT).solved
+    assert not cpbench.verify(LCP, EXACT + 1e-3).solved
+    assert cpbench.verify(LCP, EXACT + 1e-3, tolerance=1e-2).solved
+    with pytest.raises(PointError, match="has 1 numbers, expected 2"):
+        cpbench.verify(LCP, [1.0])
+
+
+def test_built_in_problems_are_loaded_by_their_names() -> None:
+    one = cpbench.load("builtin/lcp/american-put.h5::american-put-100")
+    assert one.fingerprint == cpbench.gallery["american-put"][0].fingerprint
+    assert "american-put" in cpbench.gallery
+    assert "no-such-family" not in cpbench.gallery
+
+
+def test_solvers_are_listed_by_formulation() -> None:
+    names = [spec.name for spec in cpbench.list_solvers("lcp")]
+    assert "lemke" in names
+    assert "nsgs" not in names
+    assert set(names) <= {spec.name for spec in cpbench.list_solvers("lcp", available=False)}
+    with pytest.raises(UnknownName):
+        cpbench.list_solvers("lpc")
+
+
+def test_a_notebook_shows_law_verdict_and_families() -> None:
+    assert "0 ≤ z ⟂" in str(LCP._repr_html_())
+    shown = cpbench.solve(LCP, "lemke")._repr_html_()
+    assert "two: solved" in shown
+    assert "measured" in shown
+    assert "american-put" in cpbench.gallery._repr_html_()
+
+
+def test_markup_in_a_name_is_text() -> None:
+    named = formulations.LCP(M=[[1.0]], q=[-1.0], name="<script>alert(1)</script>")
+    for shown in (named._repr_html_(), cpbench.solve(named, "lemke")._repr_html_()):
+        assert "<script>" not in str(shown)
+
+
+def test_a_run_of_problems_from_memory_and_files(tmp_path: Path) -> None:
+    file = tmp_path / "p.h5"
+    cpbench.save(formulations.LCP(M=[[1.0]], q=[-1.0], name="one"), file)
+    results = cpbench.run([LCP, file], ["lemke", "psor"], repeats=1, out=tmp_path / "r.sqlite")
+    frame = results.frame
+    assert sorted(zip(frame["problem"], frame["solver"], frame["status"], strict=True)) == [
+        (problem, solver, "solved") for problem in ("one", "two") for solver in ("lemke", "psor")
+    ]
+    assert "lcp: " in repr(results)
+    assert "<table>" in results._repr_html_()
+    assert results.compare(results).verdict == "same"
+    again = cpbench.Results(tmp_path / "r.sqlite")
+    assert len(again) == 4
+    assert (tmp_path / "r.problems.h5").exists()
+
+
+@pytest.mark.nightly
+def test_the_report_and_the_figures_of_a_run(tmp_path: Path) -> None:
+    results = cpbench.run(LCP, ["lemke", "psor"], repeats=1)
+    assert results.profile().axes
+    page = results.report(tmp_path / "report")
+    assert page.name == "report.html"
+    assert page.stat().st_size > 10_000
+
+
+def test_a_run_says_what_it_cannot_do(tmp_path: Path) -> None:
+    for arguments, told in (
+        ({"solvers": "lemka"}, "unknown solver 'lemka'"),
+        ({"solvers": "lemke", "timeot": 1}, "unknown key of a plan 'timeot'"),
+        ({"solvers": "nsgs"}, "no route leads"),
+    ):
+        with pytest.raises(cpbench.CpbenchError, match=told):
+            cpbench.run(LCP, out=tmp_path / "r.sqlite", **arguments)
+    assert not (tmp_path / "r.sqlite").exists()
+
+
+@pytest.mark.nightly
+def test_a_script_needs_no_guard(tmp_path: Path) -> None:
+    """Its processes do not import it: without `if __name__ == "__main__"` it would begin the run again."""
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "print('begun', flush=True)\nimport cpbench\n"
+        "lcp = cpbench.LCP(M=[[2.0]], q=[-1.0], name='p')\n"
+        "print(cpbench.run(lcp, 'lemke', repeats=1).frame['status'].tolist())\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout == "begun\n['solved']\n", done.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.py"]

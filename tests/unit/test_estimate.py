@@ -1,0 +1,34 @@
+"""How long a run may take, from what was measured on the same problems, by hand."""
+
+from __future__ import annotations
+
+from cpbench.analysis.experience import Case, Experience
+from cpbench.bench.planning.plan import Entry, Limits, Pair, Request, exact
+from cpbench.cli.estimate import NOTHING, Span, solves
+
+TIMES = {"fast": 0.5, "slow": 20.0, "failing": float("inf")}
+MEASURED = Experience(
+    (Case("a", "lcp", "made", "a", {}, TIMES), Case("b", "lcp", "made", "b", {}, {**TIMES, "elsewhere": 1.0}))
+)
+
+
+def pair(solver: str, request: Request | None = None, fingerprint: str = "a") -> Pair:
+    limits = Limits(seconds=10.0, repeats=3)
+    return Pair("p.h5", "p", fingerprint, "lcp", "made", {}, request or exact(), Entry(solver), "lcp", 1e-6, limits)
+
+
+def test_a_pair_takes_what_was_measured_or_what_others_took_on_its_problem() -> None:
+    """A time below a second is repeated, 3 · 0.5; one beyond the limit ends there; 5.75 is the mean of the two."""
+    approximate = Request("inner8")
+    todo = [pair("fast"), pair("slow"), pair("failing"), pair("fast", approximate), pair("elsewhere"), pair("new")]
+    others = Span(5.75, 10.0)
+    assert solves(todo, MEASURED) == ([Span(1.5, 1.5), Span(10.0, 10.0), others, others, NOTHING, others], 2)
+
+
+def test_a_problem_that_nobody_measured_has_no_time() -> None:
+    assert solves([pair("fast", fingerprint="unknown")], MEASURED) == ([None], 0)
+
+
+def test_a_range_says_both_ends_where_they_differ() -> None:
+    assert str(Span(1000.0, 2900.0)) == "17 min to 49 min"
+    assert str(Span(1.5, 1.5) + NOTHING * 2) == "about 1.5 s"
