@@ -178,10 +178,12 @@ def _split(F: Map) -> tuple[Sparse, Vector, Sparse, list[int]]:
 
 
 def _assembled(entries: list[tuple[float, int, int]], shape: tuple[int, int]) -> Sparse:
-    """The matrix of (value, row, column); entries of one place add up."""
+    """The matrix of (value, row, column); entries of one place add up, and those that cancel are none."""
     table = np.array(entries, dtype=float).reshape(-1, 3)
     where = (table[:, 1].astype(np.int64), table[:, 2].astype(np.int64))
-    return sp.csr_array((table[:, 0], where), shape=shape)
+    result = sp.csr_array((table[:, 0], where), shape=shape)
+    result.eliminate_zeros()
+    return result
 
 
 def _summands(head: int, a: int, b: int, inputs: int, constants: list[float]) -> list[tuple[int, float]] | None:

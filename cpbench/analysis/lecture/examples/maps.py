@@ -100,7 +100,7 @@ def ball() -> NonlinearFrictionContact:
     load = MASS * before - STEP * MASS * GRAVITY * np.array([0.0, 0.0, 1.0])
 
     def formula(*v: Any) -> list[Any]:
-        drag = STEP * DRAG * (sum(x * x for x in v) + 1e-2) ** 0.5
+        drag = STEP * DRAG * np.sqrt(sum(x * x for x in v) + 1e-2)
         return [MASS * x + drag * x - b for x, b in zip(v, load, strict=True)]
 
     H = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
