@@ -1,9 +1,9 @@
 """Where compiled kernels are kept, and how several processes share them.
 
-Kernels live in `solvers/kernels` and `conversions/kernels`, and numba writes its cache beside the source. Where that
-is not writable (a system-wide installation, a read-only image) the user's cache directory is taken. One process
-compiles a module: the others wait and then read what it wrote, instead of compiling the same code and racing for
-the index. Different modules are compiled side by side.
+Kernels live in `solvers/kernels`, `conversions/kernels` and `expressions/kernels`, and numba writes its cache beside
+the source. Where that is not writable (a system-wide installation, a read-only image) the user's cache directory is
+taken. One process compiles a module: the others wait and then read what it wrote, instead of compiling the same code
+and racing for the index. Different modules are compiled side by side.
 """
 
 from __future__ import annotations
@@ -117,10 +117,13 @@ def compiled(kernel: Any) -> Callable[..., Any]:
     return version.entry_point
 
 
-def modules(package: str) -> list[str]:
-    """Full names of the kernel modules in `solvers` or `conversions`."""
-    files = sorted((_PACKAGE / package / "kernels").glob("[!_]*.py"))
-    return [f"cpbench.{package}.kernels.{file.stem}" for file in files]
+def modules(*packages: str) -> list[str]:
+    """Full names of the kernel modules in `expressions`, `conversions` or `solvers`."""
+    return [
+        f"cpbench.{package}.kernels.{file.stem}"
+        for package in packages
+        for file in sorted((_PACKAGE / package / "kernels").glob("[!_]*.py"))
+    ]
 
 
 def is_compiled(module: str) -> bool:

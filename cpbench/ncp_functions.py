@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from cpbench.expressions.recording import either, less, where
 from cpbench.matrices import Vector
 
 Values: TypeAlias = tuple[Vector, Vector, Vector]
@@ -69,11 +70,9 @@ def smoothed(a: Vector, b: Vector, mu: float) -> Values:
 
 
 def symbolic_fischer_burmeister(a: Any, b: Any) -> Any:
-    """Write a + b − √(a² + b²) of two SX columns, as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would
+    """Write a + b − √(a² + b²) of two columns, as 2ab/(a + b + √(a² + b²)) where a + b > 0: the difference would
     lose all digits of the smaller one. At (0, 0), where it has no derivative, that of a + b is taken."""
-    import casadi as ca
-
     squares = a * a + b * b
-    root = ca.if_else(squares > 0, ca.sqrt(ca.if_else(squares > 0, squares, 1)), 0)
-    upper = a + b > 0
-    return ca.if_else(upper, 2 * a * b / ca.if_else(upper, a + b + root, 1), a + b - root)
+    positive, upper = less(0.0, squares), less(0.0, a + b)
+    root = where(positive, np.sqrt(either(positive, squares, 1.0)))
+    return either(upper, 2 * a * b / either(upper, a + b + root, 1.0), a + b - root)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from cpbench.conversions.base import Conversion, conversions, make
@@ -66,9 +66,7 @@ def edges(extra: Iterable[Conversion] = ()) -> list[Conversion]:
 
 def nodes_of_maps() -> frozenset[str]:
     """The nodes whose problems have a nonlinear map."""
-    return frozenset(
-        name for name in formulations.names() if any("map" in f.metadata for f in fields(formulations.get(name)))
-    )
+    return frozenset(name for name in formulations.names() if formulations.get(name).has_maps())
 
 
 def best_kind(edge: Conversion) -> Kind:

@@ -77,7 +77,7 @@ def pytest_configure(config: pytest.Config) -> None:
     would wait for each other. One process alone compiles what its tests need."""
     if not getattr(config.option, "tx", None) or hasattr(config, "workerinput"):
         return
-    modules = [*kernel_cache.modules("solvers"), *kernel_cache.modules("conversions")]
+    modules = kernel_cache.modules("expressions", "conversions", "solvers")
     kept = [name for name in modules if "cache=True" in (ROOT / f"{name.replace('.', '/')}.py").read_text("utf-8")]
     if not all(map(kernel_cache.is_compiled, kept)):
         print("compiling the kernels", file=sys.stderr, flush=True)

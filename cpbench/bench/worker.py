@@ -32,6 +32,8 @@ from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import confine, forks, limit_memory
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.errors import Ended, NotApplicable, Unavailable
+from cpbench.expressions import interpreter
+from cpbench.formulations import formulations
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
@@ -63,6 +65,8 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     started = time.perf_counter()
     with _telling_of_compilation(connection):
         solver.warmup()
+        if formulations.get(solver.spec.node).has_maps():
+            interpreter.load()
     version = solver.version()
     gc.enable()
     limit_memory(memory)

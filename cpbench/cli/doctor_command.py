@@ -37,7 +37,7 @@ def command(warm: bool) -> None:
     seen: dict[str, Checkup] = {}
     if warm:
         click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
-        for module in kernel_cache.modules("conversions"):
+        for module in kernel_cache.modules("expressions", "conversions"):
             kernel_cache.load(module)
     for one in checkup.examine(chosen, warm):
         seen[one.name] = one

@@ -76,6 +76,7 @@ def command(
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     from cpbench.api.reports import write_report
     from cpbench.report import row_files
+    from cpbench.report.html import vega
 
     for unknown in [form for form in data if form not in row_files.FORMATS]:
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
@@ -91,7 +92,7 @@ def command(
         made, told = write_report(store, folder, name, table, data=data or None, comparison=comparison, **chosen)
     for path in made:
         click.echo(f"report: {replaced(path, before)}")
-    for line in told:
+    for line in (*told, *filter(None, [vega.lacking()])):
         click.echo(line, err=True)
 
 

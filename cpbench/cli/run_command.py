@@ -315,9 +315,12 @@ def _finish(asked: RunPlan, store: Store, assembly: Assembly) -> None:
     click.echo(f"results: {asked.results}")
     if counts and asked.report_folder is not None:
         from cpbench.api.reports import write_report
+        from cpbench.report.html import vega
 
         for path in write_report(store, asked.report_folder, _title(asked), table)[0]:
             click.echo(f"report: {path}")
+        if vega.lacking():
+            click.echo(vega.lacking(), err=True)
     gaps = campaign.gaps(store, assembly)
     if gaps:
         click.echo(f"cpbench: rows are missing: {', '.join(gaps)}; the same command goes on", err=True)

@@ -22,6 +22,7 @@ import numpy as np
 
 from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
@@ -31,17 +32,16 @@ TSENG = (2.0 - 2.0**0.5) / (2.0 + 2.0**0.5)
 (2 − √2)|min(a, b)| ≤ |φ(a, b)| ≤ (2 + √2)|min(a, b)| (Tseng, J. Optimization Theory and Applications 89, 1996)."""
 
 Function: TypeAlias = Callable[[Any, Any], Any]
-"""φ of two SX columns."""
+"""φ of two columns of symbols."""
 
 
 def equations(problem: MiCP, phi: Function) -> Map:
     """Φ."""
-    import casadi as ca
-
-    z = ca.SX.sym("z", problem.start.size)
-    F, lb, ub = problem.F.sx(z), problem.lb, problem.ub
+    record = Recorder(problem.start.size)
+    z, lb, ub = record.z, problem.lb, problem.ub
+    F = record(problem.F, z)
     below, above = np.isfinite(lb), np.isfinite(ub)
-    result = ca.SX(z)
+    result = z.copy()
     for members, make in (
         (~below & ~above, lambda x, w, lo, up: w),
         (below & ~above, lambda x, w, lo, up: phi(x - lo, w)),
@@ -49,10 +49,10 @@ def equations(problem: MiCP, phi: Function) -> Map:
         (below & above & (lb < ub), lambda x, w, lo, up: phi(x - lo, -phi(up - x, -w))),
         (below & above & (lb == ub), lambda x, w, lo, up: x - lo),
     ):
-        at = np.flatnonzero(members).tolist()
-        if at:
-            result[at] = make(z[at], F[at], ca.DM(lb[at]), ca.DM(ub[at]))
-    return Map.from_casadi(z, result)
+        at = np.flatnonzero(members)
+        if at.size:
+            result[at] = make(z[at], F[at], lb[at], ub[at])
+    return record.map(result)
 
 
 @dataclass(frozen=True)

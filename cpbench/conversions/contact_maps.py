@@ -16,6 +16,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder, either, less, product, recorded, where
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.matrices import Dense, Vector, max_abs, power_of_two
@@ -67,36 +68,31 @@ def rolling_coefficient(problem: Any, chosen: Units) -> Vector:
 
 
 def velocities(problem: LocalContact, chosen: Units, x: Any) -> Any:
-    """y of an SX column x, as SX of shape (d, nc): a column a contact, each number once."""
-    import casadi as ca
-
+    """y of a column x of symbols, of shape (nc, d): a row a contact, each number once."""
     unit, q = chosen.unit, chosen.unit * problem.q / chosen.size**2
     W = matrices.sparse(problem.W).multiply(unit[:, None] / chosen.size**2).multiply(unit[None, :])
-    y = ca.mtimes(ca.DM(W.tocsc()), x) + ca.DM(q)
-    return ca.reshape(ca.densify(y), problem.dimension, problem.nc)
+    return (product(W, x) + q).reshape(problem.nc, problem.dimension)
 
 
 def length(parts: Any) -> Any:
-    """Norms of the columns of an SX matrix, as a row; the derivative at 0 is 0, one of its subgradients."""
-    import casadi as ca
-
-    squares = ca.sum1(parts * parts)
-    positive = squares > 0
-    return ca.if_else(positive, ca.sqrt(ca.if_else(positive, squares, 1.0)), 0.0)
+    """Norms of the rows of an array of symbols; the derivative at 0 is 0, one of its subgradients."""
+    squares = (parts * parts).sum(axis=-1)
+    positive = less(0.0, squares)
+    return where(positive, np.sqrt(either(positive, squares, 1.0)))
 
 
 def shifted(problem: LocalContact, chosen: Units) -> Map:
     """x ↦ ŷ = y + μ‖y_T‖e_N, De Saxcé and Feng's change of variable; with rolling friction + μ_r‖ω‖e_N too."""
-    import casadi as ca
-
-    x = ca.SX.sym("x", problem.q.size)
-    y = velocities(problem, chosen, x)
+    record = Recorder(problem.q.size)
+    y = velocities(problem, chosen, record.z)
     rolls = hasattr(problem, "mu_r")
     last = 1 + (problem.dimension - 1) // 2 if rolls else problem.dimension
-    normal = y[0, :] + ca.DM(problem.mu).T * length(y[1:last, :])
-    if rolls:
-        normal = normal + ca.DM(rolling_coefficient(problem, chosen)).T * length(y[last:, :])
-    return Map.from_casadi(x, ca.vec(ca.vertcat(normal, y[1:, :])))
+    normal = y[:, :1]
+    if problem.nc:
+        normal = normal + (problem.mu * length(y[:, 1:last]))[:, None]
+        if rolls:
+            normal = normal + (rolling_coefficient(problem, chosen) * length(y[:, last:]))[:, None]
+    return record.map(np.hstack([normal, y[:, 1:]]))
 
 
 def approached(problem: LocalContact, chosen: Units) -> FCPoint:
@@ -138,10 +134,7 @@ def _size(W: Any) -> float:
 
 def plain(problem: LocalContact, chosen: Units) -> Map:
     """x ↦ y."""
-    import casadi as ca
-
-    x = ca.SX.sym("x", problem.q.size)
-    return Map.from_casadi(x, ca.vec(velocities(problem, chosen, x)))
+    return recorded(problem.q.size, lambda x: velocities(problem, chosen, x))
 
 
 def by_contact(x: Vector, nc: int) -> Dense:

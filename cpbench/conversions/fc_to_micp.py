@@ -35,6 +35,7 @@ from cpbench.conversions import contact_maps
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.contact_maps import Units
 from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -133,17 +134,15 @@ def _units(problem: FrictionContact) -> Units:
 
 
 def _map(problem: FrictionContact, chosen: Units, regular: bool) -> Map:
-    import casadi as ca
-
     nc, d = problem.nc, problem.dimension
-    z = ca.SX.sym("z", (d + 1) * nc)
-    Z = ca.reshape(z, d + 1, nc)
-    x, xi = Z[:d, :], Z[d, :]
-    y = contact_maps.velocities(problem, chosen, ca.vec(x))
-    columns: list[Any] = []
+    record = Recorder((d + 1) * nc)
+    Z = record.z.reshape(nc, d + 1)
+    x, xi = Z[:, :d], Z[:, d]
+    y = contact_maps.velocities(problem, chosen, x.ravel())
+    rows: list[Any] = []
     for c in range(nc):
-        xn, xt, gap = x[0, c], x[1:, c], y[0, c] if regular else 0.0
-        room = xn - contact_maps.length(xt) + gap if regular else xn * xn - ca.sumsqr(xt)
-        rubs = [xn * y[1:, c] + (xi[c] + gap) * xt, room]
-        columns.append(ca.vertcat(y[0, c], *(rubs if problem.mu[c] > 0 else [xt, xi[c]])))
-    return Map.from_casadi(z, ca.vec(ca.horzcat(*columns)) if nc else ca.SX(0, 1))
+        xn, xt, gap = x[c, 0], x[c, 1:], y[c, 0] if regular else 0.0
+        room = xn - contact_maps.length(xt) + gap if regular else xn * xn - (xt * xt).sum()
+        rubs = [xn * y[c, 1:] + (xi[c] + gap) * xt, room]
+        rows += [y[c, 0], *(rubs if problem.mu[c] > 0 else [xt, xi[c]])]
+    return record.map(*rows)

@@ -6,31 +6,29 @@ Cz − d, g). Beside z with its own set, inequalities have multipliers ≥ 0 and
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import maps, qualification
 from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder, product
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Matrix, Vector
+from cpbench.matrices import Vector
 
 # ------------------------------------------------------------------------------------------- programs
 
 
 def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
     """F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
-    import casadi as ca
-
     n, m, k = problem.start.size, problem.g.rows, problem.h.rows
-    z, lam, mu = (ca.SX.sym(name, size) for name, size in (("z", n), ("l", m), ("m", k)))
-    f, g, h = problem.f.sx(z), problem.g.sx(z), problem.h.sx(z)
-    slope = _transposed(f, z, ca.SX(1)) - _transposed(g, z, lam) - _transposed(h, z, mu)
-    F = Map.from_casadi(ca.vertcat(z, lam, mu), ca.vertcat(slope, g, h))
+    record = Recorder(n + m + k)
+    z, lam, mu = np.split(record.z, [n, n + m])
+    slope = record.transposed(problem.f, z, np.ones(problem.f.rows))
+    slope = slope - record.transposed(problem.g, z, lam) - record.transposed(problem.h, z, mu)
+    F = record.map(slope, record(problem.g, z), record(problem.h, z))
     lb = np.concatenate([problem.lb, np.zeros(m), np.full(k, -np.inf)])
     ub = np.concatenate([problem.ub, np.full(m + k, np.inf)])
     force = maps.kept(F.only(F.outputs[:n].tolist()))
@@ -85,15 +83,14 @@ def of_inequality(problem: VI) -> tuple[Map, Vector, Vector]:
     m, k, p = problem.b.size, problem.d.size, problem.g.rows
     if not m + k + p:
         return problem.F, np.zeros(0), np.zeros(0)
-    import casadi as ca
-
     n = problem.start.size
-    z, lam, mu, nu = (ca.SX.sym(name, size) for name, size in (("z", n), ("l", m), ("m", k), ("v", p)))
-    A, C, g = _constant(problem.A), _constant(problem.C), problem.g.sx(z)
-    force = problem.F.sx(z) - A.T @ lam - C.T @ mu - _transposed(g, z, nu)
-    rows = ca.vertcat(A @ z - problem.b, C @ z - problem.d, g)
+    record = Recorder(n + m + k + p)
+    z, lam, mu, nu = np.split(record.z, np.cumsum([n, m, k]))
+    A, C = matrices.sparse(problem.A), matrices.sparse(problem.C)
+    force = record(problem.F, z) - product(A.T, lam) - product(C.T, mu) - record.transposed(problem.g, z, nu)
+    rows = (product(A, z) - problem.b, product(C, z) - problem.d, record(problem.g, z))
     lb = np.concatenate([np.zeros(m), np.full(k, -np.inf), np.zeros(p)])
-    return Map.from_casadi(ca.vertcat(z, lam, mu, nu), ca.vertcat(force, rows)), lb, np.full(m + k + p, np.inf)
+    return record.map(force, *rows), lb, np.full(m + k + p, np.inf)
 
 
 def inequality_sizes(problem: VI) -> Trace:
@@ -107,19 +104,3 @@ def inequality_point(x: Vector, trace: Trace) -> VIPoint:
 
 def inequality_vector(point: VIPoint) -> Vector:
     return np.concatenate([point.z, point.lam, point.mu, point.nu])
-
-
-# ----------------------------------------------------------------------------------------- in CasADi
-
-
-def _transposed(g: Any, z: Any, weights: Any) -> Any:
-    """∇gᵀ weights."""
-    import casadi as ca
-
-    return ca.jtimes(g, z, weights, True) if g.shape[0] and z.shape[0] else ca.SX(z.shape[0], 1)
-
-
-def _constant(M: Matrix) -> Any:
-    import casadi as ca
-
-    return ca.DM(matrices.sparse(M).tocsc())

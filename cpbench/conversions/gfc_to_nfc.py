@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions import Map
+from cpbench.expressions.recording import product, recorded
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
@@ -38,11 +37,7 @@ class GFCtoNFC(Conversion):
 
     def apply(self, problem: GlobalFrictionContact) -> tuple[NonlinearFrictionContact, Trace]:
         self.require(problem)
-        import casadi as ca
-
-        v = ca.SX.sym("v", problem.f.size)
-        force = ca.mtimes(ca.DM(matrices.sparse(problem.M).tocsc()), v) - ca.DM(problem.f)
-        F = Map.from_casadi(v, ca.densify(force))
+        F = recorded(problem.f.size, lambda v: product(problem.M, v) - problem.f)
         target = NonlinearFrictionContact(F=F, H=problem.H, w=problem.w, mu=problem.mu, dimension=problem.dimension)
         return target, {}
 

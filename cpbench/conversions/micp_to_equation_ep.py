@@ -14,6 +14,7 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import MiCPtoEquation
+from cpbench.expressions.recording import minimum
 from cpbench.formulations.base import Trace
 
 
@@ -27,9 +28,7 @@ class MiCPtoEquationEP(MiCPtoEquation):
     cost = 2.4
 
     def function(self, a: Any, b: Any) -> Any:
-        import casadi as ca
-
-        negative = ca.fmin(a + b, 0)
+        negative = minimum(a + b, 0.0)
         return a * b - 0.5 * negative * negative
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:

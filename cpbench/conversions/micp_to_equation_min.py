@@ -13,6 +13,7 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import MiCPtoEquation
+from cpbench.expressions.recording import minimum
 
 
 @conversions.register("micp-equation-min")
@@ -25,6 +26,4 @@ class MiCPtoEquationMin(MiCPtoEquation):
     cost = 2.1
 
     def function(self, a: Any, b: Any) -> Any:
-        import casadi as ca
-
-        return ca.fmin(a, b)
+        return minimum(a, b)

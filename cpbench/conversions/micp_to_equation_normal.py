@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from cpbench.cones import project_box
 from cpbench.conversions import maps
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder, maximum, minimum
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
@@ -32,15 +34,13 @@ class MiCPtoEquationNormal(Conversion):
     cost = 2.3
 
     def apply(self, problem: MiCP) -> tuple[Equation, Trace]:
-        import casadi as ca
-
-        x = ca.SX.sym("x", problem.start.size)
-        z = ca.SX(x)
-        for bounds, clip in ((problem.lb, ca.fmax), (problem.ub, ca.fmin)):
-            at = [i for i, bound in enumerate(bounds.tolist()) if abs(bound) != float("inf")]
-            if at:
-                z[at] = clip(z[at], ca.DM(bounds[at]))
-        target = Equation(F=Map.from_casadi(x, problem.F.sx(z) + x - z), start=problem.start)
+        record = Recorder(problem.start.size)
+        x, z = record.z, record.z.copy()
+        for bounds, clip in ((problem.lb, maximum), (problem.ub, minimum)):
+            at = np.flatnonzero(np.isfinite(bounds))
+            if at.size:
+                z[at] = clip(z[at], bounds[at])
+        target = Equation(F=record.map(record(problem.F, z) + x - z), start=problem.start)
         return target, {"lb": problem.lb, "ub": problem.ub, "F": maps.kept(problem.F)}
 
     def lift(self, point: EquationPoint, trace: Trace) -> MiCPPoint:

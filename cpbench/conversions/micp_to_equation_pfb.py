@@ -14,6 +14,7 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation
+from cpbench.expressions.recording import maximum
 from cpbench.formulations.base import Trace
 from cpbench.formulations.micp import MiCP
 from cpbench.ncp_functions import symbolic_fischer_burmeister
@@ -34,9 +35,7 @@ class MiCPtoEquationPenalized(MiCPtoEquation):
         return None if 0.0 < self.share < 1.0 else f"share is {self.share:g}, expected a number between 0 and 1"
 
     def function(self, a: Any, b: Any) -> Any:
-        import casadi as ca
-
-        penalty = ca.fmax(a, 0) * ca.fmax(b, 0)
+        penalty = maximum(a, 0.0) * maximum(b, 0.0)
         return self.share * symbolic_fischer_burmeister(a, b) + (1.0 - self.share) * penalty
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 from cpbench.conversions import maps, simple_sets
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.qvi import QVI, QVIPoint
@@ -77,20 +78,18 @@ class QVItoMiCP(Conversion):
 
 def _conditions(problem: QVI) -> Map:
     """F(z, λ, κ, ν) of the target."""
-    import casadi as ca
-
-    n, p = problem.start.size, problem.g.rows
-    y, z, nu = (ca.SX.sym(name, size) for name, size in (("y", n), ("z", n), ("v", p)))
-    lam, kappa = (ca.SX.sym(name, bound.rows) for name, bound in (("l", problem.lower), ("k", problem.upper)))
-    force, rows = problem.F.sx(z), []
-    if problem.lower.rows:
-        force -= lam
-        rows.append(z - problem.lower.sx(z))
-    if problem.upper.rows:
-        force += kappa
-        rows.append(problem.upper.sx(z) - z)
+    n, low, up, p = problem.start.size, problem.lower.rows, problem.upper.rows, problem.g.rows
+    record = Recorder(n + low + up + p)
+    z, lam, kappa, nu = np.split(record.z, np.cumsum([n, low, up]))
+    force, rows = record(problem.F, z), []
+    if low:
+        force = force - lam
+        rows.append(z - record(problem.lower, z))
+    if up:
+        force = force + kappa
+        rows.append(record(problem.upper, z) - z)
     if p:
-        g = problem.g.sx(ca.vertcat(y, z))
-        force -= ca.substitute(ca.jtimes(g, y, nu, True), y, z)
-        rows.append(ca.substitute(g, y, z))
-    return Map.from_casadi(ca.vertcat(z, lam, kappa, nu), ca.vertcat(force, *rows))
+        both = np.concatenate([z, z])
+        force = force - record.transposed(problem.g, both, nu)[:n]
+        rows.append(record(problem.g, both))
+    return record.map(force, *rows)

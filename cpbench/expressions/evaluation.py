@@ -1,7 +1,7 @@
-"""Values and exact sparse derivatives of a map: F(z) = Mz + q + Cφ(z), where CasADi sees φ only.
+"""Values and exact sparse derivatives of a map: F(z) = Mz + q + Cφ(z), where only φ is evaluated by its operations.
 
 What a sum adds with constant weights is affine (M, q: SciPy's products) or one of the distinct nonlinear terms φ; the
-Laplacian of an obstacle problem thus costs what a sparse product costs, and CasADi evaluates one exponential a node.
+Laplacian of an obstacle problem thus costs what a sparse product costs, and one exponential a node.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
-from cpbench.expressions.batches import Batches
-from cpbench.expressions.map import Map
+from cpbench.expressions import derivatives
+from cpbench.expressions.interpreter import evaluator
+from cpbench.expressions.map import Index, Map
 from cpbench.expressions.operators import Operator
 from cpbench.matrices import Sparse, Vector
 
@@ -51,17 +52,7 @@ class Compiled:
             return sp.csr_array((self._map.inputs, self._map.inputs))
         return self._hessian(z, self.C.T @ weights)
 
-    # ------------------------------------------------------------------------------------- in CasADi
-
-    @cached_property
-    def _symbols(self) -> tuple[Any, Any]:
-        """z and φ(z)."""
-        import casadi as ca
-
-        from cpbench.expressions.to_casadi import express
-
-        z = ca.SX.sym("z", self._map.inputs)
-        return z, express(self._phi, z)
+    # ------------------------------------------------------------------------------------ made when asked
 
     @cached_property
     def _phi(self) -> Map:
@@ -69,68 +60,29 @@ class Compiled:
 
     @cached_property
     def _values(self) -> Callable[[Vector], Vector]:
-        batches = Batches(self._phi)
-        if batches.worthwhile:
-            return batches
-        z, phi = self._symbols
-        return _Called("phi", [z], phi)
+        return evaluator(self._phi)
 
     @cached_property
     def _jacobian(self) -> _Jacobian:
-        import casadi as ca
-
-        z, phi = self._symbols
-        return _Jacobian(ca.jacobian(phi, z), z, self.M, self.C)
+        return _Jacobian(self._phi, self.M, self.C)
 
     @cached_property
     def _hessian(self) -> _Hessian:
-        import casadi as ca
-
-        z, phi = self._symbols
-        weights = ca.SX.sym("w", phi.shape[0])
-        return _Hessian(ca.hessian(ca.dot(weights, phi), z)[0], z, weights)
+        return _Hessian(self._phi)
 
 
-class _Called:
-    """A CasADi function of NumPy vectors, without a copy: the stored entries of its one result."""
-
-    def __init__(self, name: str, arguments: list[Any], result: Any) -> None:
-        import casadi as ca
-
-        entries = result.nz[:] if result.nnz() else ca.SX(0, 1)
-        self._function = ca.Function(name, arguments, [entries])
-        self._sizes = [int(a.shape[0]) for a in arguments]
-        self._size = int(result.nnz())
-
-    def __call__(self, *vectors: Vector) -> Vector:
-        out = np.empty(self._size)
-        if not self._size:
-            return out
-        buffer, evaluate = self._function.buffer()
-        held = [np.ascontiguousarray(v, dtype=float) for v in vectors]
-        for k, (vector, size) in enumerate(zip(held, self._sizes, strict=True)):
-            if vector.shape != (size,):
-                raise ValueError(f"the map has {size} unknowns, the vector has shape {vector.shape}")
-            buffer.set_arg(k, vector.data)
-        buffer.set_res(0, out.data)
-        evaluate()
-        return out
-
-
-def _pattern(result: Any) -> Sparse:
-    """The pattern of a CasADi matrix, each entry holding its number in CasADi's order plus one."""
-    sparsity = result.sparsity()
-    columns, rows = sparsity.colind(), sparsity.row()
-    numbers = np.arange(1.0, len(rows) + 1.0)
-    return sp.csc_array((numbers, np.array(rows, int), np.array(columns, int)), shape=result.shape).tocsr()
+def _pattern(indices: Index, indptr: Index, shape: tuple[int, int]) -> Sparse:
+    """The pattern of a derivative, each entry holding its number plus one."""
+    return sp.csr_array((np.arange(1.0, indices.size + 1.0), indices, indptr), shape=shape)
 
 
 class _Jacobian:
     """z ↦ M + Cφ′(z), as one CSR of one pattern."""
 
-    def __init__(self, derivative: Any, z: Any, M: Sparse, C: Sparse) -> None:
-        self._entries = _Called("jacobian", [z], derivative)
-        own = _pattern(derivative)
+    def __init__(self, phi: Map, M: Sparse, C: Sparse) -> None:
+        entries, indices, indptr = derivatives.derivative(phi)
+        self._entries = evaluator(entries)
+        own = _pattern(indices, indptr, phi.shape)
         ones = own.copy()
         ones.data[:] = 1.0
         pattern = abs(M) + abs(C) @ ones  # no entry of it cancels
@@ -170,7 +122,7 @@ def _spread(at: Sparse, M: Sparse) -> Vector:
 
 
 def _weights(at: Sparse, C: Sparse, own: Sparse) -> Sparse:
-    """The matrix that takes entries of φ′, in CasADi's order, to their sums in the entries of the pattern."""
+    """The matrix that takes entries of φ′ to their sums in the entries of the pattern."""
     coo = C.tocoo()
     lengths = np.diff(own.indptr)[coo.col]
     which = np.repeat(np.arange(coo.nnz), lengths)
@@ -184,14 +136,13 @@ def _weights(at: Sparse, C: Sparse, own: Sparse) -> Sparse:
 class _Hessian:
     """(z, w) ↦ ∇² wᵀφ(z)."""
 
-    def __init__(self, derivative: Any, z: Any, weights: Any) -> None:
-        self._entries = _Called("hessian", [z, weights], derivative)
-        pattern = _pattern(derivative)
-        self._order = pattern.data.astype(np.int64) - 1
-        self._pattern = pattern
+    def __init__(self, phi: Map) -> None:
+        entries, indices, indptr = derivatives.second_derivative(phi)
+        self._entries = evaluator(entries)
+        self._pattern = _pattern(indices, indptr, (phi.inputs, phi.inputs))
 
     def __call__(self, z: Vector, weights: Vector) -> Sparse:
-        return _shaped(self._entries(z, weights)[self._order], self._pattern)
+        return _shaped(self._entries(np.concatenate([z, weights])), self._pattern)
 
 
 def _split(F: Map) -> tuple[Sparse, Vector, Sparse, list[int]]:
@@ -227,10 +178,12 @@ def _split(F: Map) -> tuple[Sparse, Vector, Sparse, list[int]]:
 
 
 def _assembled(entries: list[tuple[float, int, int]], shape: tuple[int, int]) -> Sparse:
-    """The matrix of (value, row, column); entries of one place add up."""
+    """The matrix of (value, row, column); entries of one place add up, and those that cancel are none."""
     table = np.array(entries, dtype=float).reshape(-1, 3)
     where = (table[:, 1].astype(np.int64), table[:, 2].astype(np.int64))
-    return sp.csr_array((table[:, 0], where), shape=shape)
+    result = sp.csr_array((table[:, 0], where), shape=shape)
+    result.eliminate_zeros()
+    return result
 
 
 def _summands(head: int, a: int, b: int, inputs: int, constants: list[float]) -> list[tuple[int, float]] | None:

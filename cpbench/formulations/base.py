@@ -333,6 +333,11 @@ class Problem(ABC):
         """The matrices and vectors by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in self._data_fields()}
 
+    @classmethod
+    def has_maps(cls) -> bool:
+        """Whether nonlinear maps belong to its data."""
+        return any("map" in f.metadata for f in fields(cls))
+
     def maps(self) -> dict[str, Map]:
         """The nonlinear maps by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in fields(self) if "map" in f.metadata}

@@ -11,56 +11,8 @@ from typing import Any
 
 from cpbench import matrices
 from cpbench.expressions import Builder, Map, Operator
+from cpbench.expressions.symbol import Symbol
 from cpbench.matrices import Matrix
-
-
-class Symbol:
-    """A value of a map that is being built; +, −, ·, / and ** with other values of it and with numbers."""
-
-    __slots__ = ("build", "number")
-
-    def __init__(self, build: Builder, number: int) -> None:
-        self.build, self.number = build, number
-
-    def apply(self, operator: Operator, *others: Any) -> Symbol:
-        return Symbol(self.build, self.build.apply(operator, self.number, *(self._of(o).number for o in others)))
-
-    def _of(self, value: Any) -> Symbol:
-        return value if isinstance(value, Symbol) else Symbol(self.build, self.build.constant(value))
-
-    def __add__(self, other: Any) -> Symbol:
-        return self.apply(Operator.ADD, other)
-
-    def __radd__(self, other: Any) -> Symbol:
-        return self._of(other) + self
-
-    def __sub__(self, other: Any) -> Symbol:
-        return self.apply(Operator.SUB, other)
-
-    def __rsub__(self, other: Any) -> Symbol:
-        return self._of(other) - self
-
-    def __mul__(self, other: Any) -> Symbol:
-        return self.apply(Operator.MUL, other)
-
-    def __rmul__(self, other: Any) -> Symbol:
-        return self._of(other) * self
-
-    def __truediv__(self, other: Any) -> Symbol:
-        return self.apply(Operator.DIV, other)
-
-    def __rtruediv__(self, other: Any) -> Symbol:
-        return self._of(other) / self
-
-    def __neg__(self) -> Symbol:
-        return self.apply(Operator.NEG)
-
-    def __pow__(self, exponent: float) -> Symbol:
-        """Whole powers from 2 on are products, which round alike everywhere and are defined below 0."""
-        if exponent != int(exponent) or exponent < 2:
-            return self.apply(Operator.POW, exponent)
-        half = self if exponent < 4 else self ** (exponent // 2)
-        return half * half if exponent % 2 == 0 else half * half * self
 
 
 def unknowns(n: int) -> list[Symbol]:

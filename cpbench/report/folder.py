@@ -10,7 +10,7 @@ import pandas as pd
 
 from cpbench.matrices import Vector
 from cpbench.report import markdown, row_files
-from cpbench.report.html import page
+from cpbench.report.html import page, vega
 from cpbench.report.run import assembled
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ def write_folder(
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.
 
+    Without the package of its charts there is no page: `vega.lacking` says so.
+
     Parameters
     ----------
     table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
@@ -50,7 +52,9 @@ def write_folder(
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     chosen["count_stationary"] = count_stationary
     run = assembled(table, meta, Path(folder), histories, portraits=portraits, answers=answers, **chosen)
-    documents = (markdown.write_text(run, title, comparison), page.write(run, title))
+    documents = [markdown.write_text(run, title, comparison)]
+    if not vega.lacking():
+        documents.append(page.write(run, title))
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:
         row_files.write(run.timed, path)

@@ -15,6 +15,7 @@ from cpbench.report.answer import answer
 from cpbench.report.attendance_sections import publishing
 from cpbench.report.conditions import conditions
 from cpbench.report.details import WHOLE_RUN, file_of, write_details
+from cpbench.report.html import vega
 from cpbench.report.known_sections import known_sections
 from cpbench.report.run import Run, group_name
 from cpbench.report.text import counted, plain
@@ -74,7 +75,8 @@ def _remarks(run: Run) -> Iterator[str]:
 def _pointers(run: Run) -> Iterator[str]:
     """Where the rest is."""
     yield "## Where the details are"
-    lines = ["- `report.html`: every figure and pair, filtered as you like; offline, in any browser"]
+    whole = vega.lacking() or "`report.html`: every figure and pair, filtered as you like; offline, in any browser"
+    lines = [f"- {whole}"]
     if run.has_csv:
         lines.append("- `results.csv`: every row")
     if len(run.rows):

@@ -64,7 +64,8 @@ class SolverSpec:
     kind : EQUIVALENT, or RELAXATION where the solver drops a term of the law.
     options : frozen dataclass of typed options with defaults; `options.searched` says where values lie.
     by_default : whether a run that names no solver takes it; of a large family only the best known members do.
-    quick : whether the quick suite takes it: it comes with cpbench, and small problems are solved at once.
+    quick : whether the quick suite takes it: it comes with cpbench or its extra `backends`, and solves small problems
+        at once.
     known_failures : conformance check -> reason, strict (an unexpected pass fails).
     """
 

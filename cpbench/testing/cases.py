@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.expressions import Map
+from cpbench.expressions.recording import Recorder
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
 from cpbench.formulations.conic import ConicProblem
 from cpbench.testing import (
@@ -163,11 +164,9 @@ def renumbered(case: Case, seed: int) -> Case | None:
 
 def _reordered(F: Map, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Map:
     """x[columns] ↦ F(x)[rows]; the map to ℝ¹ has no rows to reorder."""
-    import casadi as ca
-
-    x = ca.SX.sym("x", F.inputs)
-    value = F.sx(x[np.argsort(columns).tolist()])
-    return Map.from_casadi(x, value[rows.tolist()] if rows.size else value)
+    record = Recorder(F.inputs)
+    value = record(F, record.z[np.argsort(columns)])
+    return record.map(value[rows] if rows.size else value)
 
 
 def _rng(seed: int) -> np.random.Generator:

@@ -44,8 +44,6 @@ def _laws(make: Callable[..., Any], seed: int, *sizes: Any) -> Made:
 
 def _ncp() -> Made:
     """z = F(z) = 0 in half of the components, not monotone, F without a value at 0."""
-    import casadi as ca
-
     made = _laws(plant.ncp, 300, 9)
     made["not-monotone"] = plant.ncp(_rng(310), 8, "any")
     made["one"] = plant.ncp(_rng(311), 1, "positive definite", "exp")
@@ -56,7 +54,7 @@ def _ncp() -> Made:
         NCPPoint(z=z),
     )
     made["root-at-zero"] = (NCP(F=graph(2, lambda x: x * x + x)), NCPPoint(z=np.zeros(2)))
-    made["logarithm"] = (NCP(F=graph(2, ca.log), start=[2.0, 0.5]), NCPPoint(z=np.ones(2)))
+    made["logarithm"] = (NCP(F=graph(2, np.log), start=[2.0, 0.5]), NCPPoint(z=np.ones(2)))
     return made
 
 
@@ -156,8 +154,6 @@ def _cp() -> Made:
 
 def _nlp() -> Made:
     """Convex and qualified, qualified by nobody's word, stationary points, nothing but bounds, nothing at all."""
-    import casadi as ca
-
     made: Made = {
         "convex": plant.nlp(_rng(420), 8, 4, 2),
         "no-equality": plant.nlp(_rng(421), 7, 3, 0),
@@ -168,9 +164,9 @@ def _nlp() -> Made:
         "one": plant.nlp(_rng(426), 1, 1, 0),
         "empty": plant.nlp(_rng(427), 0, 0, 0),
     }
-    free = NLP(f=graph(2, lambda x: ca.sum1(ca.exp(x) - x)), start=[1.0, -1.0], convex=True)
+    free = NLP(f=graph(2, lambda x: (np.exp(x) - x).sum()), start=[1.0, -1.0], convex=True)
     made["unconstrained"] = (free, NLPPoint(z=np.zeros(2), lam=_NONE, mu=_NONE, nu=np.zeros(2)))
-    linear = NLP(f=graph(2, ca.sum1), g=graph(2, lambda x: x - 1.0), convex=True)
+    linear = NLP(f=graph(2, np.sum), g=graph(2, lambda x: x - 1.0), convex=True)
     made["linear"] = (linear, NLPPoint(z=np.ones(2), lam=np.ones(2), mu=_NONE, nu=np.zeros(2)))
     problem, point = made["convex"]
     assert isinstance(problem, NLP)

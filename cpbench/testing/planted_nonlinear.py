@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.expressions import Map
+from cpbench.expressions.recording import maximum, recorded
 from cpbench.formulations import (
     CP,
     GE,
@@ -39,23 +40,18 @@ LAWS = ("affine", "tanh", "exp", "cube")
 
 
 def graph(n: int, expression: Callable[[Any], Any]) -> Map:
-    """x ↦ expression(x) as a map of n unknowns."""
-    import casadi as ca
-
-    x = ca.SX.sym("x", n)
-    return Map.from_casadi(x, expression(x))
+    """x ↦ expression(x) as a map of n unknowns, an expression of NumPy columns."""
+    return recorded(n, expression)
 
 
 def _law(name: str) -> Callable[[Any], Any]:
-    import casadi as ca
-
     laws: Mapping[str, Callable[[Any], Any]] = {
         "affine": lambda x: 0.0 * x,
-        "tanh": ca.tanh,
-        "exp": ca.exp,
+        "tanh": np.tanh,
+        "exp": np.exp,
         "cube": lambda x: x * x * x,
-        "piecewise": lambda x: ca.fmax(x, 0.0),
-        "damping": lambda x: x * ca.fabs(x),
+        "piecewise": lambda x: maximum(x, 0.0),
+        "damping": lambda x: x * np.abs(x),
     }
     return laws[name]
 
@@ -68,12 +64,10 @@ def through(n: int, expression: Callable[[Any], Any], at: Vector, value: Vector)
 
 def monotone(rng: np.random.Generator, z: Vector, w: Vector, kind: str = "monotone", law: str = "") -> Map:
     """F with F(z) = w; M of a kind of `planted.square`, D ≥ 0 diagonal with zeros, φ drawn unless given."""
-    import casadi as ca
-
     n = z.size
     M, D = square(rng, n, kind), np.where(rng.random(n) < 0.25, 0.0, rng.uniform(0.2, 1.5, n))
     phi = _law(law or str(rng.choice(LAWS)))
-    return through(n, lambda x: ca.DM(M) @ x + ca.DM(D) * phi(x), z, w)
+    return through(n, lambda x: M @ x + D * phi(x), z, w)
 
 
 def ncp(rng: np.random.Generator, n: int, kind: str = "monotone", law: str = "") -> tuple[NCP, NCPPoint]:
@@ -124,14 +118,12 @@ def _in_set(rng: np.random.Generator, n: int, K: ProductCone | None) -> tuple[Ve
 
 def _concave(rng: np.random.Generator, at: Vector, slack: Vector) -> tuple[Map, np.ndarray]:
     """g with concave components of the values `slack` at a point, and their slopes there."""
-    import casadi as ca
-
     p, n = slack.size, at.size
     slopes, weights = rng.standard_normal((p, n)), rng.uniform(0.0, 1.0, (p, n))
 
     def g(x: Any) -> Any:
         d = x - at
-        return ca.DM(slack) + ca.DM(slopes) @ d - 0.5 * ca.DM(weights) @ (d * d)
+        return slack + slopes @ d - 0.5 * weights @ (d * d)
 
     return graph(n, g), slopes
 
@@ -205,8 +197,6 @@ def nlp(
     With `slater`, the start is a point with g > 0, h = 0 within the bounds, unless every unknown is fixed. Not
     `convex`: the quadratic is indefinite, and z a stationary point.
     """
-    import casadi as ca
-
     z, nu, lb, ub = planted_conic.boxed(rng, n, finite=False)
     lam, slack = planted.complementary(rng, m)
     mu = rng.standard_normal(k)
@@ -223,16 +213,16 @@ def nlp(
     p = g_slopes.T @ lam + C.T @ mu + nu - Q @ z - E.T @ np.exp(E @ z)
 
     def f(x: Any) -> Any:
-        return 0.5 * ca.dot(x, ca.DM(Q) @ x) + ca.sum1(ca.exp(ca.DM(E) @ x)) + ca.dot(ca.DM(p), x)
+        return 0.5 * (x @ (Q @ x)) + (np.exp(E @ x).sum() if n else 3.0) + p @ x
 
     def g(x: Any) -> Any:
         d = x - z
-        return ca.DM(slack) + ca.DM(g_slopes) @ d - 0.5 * ca.DM(g_weights) @ (d * d)
+        return slack + g_slopes @ d - 0.5 * g_weights @ (d * d)
 
     problem = NLP(
         f=graph(n, f),
         g=graph(n, g),
-        h=graph(n, lambda x: ca.DM(C) @ x - C @ z),
+        h=graph(n, lambda x: C @ x - C @ z),
         lb=lb,
         ub=ub,
         start=z + step if slater else rng.standard_normal(n),
@@ -243,13 +233,10 @@ def nlp(
 
 def moving_box(rng: np.random.Generator, n: int, kind: str = "monotone", law: str = "") -> tuple[QVI, QVIPoint]:
     """Both bounds move with z, and some of the numbers lb, ub lie within them."""
-    import casadi as ca
-
     z, w, lower, upper = planted_conic.boxed(rng, n, finite=True)
     moves = 0.1 * rng.standard_normal((2, n, n))
     bounds = [
-        graph(n, lambda x, b=bound, L=L: b + ca.DM(L) @ ca.tanh(x - z))
-        for bound, L in zip((lower, upper), moves, strict=True)
+        graph(n, lambda x, b=bound, L=L: b + L @ np.tanh(x - z)) for bound, L in zip((lower, upper), moves, strict=True)
     ]
     own = rng.random(n) < 0.5
     problem = QVI(
@@ -274,8 +261,6 @@ def moving_rows(
     rng: np.random.Generator, n: int, p: int, kind: str = "monotone", law: str = ""
 ) -> tuple[QVI, QVIPoint]:
     """g(y, z) ≥ 0, concave in y, beside bounds that stay."""
-    import casadi as ca
-
     z, G, lb, ub = planted_conic.boxed(rng, n, finite=False)
     nu, slack = planted.complementary(rng, p)
     slopes, weights = rng.standard_normal((p, n)), rng.uniform(0.0, 1.0, (p, n))
@@ -283,7 +268,7 @@ def moving_rows(
 
     def g(x: Any) -> Any:
         dy, dz = x[:n] - z, x[n:] - z
-        return ca.DM(slack) + ca.DM(slopes) @ dy - 0.5 * ca.DM(weights) @ (dy * dy) + ca.DM(moves) @ ca.sin(dz)
+        return slack + slopes @ dy - 0.5 * weights @ (dy * dy) + moves @ np.sin(dz)
 
     F = monotone(rng, z, G + slopes.T @ nu, kind, law)
     problem = QVI(F=F, g=graph(2 * n, g), lb=lb, ub=ub, start=rng.standard_normal(n))
@@ -294,15 +279,13 @@ def nfc(
     rng: np.random.Generator, bodies: int, nc: int, d: int, law: str = "damping", *, sparse: bool = False
 ) -> tuple[NonlinearFrictionContact, NFCPoint]:
     """Rigid bodies that something slows down: F(v) = Mv + Dφ(v) + q."""
-    import casadi as ca
-
     M, H = bodies_and_contacts(rng, bodies, nc, d, True)
     n = 6 * bodies
     D, mu = rng.uniform(0.0, 1.0, n), friction(rng, nc)
     r, u = contact_state(rng, nc, d, mu)
     v, phi = rng.standard_normal(n), _law(law)
     problem = NonlinearFrictionContact(
-        F=through(n, lambda x: ca.DM(M) @ x + ca.DM(D) * phi(x), v, H @ r),
+        F=through(n, lambda x: M @ x + D * phi(x), v, H @ r),
         H=planted.stored(H, sparse),
         w=u - H.T @ v,
         mu=mu,

@@ -81,7 +81,7 @@ def test_an_idle_row_hides_no_missed_row(side: float) -> None:
 def test_five_times_the_solution_is_wrong_at_every_node(size: float) -> None:
     """F = s [[2, 1], [1, 2]] z − 1: five times the solution leaves F = 4."""
     M, q = size * np.array([[2.0, 1.0], [1.0, 2.0]]), -np.ones(2)
-    F = graph(2, lambda z: _product(M, z) + q)
+    F = graph(2, lambda z: M @ z + q)
     z, none = np.full(2, 1.0 / (3.0 * size)), np.full(2, INF)
     for problem, point in (
         (LCP(M=M, q=q), LCPPoint),
@@ -92,12 +92,6 @@ def test_five_times_the_solution_is_wrong_at_every_node(size: float) -> None:
     ):
         _never(problem, point(z=5.0 * z))
         _always(problem, point(z=z))
-
-
-def _product(M: np.ndarray, z: Any) -> Any:
-    import casadi as ca
-
-    return ca.DM(M) @ z
 
 
 @pytest.mark.parametrize("bound", [0.0, 1e-8, 1e-6, 1e-3])
@@ -158,9 +152,7 @@ def test_a_constant_in_the_objective_changes_nothing(constant: float) -> None:
 
 
 def _column(*rows: Any) -> Any:
-    import casadi as ca
-
-    return ca.vertcat(*rows)
+    return np.array(rows)
 
 
 def test_an_unknown_in_no_row_is_no_scale() -> None:

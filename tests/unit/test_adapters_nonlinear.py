@@ -7,6 +7,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench.expressions import Builder, Map, Operator
+from cpbench.expressions.recording import Recorder, maximum
 from cpbench.formulations import NLP, Equation, EquationPoint, MiCP
 from cpbench.generators import generators
 from cpbench.solvers.adapters import gams_model
@@ -65,9 +66,8 @@ def test_a_root_as_start_costs_nothing(solver: str) -> None:
 
 @pytest.mark.parametrize("solver", some_by_day([*EXACT, "scipy-root-krylov", "scipy-root-df-sane"], 2))
 def test_f_that_is_no_number_is_no_root(solver: str) -> None:
-    import casadi as ca
 
-    output = _run(solver, Equation(F=graph(1, ca.log), start=[-1.0]))
+    output = _run(solver, Equation(F=graph(1, np.log), start=[-1.0]))
     assert output.claim is not Claim.SOLVED
     assert "\n" not in output.message
 
@@ -79,10 +79,9 @@ def test_f_that_is_no_number_is_no_root(solver: str) -> None:
 def test_multipliers_have_our_signs(solver: str) -> None:
     """min x₁² + x₂² + x₃² + x₄, x₁ + x₂ ≥ 2, x₁ − x₂ = 1, x₃ ≥ 1, x₄ ≥ −1, x₂ ≤ 9: by hand λ = 2, μ = 1, ν = (0, 0,
     2, 1) at (3/2, 1/2, 1, −1)."""
-    import casadi as ca
 
     problem = NLP(
-        f=graph(4, lambda x: ca.dot(x[:3], x[:3]) + x[3]),
+        f=graph(4, lambda x: x[:3] @ x[:3] + x[3]),
         g=graph(4, lambda x: x[0] + x[1] - 2.0),
         h=graph(4, lambda x: x[0] - x[1] - 1.0),
         lb=[-np.inf, -np.inf, 1.0, -1.0],
@@ -165,12 +164,10 @@ def test_gams_computes_what_maps_compute() -> None:
     F = _every_operator()
     n = 2 + F.rows
 
-    def rows(x):
-        import casadi as ca
-
-        return ca.vertcat(x[0] - 0.75, x[1] + 0.4, x[2:] - F.sx(x[:2]))
-
-    problem = MiCP(F=graph(n, rows), lb=np.full(n, -np.inf), ub=np.full(n, np.inf), start=np.full(n, 0.1))
+    record = Recorder(n)
+    x = record.z
+    rows = record.map(x[0] - 0.75, x[1] + 0.4, x[2:] - record(F, x[:2]))
+    problem = MiCP(F=rows, lb=np.full(n, -np.inf), ub=np.full(n, np.inf), start=np.full(n, 0.1))
     output = _run("gams-path-micp", problem, 1e-10)
     assert output.claim is Claim.SOLVED
     np.testing.assert_allclose(output.point.z[2:], F.evaluate(np.array([0.75, -0.4])), rtol=1e-9)
@@ -178,11 +175,10 @@ def test_gams_computes_what_maps_compute() -> None:
 
 @pytest.mark.parametrize("solver", GAMS)
 def test_what_gams_cannot_say_is_refused(solver: str) -> None:
-    import casadi as ca
 
-    kink = MiCP(F=graph(1, lambda x: ca.fmax(x, 0.0) - 1.0), lb=[0.0], ub=[np.inf])
+    kink = MiCP(F=graph(1, lambda x: maximum(x, 0.0) - 1.0), lb=[0.0], ub=[np.inf])
     assert "MAX" in (solvers.get(solver).obstacle(kink) or "")
-    constant = MiCP(F=graph(2, lambda x: ca.vertcat(x[0] - 1.0, 1.0)), lb=[0.0, 0.0], ub=[np.inf, np.inf])
+    constant = MiCP(F=graph(2, lambda x: np.array([x[0] - 1.0, 1.0])), lb=[0.0, 0.0], ub=[np.inf, np.inf])
     assert "occur nowhere" in (solvers.get(solver).obstacle(constant) or "")
 
 

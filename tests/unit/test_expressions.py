@@ -15,6 +15,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cpbench.analysis.lecture.examples.maps import mapped
 from cpbench.errors import ProblemError
 from cpbench.expressions import Builder, Map, Operator
 from cpbench.expressions.batches import Batches
@@ -356,3 +357,9 @@ def test_formulas_for_readers() -> None:
     F = Map.from_casadi(z, ca.vertcat((z[0] - 2) * ca.exp(-z[1]), 1 - (z[0] - z[1]), z[0] ** 2.5 / (z[1] / 3)))
     assert formulas(F, ["x", "y"], 80) == ["(x - 2)*exp(-y)", "1 - (x - y)", "x^2.5/(y/3)"]
     assert formulas(F, ["x", "y"], 6) == ["…", "…", "…"]
+
+
+def test_terms_that_cancel_are_no_entries_of_the_jacobian() -> None:
+    """x + y − x + xy: y + xy, whose derivative by x is y."""
+    F = mapped(2, lambda x, y: [x + y - x + x * y, x - x])
+    assert F.jacobian(np.array([2.0, 3.0])).toarray().tolist() == [[3.0, 3.0], [0.0, 0.0]]

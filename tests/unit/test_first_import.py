@@ -11,8 +11,12 @@ import pytest
 
 from cpbench.solvers import solvers
 
-CORE = {re.split(r"[^\w-]", text)[0] for text in requires("cpbench") or () if "extra ==" not in text}
-"""Packages that come with cpbench."""
+CORE = {
+    re.split(r"[^\w-]", text)[0]
+    for text in requires("cpbench") or ()
+    if "extra ==" not in text or re.search(r"extra == ['\"](casadi|backends)['\"]", text)
+}
+"""Packages that come with cpbench and its backends."""
 OWN, FOREIGN = "cpbench.solvers.native.", "cpbench.solvers.adapters."
 WATCHED = """
 import os, sys

@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 from tiers import some_by_day
@@ -111,7 +110,7 @@ def test_problems_of_the_collections(solver: str, collection: str, name: str) ->
 def test_bounds_on_either_side_and_in_any_order(solver: str) -> None:
     """z₀ ≤ 5, z₁ ≥ −3, z₂ free, z₃ ≥ 1 at its bound: F = z − (7, −1, 2, −4) has the solution (5, −1, 2, 1)."""
     inf = np.inf
-    F = graph(4, lambda z: z - ca.DM([7.0, -1.0, 2.0, -4.0]))
+    F = graph(4, lambda z: z - np.array([7.0, -1.0, 2.0, -4.0]))
     given = MiCP(F=F, lb=[-inf, -3.0, -inf, 1.0], ub=[5.0, inf, inf, inf])
     output = run(solver, given)
     np.testing.assert_allclose(output.point.z, [5.0, -1.0, 2.0, 1.0], atol=1e-7)
@@ -123,7 +122,7 @@ def test_sets_are_projected_on_by_the_guest(solver: str) -> None:
     """A ball of radius 1 and a cone of slope 1 beside bounds: F = z − a, whose solution is the projection of a."""
     a = np.array([3.0, 4.0, 0.0, 2.0, 0.0, 9.0])
     given = VI(
-        F=graph(6, lambda z: z - ca.DM(a)),
+        F=graph(6, lambda z: z - a),
         cone_kind=[float(Cone.BALL), float(Cone.SECOND_ORDER), float(Cone.FREE)],
         cone_size=[2.0, 3.0, 1.0],
         cone_mu=[1.0, 1.0, 0.0],
@@ -150,7 +149,7 @@ def test_the_start_is_where_it_begins(name: str) -> None:
 
 def test_a_start_outside_of_the_set_is_projected() -> None:
     """F is no number where the start is; it is at its projection 0."""
-    given = NCP(F=graph(1, lambda z: ca.log(1.0 + z) - 1.0))
+    given = NCP(F=graph(1, lambda z: np.log(1.0 + z) - 1.0))
     output = run("siconos-ncp-newton-fb", given, start=[-9.0])
     assert output.claim is Claim.SOLVED
     assert output.point.z[0] == pytest.approx(np.e - 1.0, abs=1e-6)
@@ -285,7 +284,7 @@ def test_where_f_is_no_number_newton_fails() -> None:
 @pytest.mark.nightly
 def test_a_solver_that_does_not_end_is_killed_and_the_next_problem_is_solved() -> None:
     """A rotation, on which hyperplanes go on and on, with more iterations than anybody waits for."""
-    turning = VI(F=graph(2, lambda z: ca.vertcat(z[1], -z[0]) * 1e-9), start=[1.0, 1.0])
+    turning = VI(F=graph(2, lambda z: np.array([z[1], -z[0]]) * 1e-9), start=[1.0, 1.0])
     with pytest.raises(ProgramError, match="did not answer"):
         solvers.get("siconos-vi-hp").run(turning, Budget(tolerance=1e-300, seconds=0.1, iterations=10**9))
     given = next(case.problem for case in cases("vi") if case.name == "one")

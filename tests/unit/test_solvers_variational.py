@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cpbench.expressions.recording import Recorder
 from cpbench.formulations import QVI, VI, Equation, VIPoint
 from cpbench.formulations.conic import cone_fields
 from cpbench.generators import generators
@@ -76,9 +77,8 @@ def test_projections_solve_monotone_problems_on_simple_sets(solver: str, name: s
 @pytest.mark.parametrize("solver", PROJECTION)
 def test_a_rotation_is_solved_by_all_but_the_fixed_point(solver: str) -> None:
     """F(z) = (z₂ − 1, 1 − z₁), monotone and not cocoercive: steps of z − γF(z) only lead away from (1, 1)."""
-    import casadi as ca
 
-    problem = VI(F=graph(2, lambda x: ca.vertcat(x[1] - 1.0, 1.0 - x[0])), lb=[-5.0, -5.0], ub=[5.0, 5.0])
+    problem = VI(F=graph(2, lambda x: np.array([x[1] - 1.0, 1.0 - x[0]])), lb=[-5.0, -5.0], ub=[5.0, 5.0])
     output = solvers.get(solver).run(problem, Budget(tolerance=1e-9, iterations=3000))
     assert judge(problem, output.point, 1e-9).solved == (solver != "vi-projection")
     assert (output.claim is Claim.SOLVED) == (solver != "vi-projection")
@@ -105,17 +105,17 @@ def test_units_do_not_matter(solver: str, power: int) -> None:
     verdict: their claims are true by their own measure alone, which does not make their answers right."""
     problem = PROBLEMS["vi-box"]
     scale = 10.0**power
-    F = graph(problem.start.size, lambda x: scale * problem.F.sx(x))
+    record = Recorder(problem.start.size)
+    F = record.map(scale * record(problem.F, record.z))
     scaled = VI(F=F, lb=problem.lb, ub=problem.ub, start=problem.start)
     _solved(solver, scaled, 1e-8, (solver, power) not in UNITS_BY_F)
 
 
 def test_newton_converges_quadratically() -> None:
     """F(z) = exp(z) + Mz on a box, a regular solution: the order of the last steps above rounding is nearly 2."""
-    import casadi as ca
 
     M = np.array([[3.0, 1.0, 0.0], [-1.0, 2.0, 1.0], [0.0, -1.0, 2.0]])
-    F = graph(3, lambda x: ca.exp(x) + ca.DM(M) @ x - ca.DM([40.0, 5.0, -9.0]))
+    F = graph(3, lambda x: np.exp(x) + M @ x - np.array([40.0, 5.0, -9.0]))
     errors: list[float] = []
     problem = VI(F=F, lb=np.zeros(3), start=[5.0, 5.0, 5.0])
     solvers.get("vi-newton").run(problem, Budget(tolerance=1e-13), record=lambda k, error, point: errors.append(error))

@@ -56,13 +56,18 @@ def test_collections_take_turns() -> None:
     assert len({address.partition("::")[0] for address in lcp}) == len(lcp) == FEW
 
 
-def test_the_quick_solvers_come_with_cpbench_and_reach_the_main_formulations() -> None:
+def test_the_quick_solvers_come_with_cpbench_or_its_backends_and_reach_the_main_formulations() -> None:
+    """The main formulations without any extra."""
     chosen = [solvers.get(name).spec for name in suites.quick_solvers()]
     assert not any(missing(spec) for spec in chosen)
-    assert {"qp", "lcp", "micp", "vi", "nlp", "fc"} <= {spec.node for spec in chosen}
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
-    core = {text.split(">")[0].strip() for text in project["dependencies"]}
-    assert {name for spec in chosen for name in spec.requires} <= core
+    extras = project["optional-dependencies"]
+    core, more = (
+        {text.split(">")[0].strip() for text in texts}
+        for texts in (project["dependencies"], extras["backends"] + extras["casadi"])
+    )
+    assert {name for spec in chosen for name in spec.requires} <= core | more
+    assert {"qp", "lcp", "micp", "vi", "nlp", "fc"} <= {spec.node for spec in chosen if {*spec.requires} <= core}
 
 
 def test_a_quick_solver_takes_every_quick_problem() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 from importlib import metadata
 from pathlib import Path
@@ -27,6 +28,14 @@ BUSINESS INTERRUPTION) HOWEVER CAUSED AND ON ANY THEORY OF LIABILITY, WHETHER IN
 POSSIBILITY OF SUCH DAMAGE."""
 
 
+_LACKS = "vl-convert-python, which carries the charts: pip install cpbench[page]"
+
+
+def lacking() -> str:
+    """Why there can be no page with charts, '' where there can."""
+    return "" if importlib.util.find_spec("vl_convert") else f"no report.html: it needs {_LACKS}"
+
+
 def script() -> str:
     """The library's JavaScript, 0.9 MB; from the user's cache directory when it was made before.
 
@@ -35,9 +44,7 @@ def script() -> str:
     try:
         import vl_convert
     except ImportError as cause:
-        raise Unavailable(
-            "missing", "vl-convert-python, which carries the charts: pip install vl-convert-python"
-        ) from cause
+        raise Unavailable("missing", _LACKS) from cause
     import platformdirs
 
     kept = (

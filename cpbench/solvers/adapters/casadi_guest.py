@@ -11,7 +11,7 @@ from cpbench.matrices import Matrix
 
 CITATION = "Andersson et al., CasADi, Math. Prog. Comp. 11 (2019)"
 LICENCE = "LGPL-3.0-or-later"
-INSTALL = "pip install casadi"
+INSTALL = "pip install cpbench[casadi]"
 UNKNOWNS = 4000
 """Most unknowns: the Jacobian is built as an expression and factorized by a sparse QR, which fills in."""
 

@@ -180,7 +180,7 @@ class Piqp(QPSolversBackend):
         method="interior point",
         citation="Schwan, Jiang, Kuhn and Jones, PIQP: a proximal interior-point QP solver, CDC 2023",
         requires=("qpsolvers", "piqp"),
-        install="pip install qpsolvers piqp",
+        install="pip install cpbench[backends]",
         licence="BSD-2-Clause",
         traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
         quick=True,

@@ -56,7 +56,7 @@ class ProxQP(QPSolversBackend):
         method="augmented Lagrangian",
         citation="Bambade, El-Kazdadi, Taylor and Carpentier, ProxQP, RSS 2022",
         requires=("qpsolvers", "proxsuite"),
-        install="pip install qpsolvers proxsuite",
+        install="pip install cpbench[backends]",
         licence="BSD-2-Clause",
         traits=frozenset({Trait.SPARSE}),  # last bits depend on where the arrays lie: 6 of 60 answers to a QP of 10
         known_failures={

@@ -19,7 +19,7 @@ def problems() -> dict[str, Problem]:
 
 @cache
 def _problems() -> tuple[tuple[str, Problem], ...]:
-    """Made once: those with maps are written by CasADi and converted."""
+    """Made once: those with maps are converted."""
     made: dict[str, Problem] = {
         "qp": linear.quadratic(),
         "qp-repeated": linear.repeated_row(),

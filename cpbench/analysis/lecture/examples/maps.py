@@ -9,6 +9,7 @@ import numpy as np
 
 from cpbench.conversions.base import make
 from cpbench.expressions import Map
+from cpbench.expressions.recording import recorded
 from cpbench.formulations.base import Problem
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.cp import CP
@@ -30,10 +31,7 @@ def mapped(n: int, formula: Callable[..., Sequence[Any]]) -> Map:
     >>> mapped(2, lambda a, b: [a * b, a - b])(np.array([2.0, 3.0])).tolist()
     [6.0, -1.0]
     """
-    import casadi as ca
-
-    z = ca.SX.sym("z", n)  # pyright: ignore[reportAttributeAccessIssue]
-    return Map.from_casadi(z, ca.vertcat(*formula(*ca.vertsplit(z))))
+    return recorded(n, lambda z: list(formula(*z)))
 
 
 def converted(problem: Problem, *edges: str) -> Any:
@@ -102,7 +100,7 @@ def ball() -> NonlinearFrictionContact:
     load = MASS * before - STEP * MASS * GRAVITY * np.array([0.0, 0.0, 1.0])
 
     def formula(*v: Any) -> list[Any]:
-        drag = STEP * DRAG * (sum(x * x for x in v) + 1e-2) ** 0.5
+        drag = STEP * DRAG * np.sqrt(sum(x * x for x in v) + 1e-2)
         return [MASS * x + drag * x - b for x, b in zip(v, load, strict=True)]
 
     H = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.errors import UnknownName
-from cpbench.expressions import Map
+from cpbench.expressions.recording import recorded
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
@@ -73,11 +73,8 @@ class NewtonContact(Solver):
         return problem
 
     def warmup(self) -> None:
-        import casadi as ca
-
         solvers.get(NewtonContactOptions().inner).warmup()
-        v = ca.SX.sym("v", 2)
-        F = Map.from_casadi(v, v + ca.sin(v))
+        F = recorded(2, lambda v: v + np.sin(v))
         mu, w = np.array([0.5]), np.array([-1.0, 0.0])
         self.run(NonlinearFrictionContact(F=F, H=np.eye(2), w=w, mu=mu, dimension=2))
 
