@@ -213,7 +213,7 @@ def test_a_run_of_problems_from_memory_and_files(tmp_path: Path) -> None:
     ]
     assert "lcp: " in repr(results)
     assert "<table>" in results._repr_html_()
-    assert results.compare(results).verdict == "same"
+    assert results.compare(results).verdict in ("same", "inconclusive")  # two problems are few
     again = cpbench.Results(tmp_path / "r.sqlite")
     assert len(again) == 4
     assert (tmp_path / "r.problems.h5").exists()
