@@ -14,8 +14,8 @@ The sum of products is the duality gap: a pair of which both are √ε is optima
 - No idle side, price or open contact sets a size: its constant counts as far as other terms of its row balance it.
 - Rows and unknowns of pairs may have no term in common (prices beside sides): each such system is a part.
 - Small rows that no felt term couples to large ones are parts of their own (`coupling`).
-- What no constant feeds has the solution 0 and no size: it is measured absolutely. A part without an objective needs
-  no multipliers.
+- What no constant feeds but idle ones has the solution 0 and no size: it is measured absolutely. A part without an
+  objective needs no multipliers.
 - Unknowns that grow without bound would pass on problems without a solution, for they are in the sizes. So the square
   of what no answer may have (a row on the wrong side), over the constants of the part alone, must be within ε, too.
 """
@@ -36,6 +36,8 @@ from cpbench.verification.frame import Frame, System, inverse, largest
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags, joined
 
+HEARD = 0.1
+"""Share of an idle constant that other terms of its row must reach for it to give a size."""
 _PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()
 
 
@@ -133,16 +135,17 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
 
     # every z is as large as its part; without a side that is what the prices ask of a curved objective, else nothing
     prices, sides, curved = parts.prices, parts.sides, parts.curved
-    sided = some_held | (sides > 0)
+    sided = some_held | ((sides > 0) & parts.every.any(~quiet & (constants > 0)))  # idle sides give no size
     unsized = ~sided & ~((prices > 0) & curved)
+    unpriced = unsized & (prices == 0)
+    if frame.multiplier is None and frame.block is None:  # nor do idle prices that no other term of their row balances
+        balanced = (constants > 0) & (~quiet | (sums > HEARD * constants))
+        unsized |= ~some_held & ~parts.every.any(balanced)
+        unpriced = unsized
     reach = prices
     if gap or frame.multiplier is not None:
         reach = z.size((sizes * parts.per_unknown)[z.at])
         reach = np.where(sided, reach, np.maximum(reach, prices))
-        # where z = 0 balances all, idle sides are all that has a size
-        if (sided & ~some_held).any():
-            balanced = sided & ~some_held & ~parts.every.any(~quiet & (constants > 0))
-            reach = np.where(balanced, np.maximum(reach, sides), reach)
     felt = np.where(unsized, 0.0, reach)
     data_unit = parts.data_unit
     if some_held.any():
@@ -153,14 +156,14 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
     weight, x_unit = np.zeros(frame.k), np.zeros(frame.k)
     empty = False
     for i, (group, least, plain) in enumerate(
-        ((z, np.where(curved & gap, felt, 0.0), unsized & (prices == 0)), (multipliers, felt, unsized))
+        ((z, np.where(curved & gap, felt, 0.0), unpriced), (multipliers, felt, unsized))
     ):
         rows = group.at
         D, constant, feeds = parts.per_row[rows], constants[rows], sums[rows]
         if not D.size:
             continue
         counted = np.maximum(feeds, constant)
-        heard = group.any((constant > 0) & (~quiet[rows] | (feeds > 0.1 * constant)))
+        heard = group.any((constant > 0) & (~quiet[rows] | (feeds > HEARD * constant)))
         if heard.any():
             counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
         # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mpmath
 import numpy as np
 import pytest
@@ -136,3 +138,21 @@ def test_a_moving_bound_has_the_size_of_its_terms(off: float, solved: bool) -> N
     )
     point = QVIPoint(z=np.array([0.001, 1.0 + off]))
     assert judge(problem, point, 1e-6).solved == solved
+
+
+def test_an_idle_side_or_price_gives_no_size() -> None:
+    """min ½z² with z ≤ 10⁶, and 0 ≤ z₁ ⟂ z₁ + z₂ ≥ 0 beside 10⁸ − z₁ > 0: 0 is the answer, whatever the idle number."""
+    wide: dict[str, Any] = {
+        "C": np.zeros((0, 1)),
+        "d": np.zeros(0),
+        "lb": np.full(1, -np.inf),
+        "ub": np.full(1, np.inf),
+    }
+    program = QP(Q=np.eye(1), p=np.zeros(1), A=np.array([[-1.0]]), b=np.array([-1e6]), **wide)
+    problem = LCP(M=np.array([[1.0, 1.0], [-1.0, 0.0]]), q=np.array([0.0, 1e8]))
+    for z in (0.9, 1e-9):
+        none = np.zeros(0)
+        one = judge(program, QPPoint(z=np.array([z]), lam=np.zeros(1), mu=none, nu=np.zeros(1)), 1e-6)
+        other = judge(problem, LCPPoint(z=np.array([z, 0.0])), 1e-6)
+        assert one.error == other.error == z
+        assert one.flags == other.flags == ("absolute",)
