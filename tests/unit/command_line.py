@@ -44,10 +44,17 @@ def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedPr
     with contextlib.ExitStack() as stack:
         for registry in conduct.REGISTRIES.values():
             registry.discover()
-            stack.enter_context(mock.patch.object(registry, "_items", dict(registry._items)))
+            ours = {name: item for name, item in registry._items.items() if not _of_others(item)}
+            stack.enter_context(mock.patch.object(registry, "_items", ours))
             stack.enter_context(mock.patch.object(registry, "_discovered", False))
         stack.enter_context(mock.patch.object(plugged, "_asked_for", ("", "")))
         stack.enter_context(mock.patch.object(plugged, "_read", set()))
         stack.enter_context(mock.patch.object(declared, "_declared", {}))
         stack.enter_context(mock.patch.dict(os.environ, {PLUGIN_FILES: "", DECLARED: "", **variables}))
         return cpbench(folder, *arguments)
+
+
+def _of_others(item: object) -> bool:
+    """Whether an earlier test of this process loaded it from a plugin, or declared it."""
+    home = getattr(item, "__module__", "") or type(item).__module__
+    return home.startswith((plugged.PLUGIN_MODULE, "cpbench.solvers.external."))

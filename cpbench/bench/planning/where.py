@@ -100,6 +100,8 @@ class _Reader:
         self._text, self._known = re.sub(r"\s", " ", text).strip(), known
 
     def read(self) -> Expression:
+        if "\0" in self._text:
+            raise self._refused(self._text, f"has a null character; {ALLOWED}")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # what only may be a mistake is refused, too
@@ -107,7 +109,7 @@ class _Reader:
         except SyntaxError as error:
             why = error.msg.replace(" or ':='", "")
             raise self._refused(self._text[(error.offset or len(self._text) + 1) - 1 :], f"{why}; {ALLOWED}") from None
-        except (ValueError, MemoryError, RecursionError):  # a null character; a tree too deep for the parser
+        except (ValueError, MemoryError, RecursionError):  # a tree too deep for the parser
             raise self._refused(self._text, f"cannot be read; {ALLOWED}") from None
         return self._read(tree.body, TRUTH, 0)
 
