@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.matrices import Vector
+from cpbench.matrices import Dense, Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.verification.projections import project, row_norms
 
@@ -300,7 +300,21 @@ class Factors(Set):
             beside = own - project(self.kind, own, self.mu, self.mu_r)
         else:  # Moreau: the part of −y in K is what y lacks of being in the dual cone
             beside = project(self.kind, -own, self.mu, self.mu_r)
-        return float(np.max(row_norms(beside), initial=0.0))
+        found = float(np.max(row_norms(beside), initial=0.0))
+        return found if self.rows else max(found, self._lacking(own))
+
+    def _lacking(self, y: Dense) -> float:
+        """The largest of what a first component lacks of being in the dual cone: of contacts, how fast they close.
+
+        A large coefficient makes the distance to the cone as many times less, and hides that.
+        """
+        steep = np.isfinite(self.mu) & (self.mu > 1.0)
+        if self.kind not in (Cone.SECOND_ORDER, Cone.ROLLING) or not steep.any():
+            return 0.0
+        y, mu = y[steep], self.mu[steep]
+        k = y.shape[1] if self.kind is Cone.SECOND_ORDER else 1 + (y.shape[1] - 1) // 2
+        needed = mu * row_norms(y[:, 1:k]) + self.mu_r[steep] * row_norms(y[:, k:])
+        return float(np.max(needed - y[:, 0], initial=0.0))
 
     def own_unit(self) -> Vector:
         if self.kind is not Cone.BALL:

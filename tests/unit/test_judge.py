@@ -156,3 +156,11 @@ def test_an_idle_side_or_price_gives_no_size() -> None:
         other = judge(problem, LCPPoint(z=np.array([z, 0.0])), 1e-6)
         assert one.error == other.error == z
         assert one.flags == other.flags == ("absolute",)
+
+
+@pytest.mark.parametrize("mu", [1.0, 1e3, 1e6])
+def test_friction_hides_no_penetration(mu: float) -> None:
+    """Nothing presses on a contact that closes at 1: its distance to the cone is 1/μ, but it closes at 1."""
+    W = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 1.0]])
+    problem = FrictionContact(W=W, q=np.array([-1.0, 0.5, 0.2]), mu=np.array([mu]), dimension=3)
+    assert judge(problem, FCPoint(r=np.zeros(3)), 1e-3).error > 0.3
