@@ -16,7 +16,8 @@ from cpbench.matrices import Dense, Vector, dense
 from cpbench.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
-from cpbench.verification.systems import kept, stack
+from cpbench.verification.parallel_rows import ParallelRows
+from cpbench.verification.systems import RowsFrame, kept, stack
 
 
 def local(P: Any, point: Any) -> System:
@@ -74,24 +75,28 @@ def _dynamics(
     u = (P.H.T @ v + P.w) * unit
     rows, n, p = r.size, v.size, lam.size
 
-    def frame() -> Frame:
+    def frame() -> RowsFrame:
         block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(n + p)])
         at = np.arange(P.nc + n + p)
         H, Gs = _scaled(P.H, np.ones(n), unit), sp.csr_array(G)
         empty = sp.csr_array((rows, rows)), sp.csr_array((rows, p)), sp.csr_array((p, p))
         whole = stack([[empty[0], H.T, empty[1]], [H, mass(), Gs], [empty[1].T, Gs.T, empty[2]]])
-        return Frame(
+        return RowsFrame(
             terms=Terms.of_blocks(whole, block, block),
             constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
             sets=contact_and_free(P, n + p),
             block=block,
             multiplier=(at < P.nc) | (at >= P.nc + n),
+            parallel=ParallelRows(sp.csr_array(Gs.T)),
         )
 
+    whole = kept(P, frame) if keep else frame()
+    relief = whole.parallel.relief(lam, np.abs(force + G @ lam) + load) if p else None
     return System(
-        kept(P, frame) if keep else frame(),
+        whole,
         x=np.concatenate([r / unit, v, lam]),
         f=np.concatenate([shifted(P, u), force, joints]),
+        relief=0.0 if relief is None else np.concatenate([np.zeros(P.nc), relief, np.zeros(p)]),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import mpmath
@@ -14,7 +15,8 @@ from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoin
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.qvi import QVIPoint
 from cpbench.generators.equations import powell_singular
-from cpbench.testing import planted
+from cpbench.matrices import dense
+from cpbench.testing import planted, planted_contact
 from cpbench.testing.cases import cases
 from cpbench.verification import judge
 from cpbench.verification.backward_error import backward_error
@@ -164,3 +166,13 @@ def test_friction_hides_no_penetration(mu: float) -> None:
     W = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 1.0]])
     problem = FrictionContact(W=W, q=np.array([-1.0, 0.5, 0.2]), mu=np.array([mu]), dimension=3)
     assert judge(problem, FCPoint(r=np.zeros(3)), 1e-3).error > 0.3
+
+
+def test_multipliers_of_a_joint_that_cancel_hide_nothing(rng: np.random.Generator) -> None:
+    """A joint is given three times, with multipliers λ, t and −t: what r misses is measured as without t."""
+    problem, point = planted_contact.gfc(rng, 2, 2, 2, 3, symmetric=True)
+    wrong = dataclasses.replace(point, r=2.0 * point.r)
+    G = dense(problem.G)
+    more = dataclasses.replace(problem, G=np.hstack([G, G[:, [0, 0]]]), b=np.append(problem.b, [problem.b[0]] * 2))
+    there = dataclasses.replace(wrong, lam=np.append(wrong.lam, [2.0**40, -(2.0**40)]))
+    assert judge(more, there, 1e-6).error == pytest.approx(judge(problem, wrong, 1e-6).error, rel=0.5)
