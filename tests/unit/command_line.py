@@ -44,7 +44,7 @@ def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedPr
     with contextlib.ExitStack() as stack:
         for registry in conduct.REGISTRIES.values():
             registry.discover()
-            ours = {name: item for name, item in registry._items.items() if not _of_others(item)}
+            ours = {name: item for name, item in registry._items.items() if not of_others(item)}
             stack.enter_context(mock.patch.object(registry, "_items", ours))
             stack.enter_context(mock.patch.object(registry, "_discovered", False))
         stack.enter_context(mock.patch.object(plugged, "_asked_for", ("", "")))
@@ -54,7 +54,7 @@ def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedPr
         return cpbench(folder, *arguments)
 
 
-def _of_others(item: object) -> bool:
+def of_others(item: object) -> bool:
     """Whether an earlier test of this process loaded it from a plugin, or declared it."""
     home = getattr(item, "__module__", "") or type(item).__module__
     return home.startswith((plugged.PLUGIN_MODULE, "cpbench.solvers.external."))

@@ -6,10 +6,10 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_line import of_others
 
 from cpbench.bench.planning import grids, plan, plan_file
 from cpbench.errors import CpbenchError, DuplicateName
@@ -22,15 +22,13 @@ from cpbench.solvers.external.served import ServedSolver
 
 
 @pytest.fixture(autouse=True)
-def _as_before(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What a test declares is forgotten after it."""
-    solvers.discover()
+def _as_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a test declares is forgotten after it, and what earlier tests of this process left is not there."""
     monkeypatch.setenv(DECLARED, "")
-    before = dict(solvers._items)
+    solvers.discover()
+    ours = {name: item for name, item in solvers._items.items() if not of_others(item)}
+    monkeypatch.setattr(solvers, "_items", ours)
     monkeypatch.setattr(declared, "_declared", {})
-    yield
-    solvers._items.clear()
-    solvers._items.update(before)
 
 
 def _file(folder: Path, text: str) -> Path:
