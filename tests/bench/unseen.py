@@ -180,8 +180,8 @@ def report(table: pd.DataFrame) -> str:
             above = speed[both["rival"] > SHORTEST]
             share = (above >= 1).mean() if len(above) else np.nan
             lines.append(
-                f"  against the best rival: {np.exp(np.log(speed).mean()):.2f} times as fast in geometric mean, at least"
-                f" as fast on {share:.0%} of {len(above)} above 10 µs, least {speed.min():.3g}"
+                f"  against the best rival: {np.exp(np.log(speed).mean()):.2f} times as fast in geometric mean,"
+                f" at least as fast on {share:.0%} of {len(above)} above 10 µs, least {speed.min():.3g}"
             )
     both = table[table["auto"].notna() & table["member"].notna()]
     worst = both.assign(regret=both["auto"] / both["member"]).nlargest(10, "regret")

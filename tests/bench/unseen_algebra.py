@@ -46,7 +46,7 @@ def bimatrix(rng: Rng, size: int) -> LCP:
 
 
 def ties(rng: Rng, size: int) -> LCP:
-    """M = B + BBᵀ of entries −1, 0, 1 with B skew: positive semidefinite; q = w − Mz of few values, so that ratios tie."""
+    """M = GGᵀ + B − Bᵀ of small whole numbers, positive semidefinite; q = w − Mz of few values, so that ratios tie."""
     B = np.triu(rng.integers(-1, 2, (size, size)), 1).astype(float)
     half = rng.integers(-1, 2, (size, max(1, size // 3))).astype(float)
     M = half @ half.T + (B - B.T)
@@ -108,7 +108,7 @@ def circuit(rng: Rng, size: int) -> MLCP:
 
 
 def trade(rng: Rng, size: int) -> MLCP:
-    """Spatial price equilibrium with affine supply and demand (Harker 1984): prices are free, shipments are not negative."""
+    """Spatial price equilibrium with affine supply and demand (Harker 1984): free prices, nonnegative shipments."""
     regions = max(2, int(np.sqrt(size)))
     arcs = [(i, j) for i in range(regions) for j in range(regions) if i != j]
     flow = np.zeros((regions, len(arcs)))
