@@ -9,7 +9,7 @@ import contextlib
 import time
 from collections.abc import Generator
 
-from cpbench.solvers.base import Solver
+from cpbench.solvers.base import Solver, solvers
 
 _warm: set[str] = set()
 """Solvers that have warmed up completely in this process."""
@@ -36,6 +36,19 @@ def off_the_clock() -> Generator[None]:
 def seconds() -> float:
     """Return what this process has spent off the clock so far [s]."""
     return _seconds
+
+
+def ready(name: str, *, quickly: bool) -> Solver:
+    """Return the solver of a name, warmed up completely, or as far as every solve needs.
+
+    Raises UnknownName.
+    """
+    if name in (_begun if quickly else _warm):
+        return solvers.get(name)
+    with off_the_clock():
+        solver = solvers.get(name)
+        (warm_up_quickly if quickly else warm_up)(solver)
+    return solver
 
 
 def warm_up(solver: Solver) -> None:

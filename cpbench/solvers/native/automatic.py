@@ -70,9 +70,7 @@ class AutomaticChoice(Solver):
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
-        with warming.off_the_clock():
-            solver = solvers.get(phases[0].solver)
-            warming.warm_up_quickly(solver)
+        solver = warming.ready(phases[0].solver, quickly=True)
         if not any(problem.point_sizes.values()) or solver.obstacle(problem) is not None:
             return Plan(problem, phases)
         own = solver.spec.options(**phases[0].options)
@@ -183,10 +181,7 @@ class _Run:
     def _warmed(self, phase: Phase) -> Solver:
         """The solver of a phase, ready; `setup` has warmed up the first."""
         before = warming.seconds()
-        with warming.off_the_clock():
-            solver = solvers.get(phase.solver)
-            if phase is not self._plan.phases[0]:
-                warming.warm_up(solver)
+        solver = warming.ready(phase.solver, quickly=phase is self._plan.phases[0])
         self._deadline += warming.seconds() - before
         return solver
 
