@@ -52,7 +52,16 @@ def print_answer(store: Store) -> None:
         click.echo(_fitted(line))
     if len(told) > LINES:
         click.echo(f"and {counted(len(told) - LINES, 'more reason')} why pairs could not be run")
-    click.echo("\n".join(["", *(line for ranking in found for line in folded(ranking.sentence))]))
+    click.echo("\n".join(["", *(line for ranking in found for line in _sentence(ranking))]))
+
+
+def _title(ranking: Ranking) -> str:
+    return f" ({ranking.title})" if ranking.title else ""
+
+
+def _sentence(ranking: Ranking) -> Sequence[str]:
+    """What to use, after the formulation and what it is called in full, in lines of the terminal."""
+    return folded(f"{ranking.formulation}{_title(ranking)}: {ranking.verdict}")
 
 
 def _print_ranking(ranking: Ranking) -> None:
@@ -60,7 +69,7 @@ def _print_ranking(ranking: Ranking) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    head = f"{ranking.formulation}: {counted(ranking.problems, 'problem')}"
+    head = f"{ranking.formulation}{_title(ranking)}: {ranking.size}"
     table = Table(
         title=Text(head), title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0)
     )
