@@ -50,6 +50,8 @@ def print_answer(store: Store) -> None:
     told = left_out_lines(meta.get("left_out", []))
     for line in told[:LINES]:
         click.echo(_fitted(line))
+    if any(_fitted(line) != line for line in told[:LINES]):
+        click.echo("\n".join(folded("why: cpbench route PROBLEM --explain, and the report")))
     if len(told) > LINES:
         click.echo(f"and {counted(len(told) - LINES, 'more reason')} why pairs could not be run")
     click.echo("\n".join(["", *(line for ranking in found for line in _sentence(ranking))]))
@@ -105,6 +107,9 @@ def _cells(row: RankedSolver) -> Sequence[str]:
 
 
 def _fitted(line: str) -> str:
-    """A line in the width of the terminal, as it is elsewhere."""
+    """A line in the width of the terminal, without its reason where both do not fit; as it is elsewhere."""
     room = width()
-    return line if room is None or len(line) <= room else f"{line[: room - 1]}…"
+    if room is None or len(line) <= room:
+        return line
+    what = line.partition(": ")[0]
+    return what if len(what) <= room else f"{line[: room - 1]}…"
