@@ -62,8 +62,11 @@ def _title(ranking: Ranking) -> str:
 
 
 def _sentence(ranking: Ranking) -> Sequence[str]:
-    """What to use, after the formulation and what it is called in full, in lines of the terminal."""
-    return folded(f"{ranking.formulation}{_title(ranking)}: {ranking.verdict}")
+    """What to use, after the formulation and what it is called in full, in lines of the terminal; what is looked for
+    is bold there."""
+    first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {ranking.verdict}")
+    first = first.replace(f"use {ranking.winner}:", f"use {click.style(ranking.winner, bold=True)}:", 1)
+    return [click.style(ranking.formulation, bold=True) + first.removeprefix(ranking.formulation), *rest]
 
 
 def _print_ranking(ranking: Ranking) -> None:
