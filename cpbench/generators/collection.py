@@ -29,7 +29,11 @@ def builtin_folder() -> Path:
 
 
 def address_text(address: str) -> str:
-    """Return an address as a reader may type it: that of a built-in problem as `builtin/...`, any other as it is."""
+    """Return an address as a reader may type it: that of a built-in problem as `builtin/...`, any other as it is.
+
+    >>> address_text(f"{builtin_folder()}/lcp/american-put.h5"), address_text("mine.h5")
+    ('builtin/lcp/american-put.h5', 'mine.h5')
+    """
     try:
         inside = address.removeprefix(f"{builtin_folder()}{os.sep}")
     except CpbenchError:  # none are installed

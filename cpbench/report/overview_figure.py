@@ -48,12 +48,8 @@ def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
 
     Of one formulation it is the profile that its details have.
     """
-    compared = [r for r in rankings if sum(row.solved > 0 for row in r.rows) > 1]  # a curve alone says nothing
-    solved = compared or [r for r in rankings if r.rows[0].solved]
-    most = sorted(solved, key=lambda r: (-r.problems, -sum(row.solved for row in r.rows)))[:PANELS]
-    wanted = [r for r in rankings if r in most]
     rows = dict(run.parts)
-    panels = [panel for r in wanted if (panel := _panel(r, rows[r.group])) is not None]
+    panels = [panel for r in chosen(rankings) if (panel := _panel(r, rows[r.group])) is not None]
     if not panels:
         return "", ""
     if len(run.parts) == 1:
@@ -67,6 +63,14 @@ def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
         "solver of that problem: left where it was the fastest, right at all. Below each panel: the solvers with the "
         f"largest area under their curves, and how many problems each solved.{left}"
     )
+
+
+def chosen(rankings: Sequence[Ranking]) -> list[Ranking]:
+    """Return the rankings that get a panel, in their order: of several solvers where there are such."""
+    compared = [r for r in rankings if sum(row.solved > 0 for row in r.rows) > 1]  # a curve alone says nothing
+    solved = compared or [r for r in rankings if r.rows[0].solved]
+    most = sorted(solved, key=lambda r: (-r.problems, -sum(row.solved for row in r.rows)))[:PANELS]
+    return [r for r in rankings if r in most]
 
 
 def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
