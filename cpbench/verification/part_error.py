@@ -138,8 +138,8 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
     sided = some_held | ((sides > 0) & parts.every.any(~quiet & (constants > 0)))  # idle sides give no size
     unsized = ~sided & ~((prices > 0) & curved)
     unpriced = unsized & (prices == 0)
+    balanced = (constants > 0) & (~quiet | (sums > HEARD * constants))
     if frame.multiplier is None and frame.block is None:  # nor do idle prices that no other term of their row balances
-        balanced = (constants > 0) & (~quiet | (sums > HEARD * constants))
         unsized |= ~some_held & ~parts.every.any(balanced)
         unpriced = unsized
     reach = prices
@@ -163,7 +163,7 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
         if not D.size:
             continue
         counted = np.maximum(feeds, constant)
-        heard = group.any((constant > 0) & (~quiet[rows] | (feeds > HEARD * constant)))
+        heard = group.any(balanced[rows])
         if heard.any():
             counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
         # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row
