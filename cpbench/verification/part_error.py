@@ -133,7 +133,8 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
     quiet = frame.any(joined(frame.sets, frame.count, lambda part: part.idle(system.x, system.f), bool))
     some_held = parts.every.any(held)
 
-    # every z is as large as its part; without a side that is what the prices ask of a curved objective, else nothing
+    # every z is as large as its part; without a side that is what the prices ask of a curved objective, idle prices
+    # only where there are no others; else nothing
     prices, sides, curved = parts.prices, parts.sides, parts.curved
     sided = some_held | ((sides > 0) & parts.every.any(~quiet & (constants > 0)))  # idle sides give no size
     unsized = ~sided & ~((prices > 0) & curved)
@@ -145,7 +146,8 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
     reach = prices
     if gap or frame.multiplier is not None:
         reach = z.size((sizes * parts.per_unknown)[z.at])
-        reach = np.where(sided, reach, np.maximum(reach, prices))
+        asked = z.size((np.where(balanced, constants, 0.0) * parts.per_row)[z.at])
+        reach = np.where(sided, reach, np.maximum(reach, np.where(asked > 0, asked, prices)))
     felt = np.where(unsized, 0.0, reach)
     data_unit = parts.data_unit
     if some_held.any():

@@ -160,6 +160,16 @@ def test_an_idle_side_or_price_gives_no_size() -> None:
         assert one.flags == other.flags == ("absolute",)
 
 
+@pytest.mark.parametrize("idle", [1e2, 1e6, 1e12])
+@pytest.mark.parametrize("z", [0.0, 0.9, 2.0])
+def test_an_idle_price_hides_no_error_of_a_program(idle: float, z: float) -> None:
+    """min ½z₁² + ½z₁z₂ + ½z₂² − z₁ + idle z₂ over z ≥ 0 has the solution (1, 0), whatever the idle number."""
+    Q, p, point = np.array([[1.0, 0.5], [0.5, 1.0]]), np.array([-1.0, idle]), np.array([z, 0.0])
+    program = QP.build(Q, p, lb=np.zeros(2))
+    found = judge(program, QPPoint(point, [], [], np.array([0.0, (Q @ point + p)[1]])), 1e-6)  # type: ignore[arg-type]
+    assert found.error > 1e-3
+
+
 @pytest.mark.parametrize("mu", [1.0, 1e3, 1e6])
 def test_friction_hides_no_penetration(mu: float) -> None:
     """Nothing presses on a contact that closes at 1: its distance to the cone is 1/μ, but it closes at 1."""
