@@ -97,6 +97,8 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     if system.also is not None:
         value, rows = system.also
         error = largest(error, float(np.max(np.abs(value) * units.f[rows], initial=0.0)))
+    # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
+    wrong |= (frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0)
     floor = float(np.max(noise * units.f * frame.amplification * wrong, initial=0.0))
     return BackwardError(largest(error), units.absolute, floor)
 

@@ -178,6 +178,18 @@ def test_friction_hides_no_penetration(mu: float) -> None:
     assert judge(problem, FCPoint(r=np.zeros(3)), 1e-3).error > 0.3
 
 
+@pytest.mark.parametrize("mu", [1e17, 1e30, 1e300])
+def test_beside_friction_beyond_all_digits_nothing_is_told(mu: float) -> None:
+    """Of u_N + μ‖u_T‖ only the second is left. What sticks with u = 0 is right all the same."""
+    W, r = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([1.0, 0.25, 0.0])
+    closing = FrictionContact(W=W, q=np.array([-1.0, 0.5, 0.25]), mu=np.array([mu]), dimension=3)
+    found = judge(closing, FCPoint(r=np.zeros(3)), 1e-6)
+    assert not found.solved
+    assert "unresolvable" in found.flags
+    sticking = FrictionContact(W=W, q=-W @ r, mu=np.array([mu]), dimension=3)
+    assert judge(sticking, FCPoint(r=r), 1e-6).solved
+
+
 def test_multipliers_of_a_joint_that_cancel_hide_nothing(rng: np.random.Generator) -> None:
     """A joint is given three times, with multipliers λ, t and −t: what r misses is measured as without t."""
     problem, point = planted_contact.gfc(rng, 2, 2, 2, 3, symmetric=True)
