@@ -47,58 +47,7 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
 
 __version__ = "0.1.0"
 
-_FORMULATIONS = (
-    "AVI",
-    "AVIPoint",
-    "AnisotropicFrictionContact",
-    "CP",
-    "CPPoint",
-    "ConeQP",
-    "ConeQPPoint",
-    "Contacts",
-    "Equation",
-    "EquationPoint",
-    "FCMPoint",
-    "FCPoint",
-    "FrictionContact",
-    "GE",
-    "GEPoint",
-    "GFCPoint",
-    "GlobalFrictionContact",
-    "GlobalRollingFrictionContact",
-    "Info",
-    "Kind",
-    "LCP",
-    "LCPPoint",
-    "MLCP",
-    "MLCPPoint",
-    "MiCP",
-    "MiCPPoint",
-    "MixedFrictionContact",
-    "NCP",
-    "NCPPoint",
-    "NFCPoint",
-    "NLP",
-    "NLPPoint",
-    "NonlinearFrictionContact",
-    "Point",
-    "Problem",
-    "QP",
-    "QPPoint",
-    "QVI",
-    "QVIPoint",
-    "Relay",
-    "Residuals",
-    "RollingFrictionContact",
-    "SOCLCP",
-    "SOCLCPPoint",
-    "Sequence",
-    "Step",
-    "VI",
-    "VIPoint",
-)
 _HOMES = {
-    **dict.fromkeys(_FORMULATIONS, "formulations"),
     "Cone": "product_cones",
     "ProductCone": "product_cones",
     "load": "api.problems",
@@ -128,16 +77,32 @@ _HOMES = {
     "read_results": "bench.results.store",
 }
 
-__all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
-
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        if name in _FORMULATIONS:
-            importlib.import_module("cpbench.api")  # problems show themselves in notebooks
         return getattr(importlib.import_module(f"cpbench.{_HOMES[name]}"), name)
+    if name == "__all__":
+        return ["__version__", *_HOMES, *sorted({*_own_formulations(), *_all_formulations()})]
+    if name[0].isupper():  # a module that has this name is sought by Python itself
+        found = _own_formulations().get(name) or _all_formulations().get(name)
+        if found is not None:
+            return found
     raise AttributeError(f"module 'cpbench' has no attribute '{name}'")
 
 
+def _own_formulations() -> dict[str, type]:
+    """Return the classes of `cpbench.formulations`, by name."""
+    importlib.import_module("cpbench.api")  # problems show themselves in notebooks
+    home = importlib.import_module("cpbench.formulations")
+    named = {name: getattr(home, name) for name in home.__all__}
+    return {name: value for name, value in named.items() if isinstance(value, type)}
+
+
+def _all_formulations() -> dict[str, type]:
+    """Return every registered formulation and its point, by name; plugins among them."""
+    known = importlib.import_module("cpbench.formulations.base").formulations
+    return {cls.__name__: cls for node in known for cls in (node, node.point_type)}
+
+
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(__getattr__("__all__"))

@@ -79,7 +79,7 @@ def load(path: str | Path, *, format: str | None = None) -> Problem:
     {'n': 100}
     """
     from cpbench import storage
-    from cpbench.bench.planning.selection import located
+    from cpbench.bench.planning.places import located
     from cpbench.generators.collection import builtin_folder
 
     return storage.load(located(str(path), builtin_folder), format=format)

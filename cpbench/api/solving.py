@@ -13,14 +13,13 @@ from cpbench.api.solution import Solution
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
+from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, parse_options, solvers
 from cpbench.verification import Status
 
 PROOF_SHARE = 0.5
 """The part of the time limit within which a proof is looked for that there is no solution."""
 NATIVE = "cpbench.solvers.native."
-_warm: set[str] = set()
-"""Solvers that have warmed up in this process."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +76,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
     if not (tolerance > 0 and seconds > 0):
         raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
     way = _way_to(problem, solver) if solver is not None else _automatic(problem)
-    if way.name not in _warm:
-        way.solver.warmup()
-        _warm.add(way.name)
+    warming.warm_up_quickly(way.solver)
     return _solved(problem, way, tolerance, seconds)
 
 
@@ -120,13 +117,11 @@ def _automatic(problem: Problem) -> Way:
 def _nearest(node: str) -> Iterator[str]:
     """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first; then our
     other solvers of that formulation."""
+    from cpbench import graph
     from cpbench.solvers.native.automatic import automatic_solvers
 
+    yield from automatic_solvers(node).values()
     known = automatic_solvers()
-    if node in known:
-        yield known[node]
-    from cpbench import graph
-
     first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
     ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
     yield from (name for _, name in ordered)
@@ -154,6 +149,11 @@ def _brought(problem: Problem, solver: Solver, options: Any, name: str) -> Way:
     )
 
 
+def _clock() -> float:
+    """Return the time [s], which stands still while something is loaded or compiled."""
+    return time.perf_counter() - warming.seconds()
+
+
 def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Solution:
     """Run the solver and judge what it returns."""
     from cpbench import graph
@@ -163,11 +163,11 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
     solver = way.solver
     try:
         handed = solver.hand_over(way.problem)
-        begun = time.perf_counter()
+        begun = _clock()
         prepared = solver.setup(handed, budget, way.options)
-        between = time.perf_counter()
+        between = _clock()
         output = solver.solve(prepared, budget, way.options)
-        spent |= {"setup": between - begun, "solve": time.perf_counter() - between}
+        spent |= {"setup": between - begun, "solve": _clock() - between}
         output = solver.collect(output)
     except (NotApplicable, Unavailable):
         raise

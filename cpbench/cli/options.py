@@ -96,7 +96,7 @@ class Address(click.ParamType):
     name = "problem"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from cpbench.bench.planning.selection import located
+        from cpbench.bench.planning.places import located
         from cpbench.generators.collection import builtin_folder
 
         return located(str(value), builtin_folder)

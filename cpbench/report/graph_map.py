@@ -22,7 +22,8 @@ PLACES = {
     "nlp": (5.5, 5.0), "relay": (6.6, 1.0), "avi": (6.45, 2.2), "vi": (3.95, 4.0), "ge": (5.2, 3.3),
     "equation": (5.9, 0.4),
 }  # fmt: skip
-"""Columns from the mechanics to the mathematics."""
+"""Columns from the mechanics to the mathematics; a formulation that has no place here stands in a row below."""
+WIDTH = 6.0
 UNIT = (65.0, 62.0)
 """Points of a unit of the places."""
 GUIDE = "Blue: exact for every problem, or for some. Dashed: approximations and relaxations only."
@@ -43,35 +44,42 @@ def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
     roads = [edge for edge in edges() if edge.source != edge.target and best_kind(edge) in kinds]
     for edge in roads:
         pair = (edge.source, edge.target)
-        if {*pair} <= set(PLACES):
-            pairs[pair] = pairs.get(pair, False) or best_kind(edge).exact
+        pairs[pair] = pairs.get(pair, False) or best_kind(edge).exact
+    places = _places()
     figure = canvas.page(6.8, 4.9)
     axes = figure.add_axes((0.01, 0.01, 0.98, 0.98))
     for (source, target), exact in pairs.items():
         both = (target, source) in pairs
         axes.annotate(
-            "", PLACES[target], PLACES[source],
+            "", places[target], places[source],
             arrowprops={
                 "arrowstyle": "-|>", "color": canvas.BLUE if exact else canvas.RED, "linewidth": 1.1,
                 "linestyle": "-" if exact else (0, (3, 2)),
-                "shrinkA": _border(source, target), "shrinkB": _border(target, source),
+                "shrinkA": _border(source, places[source], places[target]),
+                "shrinkB": _border(target, places[target], places[source]),
                 "connectionstyle": f"arc3,rad={0.14 if both else 0.0}",
             },
         )  # fmt: skip
-    for name, (x, y) in PLACES.items():
+    for name, (x, y) in places.items():
         axes.text(
             x, y, name, ha="center", va="center", fontsize=9, zorder=5,
             bbox={"boxstyle": "round,pad=0.42", "facecolor": "#ffffff", "edgecolor": canvas.GREY, "linewidth": 0.8},
         )  # fmt: skip
     axes.set_xlim(-0.4, 6.95)
-    axes.set_ylim(-0.3, 5.3)
+    axes.set_ylim(min(y for _, y in places.values()) - 0.3, 5.3)
     axes.set_axis_off()
     return figure, len(roads)
 
 
-def _border(name: str, other: str) -> float:
-    """Points from the middle of a box to a little beyond its border, towards another box."""
-    across, up = (b - a for a, b in zip(PLACES[name], PLACES[other], strict=True))
+def _places() -> dict[str, tuple[float, float]]:
+    """Return where every formulation stands."""
+    others = [name for name in formulations.names() if name not in PLACES]
+    return PLACES | {name: (WIDTH * (k + 1) / (len(others) + 1), -0.9) for k, name in enumerate(others)}
+
+
+def _border(name: str, place: tuple[float, float], other: tuple[float, float]) -> float:
+    """Points from the middle of a box to a little beyond its border, towards another place."""
+    across, up = (b - a for a, b in zip(place, other, strict=True))
     length = math.hypot(across * UNIT[0], up * UNIT[1])
     half = (6.0 + 2.9 * len(name), 11.0)
     return 2.0 + min(

@@ -198,6 +198,11 @@ class Solver(ABC):
     def warmup(self) -> None:
         """Load and compile whatever the first solve would: called once a process, never timed."""
 
+    def warmup_quickly(self) -> None:
+        """Do the part of `warmup` that every solve needs, for a process that solves only a few problems. What this
+        leaves out is loaded `off_the_clock` when it is needed."""
+        self.warmup()
+
     def version(self) -> str:
         """Version of the guest package, of cpbench for its own solvers, '' for others that need no package."""
         if self.spec.requires:

@@ -14,6 +14,7 @@ from cpbench.expressions import Map
 from cpbench.expressions.recording import Recorder
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
 from cpbench.formulations.conic import ConicProblem
+from cpbench.generators import generators
 from cpbench.testing import (
     cases_conic,
     cases_contact,
@@ -38,11 +39,17 @@ class Case:
 
 @cache
 def cases(node: str) -> list[Case]:
-    """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, zero rows, units of 1e±8."""
+    """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, zero rows, units of 1e±8.
+
+    Of a formulation that has no such cases, the problems of its generators whose solution is known.
+    """
     made: dict[str, tuple[Problem, Any]] = {}
     for makers in _ALL_MAKERS:
         if node in makers:
             made |= makers[node]()
+    if not made:  # a formulation that has no cases here: its generators have some
+        solved = (i for one in generators if one.node == node for i in one.instances() if i.solution is not None)
+        made = {instance.name: (instance.problem, instance.solution) for instance in solved}
     return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in made.items()]
 
 
@@ -63,8 +70,11 @@ def infeasible(node: str) -> list[Case]:
 
 
 def draw(node: str, seed: int, size: int) -> Case:
-    """A random case; what hypothesis draws are the seed and the size."""
+    """A random case; what hypothesis draws are the seed and the size. Of a formulation without random cases, one of
+    the others."""
     rng = np.random.default_rng(seed)
+    if not any(node in makers for makers in _ALL_MAKERS):
+        return cases(node)[int(rng.integers(len(cases(node))))]
     sparse = bool(rng.integers(2))
     kind = str(rng.choice(["positive definite", "singular semidefinite", "monotone", "any"]))
     nonlinear = cases_nonlinear.draw(node, rng, size, kind)

@@ -134,16 +134,9 @@ def conduct(item: Item, check: str) -> Mark:
 def planted(node: str) -> list[Case]:
     """Cases of a node for one check: copies, so that a plugin that spoils them spoils them for nobody else.
 
-    For a node that cpbench does not know, those of the registered collections whose solutions are known. Raises
-    AssertionError without any.
+    Raises AssertionError without any.
     """
-    known = cases(node) or [
-        Case(instance.name, instance.problem, instance.solution)
-        for collection in generators
-        if collection.node == node
-        for instance in collection.instances()
-        if instance.solution is not None
-    ]
+    known = cases(node)
     assert known, f"no problem of '{node}' with a known solution: register a collection of them (cpbench new problem)"
     return [dataclasses.replace(case, problem=dataclasses.replace(case.problem)) for case in known]
 

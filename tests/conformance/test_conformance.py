@@ -23,6 +23,7 @@ from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.storage import formats
 from cpbench.testing import Case, cases, checks
 from cpbench.testing.cases import draw
+from cpbench.testing.conduct import planted
 from cpbench.verification import judge
 
 
@@ -32,7 +33,7 @@ def _product(kind: str, plugins) -> list:
 
 @pytest.mark.parametrize(("node", "check"), _product("formulation", [(n.node, n) for n in formulations]))
 def test_formulation(node, check) -> None:
-    check(node, cases(node.node))
+    check(node, planted(node.node))
 
 
 SAVING = "check_lift_works_in_another_process"

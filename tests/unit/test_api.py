@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -30,6 +31,37 @@ def test_every_formulation_and_its_point_is_exported() -> None:
     for cls in formulations.formulations:
         assert getattr(cpbench, cls.__name__) is cls
         assert getattr(cpbench, cls.point_type.__name__) is cls.point_type
+
+
+FORMULATION = """
+import numpy as np
+from cpbench.formulations import LCPPoint, Relay, formulations
+from cpbench.generators.base import Instance, collection
+
+@formulations.register("sliding")
+class Sliding(Relay):
+    node = "sliding"
+
+@collection("steps", "sliding", "steps", "nobody", builtin=False)
+def build():
+    problem = Sliding(M=np.eye(1), q=[0.5], lb=[-1.0], ub=[1.0], name="one")
+    return [Instance(problem, LCPPoint(z=[-0.5]), "closed form")]
+"""
+
+
+def test_a_formulation_and_its_generator_are_all_that_a_new_node_takes(tmp_path: Path) -> None:
+    """It is exported, has cases for the checks, and stands on the map, though no file of cpbench has its name."""
+    plugin = tmp_path / "sliding.py"
+    plugin.write_text(FORMULATION)
+    code = (
+        "import cpbench; from cpbench.report import canvas, graph_map; from cpbench.testing.cases import cases, draw\n"
+        "with canvas.drawing(): drawn = [t.get_text() for t in graph_map.graph_map()[0].axes[0].texts]\n"
+        "print(cpbench.Sliding.node, 'Sliding' in cpbench.__all__, [c.name for c in cases('sliding')], "
+        "draw('sliding', 3, 5).name, 'sliding' in drawn)"
+    )
+    environment = {**os.environ, "CPBENCH_PLUGINS": str(plugin)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout == "sliding True ['one'] one True\n", done.stderr
 
 
 def test_an_import_brings_nothing_with_it() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from cpbench.solvers import solvers
 
 PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
-OTHER_NAMES = {"pin": "pinocchio", "drake": "pydrake", "sip-qp-python": "sip_qp_python"}
+OTHER_NAMES = {"pin": "pinocchio", "drake": "pydrake", "sip-qp-python": "sip_qp_python", "Mosek": "mosek"}
 """Packages that are imported by another name than they are installed by."""
 BLOCKED = """
 import sys
@@ -65,6 +65,14 @@ def test_what_is_heavy_is_an_extra() -> None:
     for name in ("casadi", "proxsuite", "vl-convert-python"):
         assert name not in CORE
         assert name in everything
+
+
+def test_extras_are_what_the_registered_solvers_require() -> None:
+    """Both ways, so that no package is typed by hand that no solver names, and no solver is without its extra."""
+    extras = _packages(["cpbench[solvers,commercial]"])
+    required = {package for solver in solvers for package in solver.spec.requires}
+    assert required <= CORE | extras
+    assert extras - required == {"qdldl"}  # factors matrices, solves no problem of ours
 
 
 def test_maps_are_made_converted_and_differentiated_without_casadi() -> None:

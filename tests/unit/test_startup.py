@@ -39,6 +39,45 @@ def _said(code: str, **variables: str) -> str:
     return done.stdout.strip()
 
 
+def _processor_seconds(code: str) -> float:
+    """Return the processor time of a fresh interpreter that may keep its bytecode [s]."""
+    return float(_said(f"{code}\nimport time; print(time.process_time())", PYTHONDONTWRITEBYTECODE=""))
+
+
+LIBRARIES = "import scipy.sparse.linalg; from cpbench.kernel_cache import load; load('cpbench.solvers.kernels.tableau')"
+"""What no first solve can do without: SciPy's sparse matrices, numba, and the first of its kernels."""
+
+
+@pytest.mark.parametrize(
+    "problem",
+    some_by_day(
+        [
+            "lcp/lcp-classics.h5::fathi-10",
+            "mlcp/mlcp-planted.h5::kkt-30-20",
+            "qp/qp-planted.h5::bounds-50",
+            "fc/contact-planted-3d.h5::full-rank-6",
+            "ncp/ncp-classics.h5::josephy",
+        ],
+        1,
+    ),
+)
+def test_a_first_solve_costs_at_most_twice_what_its_libraries_take_to_load(problem: str) -> None:
+    """Processor time with kernels in the cache; the first runs fill it."""
+    code = f"import cpbench; assert cpbench.solve(cpbench.load('builtin/{problem}'))"
+    pairs = [(_processor_seconds(code), _processor_seconds(LIBRARIES)) for _ in range(3)]
+    assert min(solve for solve, _ in pairs) <= 2 * min(libraries for _, libraries in pairs)
+
+
+def test_what_is_loaded_during_a_solve_is_not_in_its_time() -> None:
+    """Lemke's method ends in a ray here; the linear program that looks for a proof is imported then."""
+    code = (
+        "import sys, cpbench; lcp = cpbench.LCP(M=[[-1.0, 0.0], [0.0, -1.0]], q=[-1.0, -1.0]); "
+        "s = cpbench.solve(lcp); print(s.claim, 'scipy.optimize' in sys.modules); "
+        "from cpbench.solvers import warming; print(s.time < warming.seconds() / 5)"
+    )
+    assert _said(code).splitlines() == ["infeasible True", "True"]
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", some_by_day(["lemke", "lemke-mlcp", "clarabel", "siconos-lcp-lemke"], 1))
 def test_one_solver_is_found_without_importing_the_others(name: str) -> None:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench.planning import suites
+from cpbench.bench.planning.places import BUILTIN
 from cpbench.bench.planning.plan import Limits
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.errors import CpbenchError, UnknownName
 
-BUILTIN = "builtin"
 """What stands for the folder of the built-in problems among the problems of a set."""
 
 

@@ -16,8 +16,9 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.bench.planning import features, where
+from cpbench.bench.planning.places import located
 from cpbench.bench.planning.plan import PREVIOUS, Pair
-from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet
+from cpbench.bench.planning.run_plan import ProblemSet
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.storage.base import SEPARATOR, split_address
 
@@ -45,15 +46,6 @@ def addresses(texts: Iterable[str], builtin: Callable[[], Path]) -> list[str]:
             raise CpbenchError(f"no problem file in {text}; see cpbench list formats")
         found += here
     return list(dict.fromkeys(found))
-
-
-def located(text: str, builtin: Callable[[], Path]) -> str:
-    """`builtin/...` as a path below the folder of the built-in problems; any other text as it is."""
-    head, slash, rest = text.partition("/")
-    head, separator, member = head.partition(SEPARATOR) if not slash else (head, "", "")
-    if head != BUILTIN or os.path.exists(text):
-        return text
-    return f"{builtin()}{slash}{rest}{separator}{member}"
 
 
 def _expanded(text: str) -> list[str]:

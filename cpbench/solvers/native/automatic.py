@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import importlib
 import math
-import pkgutil
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, ClassVar
 
 from cpbench.formulations.base import Problem
 from cpbench.kernel_cache import load_all
+from cpbench.solvers import warming
 from cpbench.solvers.base import (
-    ROOMS,
     Budget,
     Claim,
     NoOptions,
@@ -70,7 +70,7 @@ class AutomaticChoice(Solver):
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
-        solver = solvers.get(phases[0].solver)
+        solver = warming.ready(phases[0].solver, quickly=True)
         if not any(problem.point_sizes.values()) or solver.obstacle(problem) is not None:
             return Plan(problem, phases)
         own = solver.spec.options(**phases[0].options)
@@ -79,7 +79,10 @@ class AutomaticChoice(Solver):
     def warmup(self) -> None:
         load_all("solvers", self.kernels)
         for name in self.members:
-            solvers.get(name).warmup()
+            warming.warm_up(solvers.get(name))
+
+    def warmup_quickly(self) -> None:
+        """Leave it to `setup` and `solve`, which warm a solver up when it is asked."""
 
     def solve(
         self,
@@ -111,17 +114,18 @@ def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
     )
 
 
-def automatic_solvers() -> dict[str, str]:
-    """Return the automatic choice of each node that has one, by node; modules of other solvers are not imported."""
+def automatic_solvers(node: str = "") -> dict[str, str]:
+    """Return the automatic choice of each node that has one, by node, or that of `node` alone.
+
+    No modules of other solvers are imported; for one node, only those in which it is named.
+    """
     found: dict[str, str] = {}
-    for room in ROOMS:
-        package = importlib.import_module(f"cpbench.solvers.native.{room}")
-        for info in pkgutil.iter_modules(package.__path__):
-            if info.name.startswith("auto_"):
-                module = importlib.import_module(f"{package.__name__}.{info.name}")
-                own = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
-                found |= {c.spec.node: c.spec.name for c in own if issubclass(c, Solver)}
-    return found
+    for file in sorted(Path(__file__).parent.glob("*/auto_*.py")):
+        if f'"{node}"' in file.read_text("utf-8") or not node:
+            module = importlib.import_module(f"cpbench.solvers.native.{file.parent.name}.{file.stem}")
+            own = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
+            found |= {c.spec.node: c.spec.name for c in own if issubclass(c, Solver)}
+    return {name: solver for name, solver in found.items() if node in ("", name)}
 
 
 class _Run:
@@ -153,7 +157,8 @@ class _Run:
 
     def ask(self, phase: Phase) -> None:
         """One solver, as far as its phase and the budget allow."""
-        solver, share = solvers.get(phase.solver), self._share(phase)
+        solver = self._warmed(phase)
+        share = self._share(phase)
         takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
         start, record = self._best if takes else None, self._recorder()
         if phase is self._plan.phases[0] and self._plan.first is not None:
@@ -172,6 +177,13 @@ class _Run:
             self._ended = output
         else:
             self._keep(phase.solver, output)
+
+    def _warmed(self, phase: Phase) -> Solver:
+        """The solver of a phase, ready; `setup` has warmed up the first."""
+        before = warming.seconds()
+        solver = warming.ready(phase.solver, quickly=phase is self._plan.phases[0])
+        self._deadline += warming.seconds() - before
+        return solver
 
     def concluded(self) -> SolverOutput:
         """The answer that solves it, the certificate that none does, or the best that was found."""

@@ -60,6 +60,9 @@ class Lemke(Solver):
 
     def warmup(self) -> None:
         linear_program.load()
+        self.warmup_quickly()
+
+    def warmup_quickly(self) -> None:
         load(BLOCKS)  # for problems that are larger than the one that is solved here
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
 

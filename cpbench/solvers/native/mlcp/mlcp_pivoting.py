@@ -80,6 +80,9 @@ class LemkeMLCP(Solver):
 
     def warmup(self) -> None:
         linear_program.load()
+        self.warmup_quickly()
+
+    def warmup_quickly(self) -> None:
         one = np.eye(1)
         self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
 
