@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from cpbench.bench.bundle.making import Asked, make
 from cpbench.bench.results.store import Store
+from cpbench.bundle.making import Asked, make
 from cpbench.cli.options import Command, ListOption, force_option
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted

@@ -8,7 +8,8 @@ from collections import Counter
 
 import click
 
-from cpbench.cli.options import Command, Duration, ListOption
+from cpbench.cli.options import Command, ListOption
+from cpbench.cli.types import Duration
 from cpbench.errors import UnknownName
 from cpbench.registry import PLUGIN_FILES
 
@@ -29,7 +30,7 @@ def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> 
 
     A check that your solver is known to fail goes, with the reason, into `known_failures` of its spec.
     """
-    from cpbench.cli.plugin_checks import Desk, is_file
+    from cpbench.api.plugin_checks import Desk, is_file
 
     if is_file(plugin):
         plugin = os.path.abspath(plugin)

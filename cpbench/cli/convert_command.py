@@ -14,10 +14,8 @@ from cpbench import checking, graph, storage
 from cpbench.api.problems import convert, load
 from cpbench.bench import starts
 from cpbench.cli.options import (
-    Address,
     Command,
     ListOption,
-    Memory,
     facets_option,
     force_option,
     format_option,
@@ -27,6 +25,7 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
+from cpbench.cli.types import Address, Memory
 from cpbench.errors import CpbenchError
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.report.show import slip_angle

@@ -72,7 +72,8 @@ def _told(found: Sequence[Checkup]) -> Iterator[str]:
 
 def _ready(those: Sequence[Checkup]) -> Iterator[str]:
     """A line a solver, of those that run by default; the others are counted."""
-    from cpbench.cli.solver_tables import HEAD, cells, columns, families
+    from cpbench.api.solver_tables import HEAD, cells, families
+    from cpbench.plain_text import columns
     from cpbench.solvers.base import solvers
 
     specs = {one.name: solvers.get(one.name).spec for one in those}
@@ -88,7 +89,7 @@ def _ready(those: Sequence[Checkup]) -> Iterator[str]:
 
 def _absent(those: Sequence[Checkup]) -> Iterator[str]:
     """A paragraph a reason, with all solvers that it keeps away."""
-    from cpbench.cli.solver_tables import folded_names
+    from cpbench.api.solver_tables import folded_names
 
     reasons: dict[str, list[str]] = {}
     for one in those:

@@ -13,7 +13,8 @@ import numpy as np
 from cpbench import facts, matrices, storage
 from cpbench.cli import info_summary
 from cpbench.cli.answer import is_results, print_results
-from cpbench.cli.options import Address, Command, format_option, number
+from cpbench.cli.options import Command, format_option, number
+from cpbench.cli.types import Address
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
 from cpbench.plain_text import printable

@@ -94,9 +94,9 @@ def _solvers(
     names: Sequence[str], every: bool, available: bool, node: str | None, check: bool, as_json: bool
 ) -> Iterator[str]:
     """Those that were named, each with its sheet; else a table of those that a run takes, or of all."""
+    from cpbench.api import solver_tables
     from cpbench.bench import checkup
     from cpbench.bench.planning import grids
-    from cpbench.cli import solver_tables
     from cpbench.formulations import formulations
     from cpbench.solvers.base import solvers
 

@@ -8,13 +8,15 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.cli import pack_parts, pack_remarks, pack_steps
 from cpbench.cli.options import Command, force_option
-from cpbench.cli.pack_parts import Part
 from cpbench.cli.routes import sizes_line
 from cpbench.errors import FormatError
 from cpbench.storage.base import require_new
 from cpbench.storage.hdf5_files import SUFFIXES
+from cpbench.storage.packing import parts as pack_parts
+from cpbench.storage.packing import remarks as pack_remarks
+from cpbench.storage.packing import steps as pack_steps
+from cpbench.storage.packing.parts import Part
 
 _FILE = click.Path(path_type=Path)
 _PARTS = {"lcp": "Mq", "mlcp": "ABCDab", "qp": "Qp", "fc": ("W", "q", "mu"), "gfc": ("M", "H", "f", "w", "mu")}

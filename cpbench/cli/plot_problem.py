@@ -10,8 +10,9 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.cli.options import Address, Command, Counts, ListOption
+from cpbench.cli.options import Command, ListOption
 from cpbench.cli.outputs import replaced
+from cpbench.cli.types import Address, Counts
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
 from cpbench.report import canvas

@@ -12,8 +12,9 @@ import click
 
 from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
-from cpbench.cli.options import Command, Duration, Length, ListOption
+from cpbench.cli.options import Command, ListOption
 from cpbench.cli.outputs import replaced
+from cpbench.cli.types import Duration, Length
 from cpbench.report import arrangement, canvas, run_canvas
 from cpbench.report.chosen import Choice
 from cpbench.report.figure_kinds import FigureKind

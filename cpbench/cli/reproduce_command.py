@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 
-from cpbench.bench.bundle.agreement import Agreement, ordered
-from cpbench.bench.bundle.reproduction import Bundle, adopt, compare, load_plugins, open_bundle, plan, run
 from cpbench.bench.results.store import Store
+from cpbench.bundle.agreement import Agreement, ordered
+from cpbench.bundle.reproduction import Bundle, adopt, compare, load_plugins, open_bundle, plan, run
 from cpbench.cli.options import Command
 from cpbench.cli.progress import Display
 from cpbench.errors import CpbenchError

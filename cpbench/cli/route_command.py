@@ -8,8 +8,9 @@ import click
 
 from cpbench import graph, storage
 from cpbench.cli import terminal
-from cpbench.cli.options import Address, Command, ListOption, format_option
+from cpbench.cli.options import Command, ListOption, format_option
 from cpbench.cli.routes import kinds_option, size_after, sizes_line
+from cpbench.cli.types import Address
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.report.graph_drawing import solvers_of

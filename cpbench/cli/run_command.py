@@ -18,10 +18,11 @@ from cpbench.bench.planning import dry_run, plan_file, quantities, run_plan, sui
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS, RunPlan
 from cpbench.bench.results.store import KEEP, Store
-from cpbench.cli.options import Counts, ListOption, Numbers, Sections, format_option, limit_options
+from cpbench.cli.options import ListOption, Sections, format_option, limit_options
 from cpbench.cli.outputs import require_folder
 from cpbench.cli.progress import Display
 from cpbench.cli.terminal import folded, width
+from cpbench.cli.types import Counts, Numbers
 from cpbench.errors import CpbenchError, StoreError
 from cpbench.plain_text import printable
 from cpbench.report.text import counted
@@ -274,7 +275,7 @@ def _tell_estimate(asked: RunPlan, assembly: Assembly) -> None:
     """How long it will take, where that is not over before it is read."""
     todo = dry_run.to_run(assembly.pairs, campaign.statuses(asked.results), asked.rerun)
     if len(todo) >= MANY:
-        from cpbench.cli.estimate import estimate
+        from cpbench.api.estimate import estimate
 
         longest = quantities.duration(dry_run.longest(todo, asked))
         click.echo(f"{estimate(todo, asked)}; at most {longest}", err=True)

@@ -6,8 +6,9 @@ import click
 
 from cpbench.api.problems import convert, load
 from cpbench.cli.answer import is_results, print_results
-from cpbench.cli.options import Address, Command, ListOption, facets_option, format_option, require_with_via
+from cpbench.cli.options import Command, ListOption, facets_option, format_option, require_with_via
 from cpbench.cli.routes import kinds_option
+from cpbench.cli.types import Address
 from cpbench.formulations import Kind
 from cpbench.report import show, show_tex
 

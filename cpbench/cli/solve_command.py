@@ -20,7 +20,6 @@ from cpbench.bench.results import answers
 from cpbench.bench.staff import Setting
 from cpbench.cli.answers import write_plain
 from cpbench.cli.options import (
-    Address,
     Command,
     ListOption,
     facets_option,
@@ -32,6 +31,7 @@ from cpbench.cli.options import (
     tolerance_option,
 )
 from cpbench.cli.progress import compiling
+from cpbench.cli.types import Address
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.plain_text import printable
 from cpbench.solvers.base import solvers

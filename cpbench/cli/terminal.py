@@ -24,7 +24,7 @@ def width() -> int | None:
 
 def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     """Rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
-    from cpbench.cli.solver_tables import columns
+    from cpbench.plain_text import columns
 
     rows = [tuple(row) for row in rows]
     room = width()

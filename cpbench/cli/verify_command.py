@@ -10,7 +10,8 @@ import click
 
 from cpbench import storage, verification
 from cpbench.api.problems import load, verify
-from cpbench.cli.options import Address, Command, format_option, number, tolerance_option
+from cpbench.cli.options import Command, format_option, number, tolerance_option
+from cpbench.cli.types import Address
 from cpbench.errors import FormatError
 
 

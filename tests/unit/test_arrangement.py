@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from synthetic_results import results_file, suite
 
 from cpbench.cli.graph_command import command as graph
-from cpbench.cli.options import Length
 from cpbench.cli.plot_command import command as plot
+from cpbench.cli.types import Length
 from cpbench.errors import CpbenchError
 
 

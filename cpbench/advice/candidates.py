@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cpbench import graph
-from cpbench.analysis.recommendation import Advice
+from cpbench.advice.recommendation import Advice
 from cpbench.bench import checkup
 from cpbench.bench.planning import plan
 from cpbench.conversions.base import make
@@ -33,7 +33,7 @@ class Candidate:
     obstacle: str = ""
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """What it came to on problems like this one, in a sentence."""
         advice = self.advice
         if not advice.measured:

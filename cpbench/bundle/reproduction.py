@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench import rerun
-from cpbench.bench.bundle import archive, plugins, problems, results
-from cpbench.bench.bundle.agreement import Agreement, agree
-from cpbench.bench.bundle.archive import BundleError
-from cpbench.bench.bundle.making import PLAN
-from cpbench.bench.bundle.plan_of_rows import PARTS, SETTINGS
 from cpbench.bench.campaign import Watcher
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly, Reading
 from cpbench.bench.planning.run_plan import BUILTIN, RunPlan
 from cpbench.bench.results.store import Store
+from cpbench.bundle import archive, plugins, problems, results
+from cpbench.bundle.agreement import Agreement, agree
+from cpbench.bundle.archive import BundleError
+from cpbench.bundle.making import PLAN
+from cpbench.bundle.plan_of_rows import PARTS, SETTINGS
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.registry import PLUGIN_FILES
 from cpbench.storage.base import split_address

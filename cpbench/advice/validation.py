@@ -14,9 +14,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
+from cpbench.advice.likeness import distances, places
+from cpbench.advice.recommendation import SHIPPED, WITHIN, Knobs, standing
 from cpbench.analysis.experience import Experience
-from cpbench.analysis.likeness import distances, places
-from cpbench.analysis.recommendation import SHIPPED, WITHIN, Knobs, standing
 from cpbench.analysis.table import Masks
 from cpbench.solvers.base import solvers
 

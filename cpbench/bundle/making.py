@@ -11,11 +11,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.bundle import archive, guide, identity, leaks, plan_of_rows, plugins, problems, results
-from cpbench.bench.bundle.plugins import Plugins
-from cpbench.bench.bundle.problems import Place, Unit
-from cpbench.bench.bundle.scrub import Scrub, searched
 from cpbench.bench.results.store import Store
+from cpbench.bundle import archive, guide, identity, leaks, plan_of_rows, plugins, problems, results
+from cpbench.bundle.plugins import Plugins
+from cpbench.bundle.problems import Place, Unit
+from cpbench.bundle.scrub import Scrub, searched
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.base import solvers
 

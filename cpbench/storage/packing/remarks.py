@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from cpbench import matrices
-from cpbench.cli.options import number
 from cpbench.plurals import counted
 
 SLIPPERY = 3.0
@@ -22,7 +21,7 @@ def remarks(problem: Any) -> Iterator[str]:
     if mu.size and mu.max() > SLIPPERY:
         many, c = int((mu > SLIPPERY).sum()), int(mu.argmax())
         where = counted(many, "contact")
-        yield f"mu is above {SLIPPERY:g} at {where}, {number(mu[c])} at contact {c}: is it an angle or in percent?"
+        yield f"mu is above {SLIPPERY:g} at {where}, {mu[c]:.3g} at contact {c}: is it an angle or in percent?"
     if problem.node != "fc":
         return
     asymmetry = matrices.asymmetry(problem.W)

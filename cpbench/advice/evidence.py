@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from cpbench.advice.candidates import solver_of
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.experience import Experience, experience, from_text
-from cpbench.api.candidates import solver_of
+from cpbench.analysis.experience import Experience, experience, from_text, shipped_experience
 from cpbench.bench.results.problem_features import problem_features
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
-
-SHIPPED = "recommendation_table.json"
-"""In `cpbench.analysis`: what the built-in problems came to where this version was made."""
 
 
 def gather(
@@ -32,8 +28,7 @@ def gather(
         source = ", ".join(map(str, results))
     else:
         _require_none(tolerance, "the built-in problems")
-        text = files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8")
-        known, source, remarks = from_text(text, SHIPPED), "the built-in problems", []
+        known, source, remarks = shipped_experience(), "the built-in problems", []
         if warm:
             known = replace(known, cases=())
     if warm and not known.cases:

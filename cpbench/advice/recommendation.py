@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
+from cpbench.advice.likeness import coordinates, distances, places
 from cpbench.analysis.codes import Integers
 from cpbench.analysis.experience import Experience
-from cpbench.analysis.likeness import coordinates, distances, places
 from cpbench.analysis.table import Floats, Masks, Matrix, Texts
 
 LEAST_WIDTH = 0.2

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from cpbench.bench.bundle.identity import SHORTEST, Identity
+from cpbench.bundle.identity import SHORTEST, Identity
 
 PATH, PERSON, REMOTE = "<path>", "anonymous", "<remote>"
 _ROOTS = (

@@ -20,11 +20,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
+from cpbench.advice.tuning.score import Score, score, seconds
 from cpbench.bench.block import Block, Notice, silent
 from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning.plan import Entry, Pair
 from cpbench.bench.runner import Crew
-from cpbench.bench.tuning.score import Score, score, seconds
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 

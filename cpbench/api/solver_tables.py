@@ -1,4 +1,4 @@
-"""What the command line shows of solvers: rows of a table, and the sheet of one."""
+"""Tables of solvers, and everything known of one of them, as text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from cpbench.bench.checkup import Checkup
-from cpbench.cli import terminal
+from cpbench.plain_text import columns
 from cpbench.solvers.base import Solver, SolverSpec, solvers
 from cpbench.solvers.options import domains, written
 
@@ -22,27 +22,17 @@ GLANCED = {
     "installed": "its packages are there and were not imported; --check imports them, as cpbench doctor does",
     "untried": "not checked: external program (use --check, or cpbench doctor)",
 }
-"""What a state means that was told at a glance."""
-
-
-def columns(rows: Iterable[Sequence[str]], last: int = 0) -> Iterator[str]:
-    """Rows as lines, every column as wide as its widest cell; cells of the column `last` and after it run free."""
-    rows = [tuple(row) for row in rows]
-    fixed = last or (len(rows[0]) - 1 if rows else 0)
-    widths = [max(len(row[k]) for row in rows) for k in range(fixed)] if rows else []
-    for row in rows:
-        cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False)]
-        yield "  ".join([*cells, *row[fixed:]]).rstrip()
+"""The meaning of a state that was read without importing anything."""
 
 
 def cells(spec: SolverSpec, seen: Checkup) -> tuple[str, ...]:
-    """Name, node, kind of method, version and licence; * marks figures whose publishing is restricted."""
+    """Return name, node, kind of method, version and licence; * marks figures whose publishing is restricted."""
     licence = spec.licence if len(spec.licence) <= LICENCE else f"{spec.licence[: LICENCE - 1]}…"
     return spec.name, spec.node, spec.method, seen.version or "-", licence + ("*" if spec.publishing else "")
 
 
 def family(spec: SolverSpec) -> str:
-    """What solvers of one origin have in common: the name up to its first hyphen.
+    """Return what solvers of one origin have in common: the name up to its first hyphen.
 
     >>> family(SolverSpec(name="siconos-lcp-lemke", node="lcp", summary="", method=""))
     'siconos'
@@ -51,7 +41,7 @@ def family(spec: SolverSpec) -> str:
 
 
 def families(specs: Iterable[SolverSpec]) -> str:
-    """How many there are of each family.
+    """Return how many solvers there are of each family.
 
     >>> families(SolverSpec(name=name, node="lcp", summary="", method="") for name in ("a-x", "a-y", "b"))
     '2 a-*, b'
@@ -62,14 +52,14 @@ def families(specs: Iterable[SolverSpec]) -> str:
     return ", ".join(f"{n} {name}-*" if n > 1 else single[name] for name, n in sorted(counts.items()))
 
 
-def folded_names(names: Sequence[str]) -> list[str]:
-    """Names with the nodes they solve, on indented lines."""
-    told = ", ".join(f"{name} ({solvers.get(name).spec.node})" for name in names)
-    return textwrap.wrap(told, _wide(), initial_indent="      ", subsequent_indent="      ", break_on_hyphens=False)
+def folded_names(names: Sequence[str], width: int = WIDTH) -> list[str]:
+    """Return names with the nodes they solve, on indented lines of at most `width` characters."""
+    text = ", ".join(f"{name} ({solvers.get(name).spec.node})" for name in names)
+    return textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ", break_on_hyphens=False)
 
 
-def sheet(solver: Solver, seen: Checkup) -> Iterator[str]:
-    """All that is known of one solver."""
+def sheet(solver: Solver, seen: Checkup, width: int = WIDTH) -> Iterator[str]:
+    """Yield everything known of one solver, in lines of at most `width` characters."""
     spec = solver.spec
     yield f"{spec.name} {seen.version}".rstrip()
     facts = {
@@ -84,16 +74,16 @@ def sheet(solver: Solver, seen: Checkup) -> Iterator[str]:
     }
     for title, value in facts.items():
         if value:
-            yield from _folded(f"  {title:<13}", value)
-    yield from _options(spec)
+            yield from _folded(f"  {title:<13}", value, width)
+    yield from _options(spec, width)
     if spec.known_failures:
         yield "  known failures"
         for check, reason in sorted(spec.known_failures.items()):
-            yield from _folded(f"    {check}: ", reason)
+            yield from _folded(f"    {check}: ", reason, width)
 
 
 def as_data(solver: Solver, seen: Checkup) -> dict[str, Any]:
-    """The same for programs."""
+    """Return everything known of one solver as data for programs."""
     spec = solver.spec
     where = domains(spec.options)
     return {
@@ -133,7 +123,7 @@ def _search(where: Mapping[str, Any], name: str) -> dict[str, Any] | None:
     return {"low": domain.low, "high": domain.high, "log": domain.log}
 
 
-def _options(spec: SolverSpec) -> Iterator[str]:
+def _options(spec: SolverSpec, width: int) -> Iterator[str]:
     fields = dataclasses.fields(spec.options)
     if not fields:
         yield "  options       none"
@@ -145,13 +135,9 @@ def _options(spec: SolverSpec) -> Iterator[str]:
         (f"    {f.name}", type(f.default).__name__, written(f.default), str(where.get(f.name, "no"))) for f in fields
     ]
     yield from columns([head, *rows])
-    told = inspect.getdoc(spec.options) or ""
-    if not told.startswith(f"{spec.options.__name__}("):  # what a dataclass without a docstring says
-        yield from textwrap.wrap(told, _wide(), initial_indent="    ", subsequent_indent="    ")
-
-
-def _wide() -> int:
-    return min(terminal.width() or WIDTH, WIDTH)
+    text = inspect.getdoc(spec.options) or ""
+    if not text.startswith(f"{spec.options.__name__}("):  # what a dataclass without a docstring says
+        yield from textwrap.wrap(text, width, initial_indent="    ", subsequent_indent="    ")
 
 
 def _indented(text: str, state: str) -> str:
@@ -161,9 +147,9 @@ def _indented(text: str, state: str) -> str:
     return "\n".join([state, *(f"    {line}" for line in lines)])
 
 
-def _folded(title: str, text: str) -> Iterator[str]:
+def _folded(title: str, text: str, width: int) -> Iterator[str]:
     if "\n" in text:
         yield f"{title} {text}"
     else:
         rest = " " * min(len(title) + 1, 16)
-        yield from textwrap.wrap(f"{title} {text}", _wide(), subsequent_indent=rest, break_long_words=False)
+        yield from textwrap.wrap(f"{title} {text}", width, subsequent_indent=rest, break_long_words=False)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.timeline import moved
+from cpbench.advice.timeline import moved
 from cpbench.errors import FormatError
 from cpbench.report.figures import STYLE, shorten
 from cpbench.report.legend import PALETTE

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import storage
-from cpbench.cli import pack_parts
-from cpbench.cli.pack_parts import Part
 from cpbench.errors import FormatError
 from cpbench.formulations.contact import ContactProblem
+from cpbench.storage.packing import parts as pack_parts
+from cpbench.storage.packing.parts import Part
 from cpbench.storage.sequences import Recorder
 
 _MORE = {"ids": 1, "positions": 2}

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.bundle.problems import Place, Unit, unit
-from cpbench.bench.bundle.scrub import Scrub
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import seal_key
 from cpbench.bench.results.store import Store
+from cpbench.bundle.problems import Place, Unit, unit
+from cpbench.bundle.scrub import Scrub
 from cpbench.errors import CpbenchError
 
 NAME = "results.sqlite"

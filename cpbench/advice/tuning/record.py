@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from cpbench.advice.tuning.score import NAME
+from cpbench.advice.tuning.search import Found
 from cpbench.bench.planning.plan import Entry
 from cpbench.bench.planning.plan_text import beside, lines
 from cpbench.bench.planning.run_plan import ProblemSet
 from cpbench.bench.planning.tunings import Tuning
-from cpbench.bench.tuning.score import NAME
-from cpbench.bench.tuning.search import Found
 from cpbench.solvers.options import written
 
 METHOD = "random search, successive halving"

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import toml_text
-from cpbench.bench.bundle.archive import name_of
 from cpbench.bench.planning import plan_file
 from cpbench.bench.processes.launch import THREAD_VARIABLES
 from cpbench.bench.results.store import Store
+from cpbench.bundle.archive import name_of
 from cpbench.errors import CpbenchError
 from cpbench.registry import PLUGIN_FILES
 

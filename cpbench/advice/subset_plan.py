@@ -12,8 +12,8 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis.costs import START, Measured
-from cpbench.analysis.subset import Pick, Subset
+from cpbench.advice.costs import START, Measured
+from cpbench.advice.subset import Pick, Subset
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet

@@ -1,4 +1,4 @@
-"""Which solvers there are, and which of them suits a problem."""
+"""Solvers that suit a problem, ranked by what was measured on problems like it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cpbench.errors import CpbenchError
-from cpbench.formulations.base import Problem, formulations
+from cpbench.formulations.base import Problem
 from cpbench.plurals import counted
-from cpbench.solvers.base import SolverSpec, solvers
 
 if TYPE_CHECKING:
+    from cpbench.advice.candidates import Candidate
+    from cpbench.advice.recommendation import Recommendation
     from cpbench.analysis.experience import Experience
-    from cpbench.analysis.recommendation import Recommendation
-    from cpbench.api.candidates import Candidate
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,39 +46,17 @@ class Recommended:
         return self.solvers[0]
 
     def __repr__(self) -> str:
-        return "\n".join([*(f"{label}: {told}" for label, told in self._lines()), f"by {self.source}", *self.remarks])
+        return "\n".join([*(f"{label}: {text}" for label, text in self._lines()), f"by {self.source}", *self.remarks])
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{html.escape(label)}</td><td>{html.escape(told)}</td></tr>" for label, told in self._lines()
+            f"<tr><td>{html.escape(label)}</td><td>{html.escape(text)}</td></tr>" for label, text in self._lines()
         )
         notes = "".join(f"<p>{html.escape(text)}</p>" for text in (f"by {self.source}", *self.remarks))
         return f"<table>{rows}</table>{notes}"
 
     def _lines(self) -> list[tuple[str, str]]:
-        return [(one.advice.label, f"{one.route}, {one.told}") for one in self.taken]
-
-
-def list_solvers(node: str | None = None, *, available: bool = True) -> list[SolverSpec]:
-    """Return the solvers of a formulation, or of all, by name.
-
-    Parameters
-    ----------
-    node : formulation (`cpbench list formulations`). available : whether those are left out whose packages are not
-        installed here; nothing is imported to see.
-
-    Raises UnknownName on an unknown formulation.
-
-    >>> import cpbench
-    >>> "lemke" in [spec.name for spec in cpbench.list_solvers("lcp")]
-    True
-    """
-    from cpbench.bench import checkup
-
-    if node is not None:
-        formulations.get(node)
-    chosen = [solver for solver in solvers if node in (None, solver.spec.node)]
-    return [solver.spec for solver in chosen if not available or checkup.glance(solver).usable]
+        return [(one.advice.label, f"{one.route}, {one.summary}") for one in self.taken]
 
 
 def recommend(
@@ -98,7 +75,7 @@ def recommend(
     >>> cpbench.recommend(cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0]), top=2).solvers  # doctest: +ELLIPSIS
     ['...', '...']
     """
-    from cpbench.api import evidence
+    from cpbench.advice import evidence
 
     known, source, remarks = evidence.gather([Path(path) for path in results], False, False, tolerance)
     return recommended(problem, known, source, remarks, top=top)
@@ -121,13 +98,12 @@ def recommended(
     known : what was measured, `source` : where, `remarks` : on that. warm : only solvers that take a starting point.
     missing : solvers, too, that cannot run here.
     """
-    from cpbench.analysis import recommendation
-    from cpbench.api import candidates
+    from cpbench.advice import candidates, recommendation
     from cpbench.bench.planning.features import features
 
-    told = list(remarks)
+    notes = list(remarks)
     if any(case.fingerprint == problem.fingerprint for case in known.cases):
-        told.append("this very problem is among those that were measured")
+        notes.append("this very problem is among those that were measured")
     labels = [*known.labels, *candidates.unmeasured(known.labels, known.requests)]
     may = candidates.applicable(problem, labels, known.requests, warm)
     found = recommendation.recommend(known, features(problem), may)
@@ -143,4 +119,4 @@ def recommended(
             f"{source}: none of {counted(len(passed), 'solver')} takes this problem here; the first, "
             f"{passed[0].advice.label}: {passed[0].obstacle}"
         )
-    return Recommended(tuple(taken), tuple(passed), found, source, tuple(told))
+    return Recommended(tuple(taken), tuple(passed), found, source, tuple(notes))

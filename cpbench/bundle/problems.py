@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import storage
-from cpbench.bench.bundle.archive import name_of
-from cpbench.bench.bundle.scrub import Scrub
 from cpbench.bench.planning.run_plan import BUILTIN
 from cpbench.bench.results.store import Store
+from cpbench.bundle.archive import name_of
+from cpbench.bundle.scrub import Scrub
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations.base import Info, Point, Problem
 from cpbench.storage.base import SEPARATOR, split_address

@@ -13,11 +13,9 @@ import platform
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
-from cpbench.analysis.experience import Experience, from_text
-from cpbench.api.evidence import SHIPPED
+from cpbench.analysis.experience import Experience, shipped_experience
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
@@ -54,8 +52,7 @@ NOTHING = Span(0.0, 0.0)
 
 def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
     """How long the pairs may take, and by what."""
-    text = files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8")
-    spans, measured = solves(todo, from_text(text, SHIPPED))
+    spans, measured = solves(todo, shipped_experience())
     known = [span for span in spans if span is not None]
     if len(known) < ENOUGH:
         return "no estimate: nothing like it was measured before"

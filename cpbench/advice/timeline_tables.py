@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from cpbench.analysis.timeline import COLUMNS
+from cpbench.advice.timeline import COLUMNS
 from cpbench.report.text import number, one_line, plain
 from cpbench.report.text import table as markdown_table
 

@@ -1,64 +1,57 @@
-"""Advice as a whole: how good it is for origins that were left out, and the table of it that is shipped."""
+"""How good advice is for origins that were left out, and the table of measurements that is shipped."""
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import click
-
 from cpbench import __version__
-from cpbench.analysis import validation
+from cpbench.advice import evidence, validation
 from cpbench.analysis.experience import Experience, to_text
 from cpbench.analysis.profiles import FLOOR
-from cpbench.api import evidence
-from cpbench.cli.solver_tables import columns
 from cpbench.errors import CpbenchError
+from cpbench.plain_text import columns
 from cpbench.plurals import counted
 
 
-def evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bool) -> None:
-    """Print how often the advice is good for origins that were left out; raises CpbenchError."""
+def rates(known: Experience, source: str) -> list[dict[Any, Any]]:
+    """Return how often the advice is good for origins that were left out, a row a formulation and one for all.
+
+    Raises CpbenchError where all problems are of one origin.
+    """
     if len(set(known.origins)) < 2:
         raise CpbenchError(f"{source}: all problems are of one origin; there is nothing to leave out")
-    table = validation.rates(known, validation.evaluate(known))
-    rows = table.to_dict("records")
-    if as_json:
-        told = {"source": source, "unsolved": known.unsolved, "rates": rows, "remarks": list(remarks)}
-        click.echo(json.dumps(told, indent=1))
-        return
-    click.echo(
+    return validation.rates(known, validation.evaluate(known)).to_dict("records")
+
+
+def lines(rows: Sequence[Mapping[Any, Any]], known: Experience, source: str, remarks: Sequence[str]) -> Iterator[str]:
+    """Yield the rates as a table, with what its columns mean and what the advice is worth."""
+    yield (
         f"Each origin left out in turn, by {source}: solved, and within twice the time of the virtual best (from "
         f"{FLOOR:g} s). The estimate's own numbers are chosen each time from other origins."
     )
     head = ("", "", "", "advice", "", "plain", "", "auto", "", "", "single", "", "")
     names = ("node", "problems", "origins", *("solved", "within") * 2, *("label", "solved", "within") * 2)
-    lines: list[tuple[str, ...]] = [head, names]
+    table: list[tuple[str, ...]] = [head, names]
     for row in rows:
         numbers = [str(row[name]) for name in ("problems", "origins", "solved", "within", "plain_solved")]
         numbers.append(str(row["plain_within"]))
         for name in ("auto", "single"):
             numbers += [row[name], str(row[f"{name}_solved"]), str(row[f"{name}_within"])]
-        lines.append((row["node"], *numbers))
-    for line in columns(lines):
-        click.echo(line)
-    click.echo(
-        "plain: the label best on the other origins of the node. auto: the automatic solver, 0 where none was run."
-    )
-    click.echo("single: the label best on the node's own problems, which is known only afterwards.")
-    for line in _worth(rows[-1]):
-        click.echo(line)
+        table.append((row["node"], *numbers))
+    yield from columns(table)
+    yield "plain: the label best on the other origins of the node. auto: the automatic solver, 0 where none was run."
+    yield "single: the label best on the node's own problems, which is known only afterwards."
+    yield from _worth(rows[-1])
     if known.unsolved:
-        click.echo(f"without {counted(known.unsolved, 'problem')} that nobody solved: there is no virtual best")
-    for remark in remarks:
-        click.echo(f"remark: {remark}")
+        yield f"without {counted(known.unsolved, 'problem')} that nobody solved: there is no virtual best"
+    yield from (f"remark: {remark}" for remark in remarks)
 
 
 def _worth(every: Mapping[Any, Any]) -> list[str]:
-    """What the advice comes to, beside what is simpler."""
+    """Return what the advice is worth beside simpler choices."""
     others = {
         "the label best on other origins": "plain_within",
         "always the automatic solver": "auto_within",
@@ -76,12 +69,11 @@ def _worth(every: Mapping[Any, Any]) -> list[str]:
     return found
 
 
-def make(table: Path, results: Sequence[Path], force: bool) -> None:
-    """Write the table of what results came to, for others to go by; raises CpbenchError."""
-    if not results:
-        raise click.UsageError("--make: give the results to make it of: --results FILE")
-    if table.exists() and not force:
-        raise CpbenchError(f"{table}: exists; --force replaces it")
+def write_table(table: Path, results: Sequence[Path]) -> Iterator[str]:
+    """Write the table of what results came to, for `recommend` to go by; yields lines on what is in it.
+
+    Raises CpbenchError where no problem was solved in them.
+    """
     known, _ = evidence.read(results, False, False)
     if not known.cases:
         raise CpbenchError(f"{', '.join(map(str, results))}: nothing to make a table of: nobody solved anything")
@@ -89,8 +81,8 @@ def make(table: Path, results: Sequence[Path], force: bool) -> None:
     text = to_text(known, hidden, f"cpbench {__version__}, {time.strftime('%Y-%m-%d')}")
     table.write_text(text, encoding="utf-8")
     sizes = counted(len(known.cases), "problem"), counted(len(known.labels) - len(hidden), "label")
-    click.echo(f"table: {table} ({', '.join(sizes)}, {len(text)} bytes)")
+    yield f"table: {table} ({', '.join(sizes)}, {len(text)} bytes)"
     if hidden:
-        click.echo(f"left out, for their figures may not be published: {', '.join(sorted(hidden))}")
+        yield f"left out, for their figures may not be published: {', '.join(sorted(hidden))}"
     if known.unfinished:
-        click.echo(f"left out, for not all of their pairs were run: {counted(known.unfinished, 'problem')}")
+        yield f"left out, for not all of their pairs were run: {counted(known.unfinished, 'problem')}"
