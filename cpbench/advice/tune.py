@@ -52,7 +52,7 @@ def tune(
     trials: Path | None = None,
     command: str = "cpbench.advice.tune from Python",
     reading: Reading = list,
-    report: Callable[[str], object] = lambda _: None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> Tuned:
     """Search for the options of a solver and write the plan that compares them with the default ones.
 

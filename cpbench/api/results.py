@@ -20,6 +20,21 @@ if TYPE_CHECKING:
     from cpbench.analysis.ranking import Ranking
 
 
+MAGIC = b"SQLite format 3\x00"
+"""First bytes of a results file."""
+
+
+def is_results_file(path: str | Path) -> bool:
+    """Return whether a file is one of results, by its first bytes; a pipe, which may never have any, is none."""
+    try:
+        if not Path(path).is_file():
+            return False
+        with Path(path).open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
+
+
 class Results:
     """The rows of a results file, one a pair of a problem and a solver.
 

@@ -21,18 +21,6 @@ LINES = 30
 """The most lines on what could not be run."""
 WIDE, SHORTEST = 400, 16
 """Columns of a table where nobody sees a terminal; the least that names get of one."""
-MAGIC = b"SQLite format 3\x00"
-
-
-def is_results(path: str) -> bool:
-    """Whether a file is one of results, by its first bytes; a pipe, which may never have any, is none."""
-    if not Path(path).is_file():
-        return False
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
 
 
 def print_results(path: str) -> None:

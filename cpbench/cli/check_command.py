@@ -9,7 +9,7 @@ from collections import Counter
 import click
 
 from cpbench.cli.options import Command, ListOption
-from cpbench.cli.types import Duration
+from cpbench.cli.types import DURATION
 from cpbench.errors import UnknownName
 from cpbench.registry import PLUGIN_FILES
 
@@ -18,7 +18,7 @@ from cpbench.registry import PLUGIN_FILES
 @click.argument("plugin")
 @click.option("--only", cls=ListOption, metavar="CHECK", help="Only this check. Repeatable.")
 @click.option(
-    "--timeout", type=Duration(), default="60s", show_default=True, help="Time limit of one check (30s, 5m, none)."
+    "--timeout", type=DURATION, default="60s", show_default=True, help="Time limit of one check (30s, 5m, none)."
 )
 @click.option("--quiet", "-q", is_flag=True, help="Print only what failed, and the sums.")
 def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> None:

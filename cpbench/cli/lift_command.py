@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 
 from cpbench import graph, storage
-from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Command, force_option
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.storage.base import require_new
+from cpbench.storage.vectors import save_vector
 
 
 @click.command(cls=Command)
@@ -41,7 +41,7 @@ def command(solution: Path, output: Path, problem: str | None, steps: int | None
     undone = converted.provenance if steps is None else converted.provenance[-steps:]
     lifted = graph.lift(converted, point, steps)
     first = undone[0]
-    if not write_plain(lifted, output, force=force):
+    if not save_vector(lifted, output, force=force):
         said = {"name": converted.name}
         storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=said, force=force)
     for remark in graph.remarks(converted, point, steps):

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 from click.core import ParameterSource
 
-from cpbench.bench.planning.plan_file import SPLITS
 from cpbench.bench.time_limits import floors
-from cpbench.cli.types import COUNT, POSITIVE, Count, Duration, Memory, Names
+from cpbench.cli.types import COUNT, DURATION, FACETS, MEMORY, NAMES, POSITIVE
+
+if TYPE_CHECKING:
+    from cpbench.formulations import Kind
 
 Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
 
@@ -24,7 +26,7 @@ class ListOption(click.Option):
     """
 
     def __init__(self, *args: Any, type: click.ParamType | None = None, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs, type=type or Names(), multiple=True)
+        super().__init__(*args, **kwargs, type=type or NAMES, multiple=True)
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> tuple[Any, ...]:
         texts = value if isinstance(value, (tuple, list)) else ()
@@ -90,14 +92,14 @@ tolerance_option = click.option(
 )
 timeout_option = click.option(
     "--timeout",
-    type=Duration(),
+    type=DURATION,
     default="10s",
     show_default=True,
     help=f"Wall-clock limit of a solve (30s, 5m, none), and of every other phase, which has at least: {floors()}.",
 )
 memory_option = click.option(
     "--memory",
-    type=Memory(),
+    type=MEMORY,
     default="4G",
     show_default=True,
     help="Memory that a solve may add to a warmed-up worker; conversions have twice that, 2G at least; none: no limit.",
@@ -105,7 +107,7 @@ memory_option = click.option(
 threads_option = click.option("--threads", type=COUNT, default=1, show_default=True, help="Number of BLAS threads.")
 limit_options = chained(timeout_option, memory_option, threads_option)
 facets_option = click.option(
-    "--facets", type=Count(), default=8, show_default=True, help="Number of facets of a facet conversion."
+    "--facets", type=FACETS, default=8, show_default=True, help="Number of facets of a facet conversion."
 )
 angle_option = click.option(
     "--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad]."
@@ -123,9 +125,31 @@ force_option = click.option("--force", is_flag=True, help="Replace an existing o
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 measure_option = click.option("--measure", metavar="NAME", help="Measure that decides alone; default: all of them.")
+publishable_option = click.option(
+    "--publishable", is_flag=True, help="Leave out solvers whose licence restricts the publishing of figures."
+)
 stationary_option = click.option(
     "--count-stationary", is_flag=True, help="Count answers that are only stationary among the solved."
 )
+
+
+def kinds_option(default: str = "exact") -> Decorator:
+    """Return `--routes exact|all`, as a set of kinds in the argument `kinds`."""
+
+    def _kinds(_: click.Context, __: click.Parameter, value: str) -> frozenset[Kind]:
+        from cpbench import graph  # with NumPy and SciPy, which not every command needs
+
+        return graph.EXACT if value == "exact" else graph.ALL
+
+    return click.option(
+        "--routes",
+        "kinds",
+        type=click.Choice(["exact", "all"]),
+        default=default,
+        show_default=True,
+        callback=_kinds,
+        help="Conversions to consider; all: approximate, relaxed and merely necessary ones too.",
+    )
 
 
 def seed_option(text: str) -> Decorator:
@@ -157,7 +181,7 @@ def problem_options(split: str | None) -> Decorator:
         ),
         click.option(
             "--split",
-            type=click.Choice(SPLITS),
+            type=click.Choice(["dev", "test", "all"]),
             default=split,
             show_default=split is not None,
             help="Half of the problems, by a hash of their mathematics: dev to tune on, test to compare on.",

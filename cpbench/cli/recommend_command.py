@@ -10,12 +10,12 @@ import click
 
 from cpbench.cli import next_command
 from cpbench.cli.options import Command, force_option, format_option
-from cpbench.cli.types import Address
+from cpbench.cli.types import ADDRESS
 from cpbench.storage.base import require_new
 
 
 @click.command(cls=Command)
-@click.argument("problem", type=Address(), required=False)
+@click.argument("problem", type=ADDRESS, required=False)
 @click.option(
     "--results",
     multiple=True,

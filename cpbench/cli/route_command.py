@@ -7,21 +7,21 @@ from collections.abc import Iterable
 import click
 
 from cpbench import graph, storage
+from cpbench.api.problem_text import size_after, sizes_line
 from cpbench.cli import terminal
-from cpbench.cli.options import Command, ListOption, format_option
-from cpbench.cli.routes import kinds_option, size_after, sizes_line
-from cpbench.cli.types import Address
+from cpbench.cli.options import Command, ListOption, format_option, kinds_option
+from cpbench.cli.types import ADDRESS
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.report.graph_drawing import solvers_of
 
 
 @click.command(cls=Command)
-@click.argument("problem", type=Address())
+@click.argument("problem", type=ADDRESS)
 @click.option("--to", "nodes", cls=ListOption, metavar="NODE", help="Only to this formulation (default: all).")
 @click.option("--all", "every", is_flag=True, help="Every route, not only the cheapest, with the size it leads to.")
 @click.option("--explain", is_flag=True, help="Show the dead ends, each with its obstacle.")
-@kinds_option
+@kinds_option()
 @format_option
 def command(
     problem: str,

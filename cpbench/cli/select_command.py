@@ -9,14 +9,14 @@ import click
 from cpbench.bench.planning import plan_text
 from cpbench.cli import next_command
 from cpbench.cli.options import Command, force_option
-from cpbench.cli.types import Duration
+from cpbench.cli.types import DURATION
 from cpbench.errors import CpbenchError
 from cpbench.storage.base import require_new
 
 
 @click.command(cls=Command)
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RESULTS...")
-@click.option("--budget", type=Duration(), default="10m", show_default=True, help="Wall time of a run of the plan.")
+@click.option("--budget", type=DURATION, default="10m", show_default=True, help="Wall time of a run of the plan.")
 @click.option(
     "--seed",
     type=click.IntRange(min=0),

@@ -12,7 +12,11 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
-NARROWEST = 40
+import click
+
+from cpbench.plain_text import columns
+
+NARROWEST, WIDEST = 40, 110
 
 
 def width() -> int | None:
@@ -22,10 +26,19 @@ def width() -> int | None:
     return max(shutil.get_terminal_size().columns, NARROWEST)
 
 
+def reading_width() -> int:
+    """Return the width of lines of prose: the terminal's, at most WIDEST."""
+    return min(width() or WIDEST, WIDEST)
+
+
+def print_lines(lines: Iterable[str], err: bool = False) -> None:
+    """Print lines one by one, to stderr where asked."""
+    for line in lines:
+        click.echo(line, err=err)
+
+
 def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     """Rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
-    from cpbench.plain_text import columns
-
     rows = [tuple(row) for row in rows]
     room = width()
     lines = list(columns(rows))
@@ -65,3 +78,9 @@ def folded(line: str, hanging: int = 4) -> list[str]:
         subsequent_indent=" " * (indent + hanging),
         break_on_hyphens=False,
     )
+
+
+def fitted(lines: Iterable[str]) -> Iterator[str]:
+    """Yield the lines, each folded where the terminal is narrower."""
+    for line in lines:
+        yield from folded(line) if len(line) >= NARROWEST else [line]

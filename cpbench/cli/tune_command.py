@@ -23,7 +23,7 @@ from cpbench.cli.options import (
     tolerance_option,
 )
 from cpbench.cli.progress import Display
-from cpbench.cli.types import COUNT, FILE, Duration
+from cpbench.cli.types import COUNT, DURATION, FILE
 from cpbench.storage.base import require_new
 
 SECTIONS = {
@@ -42,7 +42,7 @@ EXAMPLES = (
 @click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)
 @click.argument("solver", metavar="SOLVER[opt=value]")
 @click.argument("problems", nargs=-1, metavar="[PROBLEM|FOLDER|GLOB]...")
-@click.option("--budget", type=Duration(), default="10m", show_default=True, help="Wall time of the search.")
+@click.option("--budget", type=DURATION, default="10m", show_default=True, help="Wall time of the search.")
 @click.option("--configurations", type=click.IntRange(min=2), metavar="N", help="Largest number of trials.")
 @seed_option("Random seed of configurations and orders.")
 @jobs_option(1, "Number of solves side by side.")

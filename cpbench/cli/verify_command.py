@@ -10,17 +10,17 @@ import click
 
 from cpbench import storage, verification
 from cpbench.api.problems import load, verify
-from cpbench.cli.options import Command, format_option, number, tolerance_option
-from cpbench.cli.types import Address
+from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
+from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 
 
 @click.command(cls=Command)
-@click.argument("problem", required=False, type=Address())
-@click.option("--answer", type=click.Path(path_type=Path), help="Answer file (.h5, .npy, .npz, .csv).")
-@click.option("--rejudge", type=click.Path(path_type=Path), help="Judge every kept answer of a results file again.")
-@click.option("--measure", metavar="NAME", help="Let this one measure decide (natural, fclib2018, siconos_mlcp, ...).")
-@click.option("--all-measures", is_flag=True, help="A table: the answer under every measure, and whose it is.")
+@click.argument("problem", required=False, type=ADDRESS)
+@click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
+@click.option("--rejudge", type=PATH, help="Results file whose kept answers to judge again.")
+@measure_option
+@click.option("--all-measures", is_flag=True, help="Print the answer under every measure, with its source.")
 @tolerance_option
 @format_option
 def command(

@@ -97,6 +97,19 @@ class Comparison:
         now = (self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)
         return self.pairs[now & (self.pairs["kind"] != NOT_AGAIN)]
 
+    def failures(self, outcomes: Sequence[str]) -> dict[str, int]:
+        """Return how often each outcome is there, without those that are not.
+
+        An outcome is `regression` or `inconclusive`, of the whole, or a status that a pair has now and had not before.
+        """
+        counts: dict[str, int] = {}
+        for name in outcomes:
+            if name in ("regression", "inconclusive"):
+                counts[name] = int(self.verdict == ("regressed" if name == "regression" else name))
+            else:
+                counts[f"new {name}"] = len(self.became(name))
+        return {name: count for name, count in counts.items() if count}
+
 
 def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.DataFrame | None = None) -> Comparison:
     """Compare two results files. `equal` : pairs of the same code (`equal_pairs`), which tell the noise.

@@ -1,4 +1,4 @@
-"""What `cpbench new ci` writes: two builds of a solver compared by somebody else's continuous integration."""
+"""Files with which another project's continuous integration compares two builds of a solver."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from importlib.metadata import distribution
 from importlib.resources import files
 from pathlib import Path
-
-import click
 
 from cpbench.errors import CpbenchError
 
@@ -23,13 +21,13 @@ HOSTS: Mapping[str, tuple[str, str]] = {
 
 
 def texts(host: str, solver: str | None, build: str) -> dict[str, str]:
-    """Path -> text; raises CpbenchError where `solver` cannot be one in a repository, UsageError without one."""
+    """Return texts by path; raises CpbenchError without a solver, or where it cannot be one in a repository."""
     template, place = HOSTS[host]
     text = (files("cpbench") / "templates" / "ci" / host / template).read_text(encoding="utf-8")
     if host == "shell":
         return {place: text}
     if solver is None:
-        raise click.UsageError(f"say the plugin of your solver: cpbench new ci mine.toml --host {host}")
+        raise CpbenchError(f"the plugin of your solver is missing: cpbench new ci mine.toml --host {host}")
     path = Path(solver)
     if path.is_absolute() or path.suffix not in (".toml", ".py") or ".." in path.parts:
         raise CpbenchError(f"'{solver}' cannot be a plugin: say its path in the repository, of a .toml or .py file")
@@ -42,7 +40,7 @@ def texts(host: str, solver: str | None, build: str) -> dict[str, str]:
 
 
 def next_steps(host: str, folder: Path, solver: str | None, build: str) -> list[str]:
-    """What is left to do."""
+    """Return what is left to do."""
     if host != "shell":
         source = f"it installs {package()} by pip: where that has another name for your machines, say it there"
         if host == "github":
@@ -55,7 +53,7 @@ def next_steps(host: str, folder: Path, solver: str | None, build: str) -> list[
 
 
 def package() -> str:
-    """What pip installs: the commit of a repository where this cpbench came from one, else its name."""
+    """Return what pip installs: the commit of a repository where this cpbench came from one, else its name."""
     text = distribution("cpbench").read_text("direct_url.json")
     origin = json.loads(text) if text else {}
     commit = origin.get("vcs_info", {}).get("commit_id")
@@ -63,10 +61,10 @@ def package() -> str:
 
 
 def _base() -> str:
-    """The branch that is compared with: that of the remote repository where there is one, else the commit before."""
+    """Return the branch to compare with: the default one of the remote repository, else the commit before."""
     command = ["git", "symbolic-ref", "--short", "refs/remotes/origin/HEAD"]
     try:
-        said = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+        answer = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return "HEAD~1"
-    return said or "HEAD~1"
+    return answer or "HEAD~1"

@@ -27,8 +27,8 @@ def texts(kind: str, words: Mapping[str, str], lang: str, node: str, guest: str 
     nodes = _nodes(own)
     if node not in nodes:
         which = f"a {kind} in {lang}" if kind == "solver" else f"a {kind}"
-        told = f"there is no template of {which} for '{node}', but for {', '.join(nodes)}"
-        raise CpbenchError(f"{told}: take --node {nodes[0]}, and change it")
+        refusal = f"there is no template of {which} for '{node}', but for {', '.join(nodes)}"
+        raise CpbenchError(f"{refusal}: take --node {nodes[0]}, and change it")
     found = {
         file.name: file for part in (own, *([folder / f"{lang}-{guest}"] if guest else [])) for file in part.iterdir()
     }
@@ -56,8 +56,8 @@ def _nodes(folder: Traversable) -> list[str]:
 
 
 def _of_node(file: Traversable, node: str) -> dict[str, str]:
-    said = tomllib.loads(file.read_text("utf-8"))[node]
-    return {"NODE": node, **{key.upper(): str(value).strip() for key, value in said.items()}}
+    facts = tomllib.loads(file.read_text("utf-8"))[node]
+    return {"NODE": node, **{key.upper(): str(value).strip() for key, value in facts.items()}}
 
 
 def _filled(text: str, words: Mapping[str, str], mark: str) -> str:
