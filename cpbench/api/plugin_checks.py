@@ -1,7 +1,7 @@
 """Checks of a plugin, each in a process that may hang or die without taking anything along.
 
-One process serves check after check; who ends it, or is silent for too long, has failed that check, and the next one
-gets a new process.
+One process serves check after check; a check that ends it, or takes too long, has failed, and the next one gets a new
+process.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from cpbench.errors import CpbenchError
 from cpbench.testing.conduct import Item, Mark, conduct, named, registered_by
 
 
-class Desk:
-    """Where a plugin, a file or a registered name, is checked. Closed when done: it is a context manager."""
+class PluginChecker:
+    """Checks of a plugin, a file or a registered name; a context manager, which ends its process."""
 
     def __init__(self, plugin: str, seconds: float) -> None:
         self._plugin, self._seconds = plugin, seconds
         self._context = context(1)
         self._child: Child | None = None
 
-    def __enter__(self) -> Desk:
+    def __enter__(self) -> PluginChecker:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._close()
 
     def items(self) -> list[Item]:
-        """What there is to check. Raises CpbenchError when the plugin does not load."""
+        """Return what there is to check. Raises CpbenchError when the plugin does not load."""
         try:
             return [
                 Item(kind, name, tuple(nodes)) for kind, name, nodes in self._ask({"do": "items"}, START.floor)["items"]
@@ -50,7 +50,7 @@ class Desk:
         raise CpbenchError(f"{self._plugin}: {why}")
 
     def marks(self, item: Item, only: tuple[str, ...] = ()) -> Iterator[tuple[str, Mark]]:
-        """Every check of one item, or those in `only`, with its mark. A solver that cannot run is not checked."""
+        """Yield every check of one item, or those in `only`, with its mark. A solver that cannot run is not checked."""
         if item.kind == "solver":
             ready = self._mark(item, "ready", START.floor + WARM_UP.floor)
             if ready.word != "passed":
@@ -64,8 +64,8 @@ class Desk:
         try:
             if self._child is None:
                 self.items()
-            said = self._ask({"do": check, "kind": item.kind, "name": item.name}, seconds)
-            return Mark(str(said["word"]), str(said["reason"]))
+            answer = self._ask({"do": check, "kind": item.kind, "name": item.name}, seconds)
+            return Mark(str(answer["word"]), str(answer["reason"]))
         except TimedOut:
             why = f"still running after {seconds:g} s"
         except Died as death:
@@ -80,10 +80,10 @@ class Desk:
             self._child = Child(self._context, _main, (self._plugin,))
         self._child.forget()
         self._child.send(wire.pack(request))
-        said, _ = wire.unpack(self._child.receive(seconds))
-        if "refused" in said:
-            raise CpbenchError(str(said["refused"]))
-        return said
+        answer, _ = wire.unpack(self._child.receive(seconds))
+        if "refused" in answer:
+            raise CpbenchError(str(answer["refused"]))
+        return answer
 
     def _close(self) -> None:
         if self._child is not None:
@@ -92,8 +92,8 @@ class Desk:
 
 
 def _main(channel: Channel, plugin: str) -> None:
-    """In the process: an answer a request."""
-    found: dict[tuple[str, str], Item] = {}
+    """Answer each request, in the process."""
+    items: dict[tuple[str, str], Item] = {}
     while True:
         try:
             request, _ = wire.unpack(channel.recv_bytes())
@@ -105,16 +105,16 @@ def _main(channel: Channel, plugin: str) -> None:
             except CpbenchError as refusal:
                 channel.send_bytes(wire.pack({"refused": str(refusal)}))
                 continue
-            found = {(item.kind, item.name): item for item in listed}
+            items = {(item.kind, item.name): item for item in listed}
             channel.send_bytes(wire.pack({"items": [[item.kind, item.name, item.nodes] for item in listed]}))
             continue
-        item = found[request["kind"], request["name"]]
+        item = items[request["kind"], request["name"]]
         mark = _ready(item) if request["do"] == "ready" else conduct(item, request["do"])
         channel.send_bytes(wire.pack({"word": mark.word, "reason": mark.reason}))
 
 
 def _ready(item: Item) -> Mark:
-    """Whether a solver can run; then it is warm: no check waits for its compiler."""
+    """Return whether a solver can run, and warm it up: no check waits for its compiler."""
     solver = item.plugin
     state = solver.availability()
     if not state.ok:
@@ -127,5 +127,5 @@ def _ready(item: Item) -> Mark:
 
 
 def is_file(plugin: str) -> bool:
-    """Whether a plugin is given by its file and not by its name."""
+    """Return whether a plugin is given by its file and not by its name."""
     return Path(plugin).suffix in (".py", ".toml")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.results.sealed import sealed
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,7 +154,7 @@ class Results:
 
     def __repr__(self) -> str:
         sentences = [ranking.sentence for ranking in self.rankings]
-        return "\n".join([f"Results of {len(self)} pairs in {self.path.name}", *sentences, *self.remarks])
+        return "\n".join([f"Results of {counted(len(self), 'pair')} in {self.path.name}", *sentences, *self.remarks])
 
     def _repr_html_(self) -> str:
         parts: list[str] = []

@@ -24,23 +24,23 @@ WIDE, SHORTEST = 400, 16
 
 
 def print_results(path: str) -> None:
-    """The answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
+    """Print the answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
     with sealed(Path(path)) as store:
         print_answer(store)
 
 
 def print_answer(store: Store) -> None:
-    """Rankings of all formulations, then a sentence each."""
+    """Print the rankings of all formulations, then a sentence each."""
     table, meta = rows_of.normalised(store.table()), store.meta()
-    found = rankings(table, meta.get("solvers"))
-    for ranking in found:
+    ranked = rankings(table, meta.get("solvers"))
+    for ranking in ranked:
         _print_ranking(ranking)
-    told = left_out_lines(meta.get("left_out", []))
-    for line in told[:LINES]:
+    reasons = left_out_lines(meta.get("left_out", []))
+    for line in reasons[:LINES]:
         click.echo(_fitted(line))
-    if len(told) > LINES:
-        click.echo(f"and {counted(len(told) - LINES, 'more reason')} why pairs could not be run")
-    click.echo("\n".join(["", *(line for ranking in found for line in folded(ranking.sentence))]))
+    if len(reasons) > LINES:
+        click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
+    click.echo("\n".join(["", *(line for ranking in ranked for line in folded(ranking.sentence))]))
 
 
 def _print_ranking(ranking: Ranking) -> None:
@@ -84,6 +84,6 @@ def _cells(row: RankedSolver) -> Sequence[str]:
 
 
 def _fitted(line: str) -> str:
-    """A line in the width of the terminal, as it is elsewhere."""
+    """Return a line cut to the width of the terminal; elsewhere as it is."""
     room = width()
     return line if room is None or len(line) <= room else f"{line[: room - 1]}…"

@@ -34,7 +34,9 @@ EXAMPLES = (
 @force_option
 @click.option("--check", type=FILE, help="Baseline to compare the results with.")
 @click.option("--update", is_flag=True, help="Take over into -o what is better, other or new; list what is worse.")
-@click.option("--accept", cls=ListOption, metavar="PATTERN", help="Take over what is worse too: PROBLEM:LABEL, a glob.")
+@click.option(
+    "--accept", cls=ListOption, metavar="PATTERN", help="Pairs to take over although worse: PROBLEM:LABEL, a glob."
+)
 @click.option("--reason", default="", metavar="TEXT", help="Reason of --accept; kept in the last column.")
 @click.option("--prune", is_flag=True, help="Remove pairs that the results do not have.")
 @click.option(
@@ -53,11 +55,11 @@ def command(
     slack: float,
     fail_on: tuple[str, ...],
 ) -> None:
-    """Keep the outcomes of a run as sorted text for version control, and tell what a later run changes.
+    """Keep the outcomes of a run as sorted text for version control, and show what a later run changes.
 
-    A line a pair: status, power of ten of the error, counters, and why a failure is known (written by hand, kept).
-    No times, machines or dates. An update is a ratchet: what got better is taken over, what got worse is listed and
-    stays, unless it is accepted with a reason. Pairs that were not run are left alone.
+    Each pair has a line: status, power of ten of the error, counters, and why a failure is known (written by hand,
+    kept). There are no times, machines or dates. An update is a ratchet: what got better is taken over, what got worse
+    is listed and stays, unless it is accepted with a reason. Pairs that were not run are left alone.
 
     Ends with 1 for --fail-on, and when rows of RESULTS are not as a run wrote them.
     """

@@ -49,12 +49,13 @@ def command(
 
 
 def _renamed(texts: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    found = tuple(dict.fromkeys(map(_pair, texts)))
-    names = dict(found)
-    for old, new in found:
+    """Return old and new names; raises CpbenchError on one that becomes two."""
+    pairs = tuple(dict.fromkeys(map(_pair, texts)))
+    names = dict(pairs)
+    for old, new in pairs:
         if names[old] != new:
             raise CpbenchError(f"--rename {old}: becomes {new} and {names[old]}; give it once")
-    return found
+    return pairs
 
 
 def _pair(text: str) -> tuple[str, str]:

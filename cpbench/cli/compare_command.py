@@ -73,7 +73,7 @@ def command(
     With --confirm, pairs that alarmed are run again: of two builds in one file both, of two files the new side, with
     the solvers that are installed now (--plugin for those of a file). What does not alarm twice is inconclusive.
 
-    Ends with 0 whatever is found, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
+    Ends with 0 whatever differs, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """
     from cpbench.analysis.comparison import Settings
     from cpbench.report.comparison import terminal, write

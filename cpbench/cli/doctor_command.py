@@ -45,7 +45,7 @@ def command(warm: bool) -> None:
 
 
 def _progress(done: int, of: int, name: str, warm: bool) -> None:
-    """A line that changes on a terminal; elsewhere one a tenth of the way, where it takes long."""
+    """Print a line that changes on a terminal; elsewhere one each tenth of the way, where it takes long."""
     if sys.stderr.isatty():
         click.echo(f"\r\x1b[2Ktrying solvers {done}/{of} {name}", nl=False, err=True)
     elif warm and done % max(1, of // 10) == 0:

@@ -23,11 +23,11 @@ def command(files: tuple[Path, ...], labels: tuple[str, ...], outputs: tuple[Pat
     """
     from cpbench.advice.history import history
 
-    found = history(files, labels)
-    for remark in found.remarks:
+    timeline = history(files, labels)
+    for remark in timeline.remarks:
         click.echo(remark, err=True)
     for path in outputs:
-        found.write(path)
+        timeline.write(path)
         click.echo(f"history: {path}")
     if not outputs:
-        click.echo("\n".join(found.lines()))
+        click.echo("\n".join(timeline.lines()))

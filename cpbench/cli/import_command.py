@@ -61,7 +61,7 @@ def command(
     --answers. Without a claim (in the table of times, or in claim.json) an answer counts as claimed.
 
     Every problem of a formulation that some answer is to has a row; one without an answer is failed. Rows are marked
-    by --machine, and their times stay out of rankings unless cpbench report is told --with-imported.
+    by --machine, and their times stay out of rankings unless cpbench report has --with-imported.
     """
     if not solver.strip() or not machine.strip():
         raise CpbenchError("--solver and --machine may not be empty: they mark the rows")

@@ -33,8 +33,8 @@ MANY = 3
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
-    Of more than three problems it shows a line each; one that cannot be read does not keep back the others. Of a
-    results file: which solver to use, as the run that wrote it ended.
+    Of more than three problems it shows a line each; one that cannot be read does not keep back the others. For a
+    results file it shows which solver to use, as at the end of the run.
 
     A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.
     """

@@ -15,13 +15,15 @@ from cpbench.cli.terminal import print_lines
 @click.command(cls=Command)
 @click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems", "readme"]))
 @click.argument("names", nargs=-1, metavar="[NAME|GLOB]...")
-@click.option("--all", "every", is_flag=True, help="Solvers: also those that run only when they are named.")
-@click.option("--available", is_flag=True, help="Solvers: only those that can run here.")
-@click.option("--node", metavar="NODE", help="Solvers: only those of this formulation.")
-@click.option("--check", is_flag=True, help="Solvers: import every guest, instead of looking whether it is there.")
-@click.option("--json", "as_json", is_flag=True, help="Solvers: print JSON.")
+@click.option("--all", "every", is_flag=True, help="Include solvers that run only when they are named.")
+@click.option("--available", is_flag=True, help="Show only solvers that can run here.")
+@click.option("--node", metavar="NODE", help="Formulation of the solvers.")
 @click.option(
-    "--write", type=click.Path(path_type=Path, exists=True), help="File in which readme brings the tables up to date."
+    "--check", is_flag=True, help="Import every guest of the solvers, instead of looking whether it is there."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the solvers as JSON.")
+@click.option(
+    "--write", type=click.Path(path_type=Path, exists=True), help="File whose tables to bring up to date, with readme."
 )
 def command(
     what: str,
@@ -33,7 +35,7 @@ def command(
     as_json: bool,
     write: Path | None,
 ) -> None:
-    """List formulations, conversions, solvers, formats or the built-in problems; readme: the tables in Markdown.
+    """List formulations, conversions, solvers, formats or built-in problems; readme prints the tables in Markdown.
 
     cpbench list solvers NAME shows one solver with its options, cpbench list solvers NODE those of a formulation,
     cpbench list conversions NAME the mathematics of a conversion.
@@ -41,14 +43,14 @@ def command(
     from cpbench.api import lists
 
     if what == "solvers":
-        found = lists.solver_list(names, node=node, every=every, available=available, check=check)
+        listed = lists.solver_list(names, node=node, every=every, available=available, check=check)
         if as_json:
-            click.echo(json.dumps(found.records(), indent=1))
-        elif found.named:
-            print_lines(terminal.fitted(found.sheets(terminal.reading_width())))
+            click.echo(json.dumps(listed.records(), indent=1))
+        elif listed.named:
+            print_lines(terminal.fitted(listed.sheets(terminal.reading_width())))
         else:
-            print_lines(terminal.table(found.rows()))
-            print_lines(terminal.fitted(found.notes()))
+            print_lines(terminal.table(listed.rows()))
+            print_lines(terminal.fitted(listed.notes()))
         return
     if every or available or node or check or as_json or (names and what != "conversions"):
         raise click.UsageError(f"list {what}: takes no names and no options of solvers")

@@ -33,9 +33,11 @@ CI = "ci"
     metavar="NODE",
     help="Formulation of the plugin: fc, lcp, mlcp, ncp or qp, in Python or C++; else lcp.",
 )
-@click.option("--with", "guest", type=click.Choice(["path"]), help="Julia: call the PATH solver (PATHSolver.jl).")
+@click.option(
+    "--with", "guest", type=click.Choice(["path"]), help="Solver that a Julia plugin calls: PATH (PATHSolver.jl)."
+)
 @click.option("--host", type=click.Choice(list(new_ci.HOSTS)), default="github", show_default=True, help="CI system.")
-@click.option("--build", default="", metavar="COMMAND", help="ci: command that builds the solver, in the repository.")
+@click.option("--build", default="", metavar="COMMAND", help="Command that builds the solver, for ci.")
 @click.option("-o", "--output", type=FOLDER, help="Output folder; default: NAME, for ci this one.")
 @click.option("--force", is_flag=True, help="Replace existing files.")
 def command(

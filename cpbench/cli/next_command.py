@@ -17,6 +17,6 @@ def line(*words: str) -> str:
 
 
 def near(path: str) -> str:
-    """A path from this folder on where it lies below it, else as it is."""
+    """Return a path from this folder on where it lies below it, else as it is."""
     place, here = Path(path), Path.cwd()
     return str(place.relative_to(here)) if place.is_absolute() and place.is_relative_to(here) else path

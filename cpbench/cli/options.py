@@ -21,7 +21,7 @@ Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
 class ListOption(click.Option):
     """An option that takes several values, repeated or between commas: `-t 1e-4 -t 1e-8` is `-t 1e-4,1e-8`.
 
-    Its type makes a tuple of one text, of names where none is said. A value that is given twice counts once; without
+    Its type makes a tuple of one text, of names by default. A value that is given twice counts once; without
     the option the value is its default, or ().
     """
 
@@ -217,5 +217,5 @@ def outputs_option(suffixes: Sequence[str], text: str) -> Callable[[Callable[...
 
 
 def number(value: float) -> str:
-    """A measured number the way all commands print it."""
+    """Return a measured number as all commands print it."""
     return f"{value:.3g}"

@@ -54,14 +54,14 @@ def command_of(kind: FigureKind) -> click.Command:
 
 
 def _answer(kind: FigureKind, source: str | None, problem: Problem | None, answer: Path | None) -> Any:
-    """The answer that was given, or stands in the file; None where there is none and none is needed."""
+    """Return the answer that was given, or stands in the file; None where there is none and none is needed."""
     if problem is None or source is None:
         if answer is not None:
             raise click.UsageError("--answer is of a problem: give its FILE too")
         return None
     if answer is not None:
         return storage.load_answer(answer, problem)
-    found = storage.solution(source)
-    if found is None and kind.answer is Need.REQUIRED:
+    stored = storage.solution(source)
+    if stored is None and kind.answer is Need.REQUIRED:
         raise FormatError(source, "solution", "is missing; give an answer with --answer FILE (cpbench solve makes one)")
-    return None if found is None else found[0]
+    return None if stored is None else stored[0]

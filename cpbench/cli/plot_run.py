@@ -21,8 +21,8 @@ from cpbench.report.run import assembled
 
 CHOICE: tuple[click.Option, ...] = (
     click.Option(["--node"], default="", metavar="NAME", help="Formulation, where the results have several."),
-    ListOption(["--solver", "-s", "solvers"], metavar="GLOB", help="Only these solvers or labels. Repeatable."),
-    ListOption(["--family", "families"], metavar="GLOB", help="Only these families. Repeatable."),
+    ListOption(["--solver", "-s", "solvers"], metavar="GLOB", help="Solvers or labels to show (globs). Repeatable."),
+    ListOption(["--family", "families"], metavar="GLOB", help="Families to show (globs). Repeatable."),
     click.Option(
         ["--tolerance", "-t"], type=POSITIVE, help="Tolerance of the rows; another one judges their answers again."
     ),

@@ -51,7 +51,7 @@ class Display:
         self._began = self._told = time.monotonic()
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
-        """The addresses, with a bar over the files on a terminal."""
+        """Yield the addresses, with a bar over the files on a terminal."""
         yield from self._track(addresses, "reading")
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
@@ -94,7 +94,7 @@ class Display:
             self._live.stop()
 
     def view(self) -> Group:
-        """The live table: how far, how long it will take, what is being solved, and how the solvers stand."""
+        """Return the live table: how far, how long it will take, what is being solved, and how the solvers stand."""
         from rich.console import Group
         from rich.progress_bar import ProgressBar
         from rich.table import Table
@@ -113,7 +113,7 @@ class Display:
         return Group(table, self._standings.table(max(room, 1)))
 
     def _tell(self) -> None:
-        """A line a tenth of the way, and one a minute where that is rarer."""
+        """Print a line each tenth of the way, and one each minute where that is rarer."""
         tenth = self._done % max(1, self._total // 10) == 0
         if self._quiet or self._terminal or not (tenth or time.monotonic() - self._told > MINUTE):
             return
@@ -122,7 +122,7 @@ class Display:
         click.echo("  ".join(filter(None, (f"{self._done}/{self._total}", self._summary(), left))), err=True)
 
     def _left(self) -> str:
-        """Time for the rest at the pace so far; nothing before a hundredth is done."""
+        """Return the time for the rest at the pace so far; nothing before a hundredth is done."""
         if self._done * 100 < self._total:
             return ""
         pace = (time.monotonic() - self._began) / max(self._done, 1)
@@ -141,7 +141,7 @@ class Display:
 
 
 def compiling(solver: str) -> str:
-    """What is said while a solver compiles, that nobody takes it for a solve that hangs."""
+    """Return the message while a solver compiles, so that it is not taken for a solve that hangs."""
     return f"{solver}: compiling its loops, once on this machine (cpbench doctor --warm does so for all solvers)"
 
 

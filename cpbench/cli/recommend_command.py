@@ -27,7 +27,7 @@ from cpbench.storage.base import require_new
     "-t",
     "--tolerance",
     type=click.FloatRange(min=0, min_open=True),
-    help="Only rows that were measured at this tolerance (with --results of runs).",
+    help="Tolerance of the rows to go by (with --results of runs).",
 )
 @click.option("--warm", is_flag=True, help="Name solvers for a start from a point near the answer.")
 @click.option("--top", type=click.IntRange(min=1), default=3, show_default=True, help="Number of solvers to name.")
@@ -44,7 +44,7 @@ from cpbench.storage.base import require_new
     "--make",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="TABLE",
-    help="Write a table of the results, for --results.",
+    help="Table to write from --results.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @format_option
@@ -66,8 +66,8 @@ def command(
     """Say which solver suits a problem, by what route, how sure that is, and the command that runs it.
 
     It goes by features of the problem (cpbench info shows more of them), and by what solvers came to on problems like
-    it: those that are shipped, or of your own runs. Being sure means: how many problems like it were measured, and how
-    often such advice is good for problems of an origin that was left out.
+    it: the built-in ones, or those of your own runs. How sure it is depends on how many problems like it were measured,
+    and on how often such advice is good for problems of an origin that was left out.
     """
     if sum((problem is not None, evaluate, make is not None)) != 1:
         raise click.UsageError("give a PROBLEM, or --evaluate, or --make TABLE")

@@ -46,7 +46,9 @@ EXAMPLES = (
 
 run_options = chained(
     click.option("--plan", "plan_path", metavar="FILE", help="Plan file (TOML); default: cpbench.toml here; or none."),
-    click.option("--set", "only_sets", cls=ListOption, metavar="NAME", help="Run only this [[set]]. Repeatable."),
+    click.option(
+        "--set", "only_sets", cls=ListOption, metavar="NAME", help="Set of the plan to run ([[set]]). Repeatable."
+    ),
     click.option(
         "--suite",
         type=click.Choice(suites.SUITES),
@@ -62,8 +64,7 @@ run_options = chained(
         "solvers",
         cls=ListOption,
         metavar="NAME[opt=value]",
-        help="Only these solvers: names, globs, all, and grids as nsgs[omega=0.8:1.4:0.2,shuffle=true|false]. "
-        "Repeatable.",
+        help="Solvers to run: names, globs, all, and grids as nsgs[omega=0.8:1.4:0.2,shuffle=true|false]. Repeatable.",
     ),
     click.option(
         "--routes",

@@ -42,8 +42,8 @@ def command(
 ) -> None:
     """Show a problem: its law and its data, in numbers when small, as block structure when large.
 
-    With --as or --via it is converted first; what led there is shown with its equations. Of a results file it shows
-    which solver to use, as the run that wrote it ended.
+    With --as or --via it is converted first; what led there is shown with its equations. For a results file it
+    shows which solver to use, as at the end of the run.
     """
     if is_results_file(source):
         if node or via or tex or file_format:

@@ -20,7 +20,7 @@ NARROWEST, WIDEST = 40, 110
 
 
 def width() -> int | None:
-    """Characters of a line of the terminal (COLUMNS where it is set), None where the output goes elsewhere."""
+    """Return the characters of a line of the terminal (COLUMNS where it is set), None where the output goes elsewhere."""
     if not (sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()):
         return None
     return max(shutil.get_terminal_size().columns, NARROWEST)
@@ -38,7 +38,7 @@ def print_lines(lines: Iterable[str], err: bool = False) -> None:
 
 
 def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
+    """Yield rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
     rows = [tuple(row) for row in rows]
     room = width()
     lines = list(columns(rows))
@@ -62,7 +62,7 @@ def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
 
 
 def folded(line: str, hanging: int = 4) -> list[str]:
-    """A line as several where the terminal is narrower, all but the first with `hanging` more blanks before them.
+    """Return a line as several where the terminal is narrower, all but the first with `hanging` more blanks before them.
 
     >>> folded("solvers: lemke, psor")
     ['solvers: lemke, psor']

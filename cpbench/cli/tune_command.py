@@ -70,9 +70,9 @@ def command(
 ) -> None:
     """Search for the options with which a solver solves most problems, and fastest.
 
-    Random search with successive halving, where the solver says that its options lie (cpbench list solvers SOLVER);
+    Random search with successive halving, in the ranges that the solver declares (cpbench list solvers SOLVER);
     an option with one value in the brackets is fixed, one with several is searched among them. Every configuration is
-    run and judged as by cpbench run. What was found is written as a plan, which compares it with the default options
+    run and judged as by cpbench run. The result is written as a plan, which compares it with the default options
     on the other half of the problems, and tells results and reports what the search cost. Ctrl-C ends the search; the
     best so far is written.
     """

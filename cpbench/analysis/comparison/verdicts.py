@@ -60,7 +60,7 @@ class Settings:
     count_stationary: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """The outcome.
 
@@ -84,6 +84,11 @@ class Comparison:
     changed: tuple[str, ...]
     idle: int
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        counts = self.pairs["verdict"].value_counts()
+        pairs = ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) or "no pair"
+        return f"Comparison of {self.new.name} with {self.base.name}: {self.verdict} ({pairs})"
 
     def of(self, verdict: Verdict) -> pd.DataFrame:
         """The pairs of a verdict, those that no clock decided first."""
