@@ -48,10 +48,8 @@ def command(solution: Path, output: Path, problem: str | None, steps: int | None
     lifted = graph.lift(converted, point, steps)
     first = undone[0]
     if not save_vector(lifted, output, force=force):
-        attributes = {"name": converted.name}
-        storage.save_point(
-            output, lifted, node=first.source_node, fingerprint=first.source, attrs=attributes, force=force
-        )
+        name = {"name": converted.name}
+        storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=name, force=force)
     for remark in graph.remarks(converted, point, steps):
         click.echo(f"note: {remark}", err=True)
     edges = " > ".join(s.conversion for s in undone)

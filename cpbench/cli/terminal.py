@@ -20,7 +20,7 @@ NARROWEST, WIDEST = 40, 110
 
 
 def width() -> int | None:
-    """Return the characters of a line of the terminal (COLUMNS where it is set), None where the output goes elsewhere."""
+    """Return the characters of a line of the terminal (COLUMNS where set), None where the output goes elsewhere."""
     if not (sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()):
         return None
     return max(shutil.get_terminal_size().columns, NARROWEST)
@@ -62,7 +62,7 @@ def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
 
 
 def folded(line: str, hanging: int = 4) -> list[str]:
-    """Return a line as several where the terminal is narrower, all but the first with `hanging` more blanks before them.
+    """Return a line as several where the terminal is narrower, the later ones indented by `hanging` more blanks.
 
     >>> folded("solvers: lemke, psor")
     ['solvers: lemke, psor']
