@@ -6,11 +6,12 @@ import math
 import os
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from cpbench.advice.tuning import record
 from cpbench.advice.tuning.search import Found, Search
@@ -18,11 +19,11 @@ from cpbench.advice.tuning.space import space
 from cpbench.bench import machine
 from cpbench.bench.lane import Lane
 from cpbench.bench.outcome import Outcome
-from cpbench.bench.planning import plan_text
+from cpbench.bench.planning import plan_file, plan_text
 from cpbench.bench.planning.assembly import Reading, assemble
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
-from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
+from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet, RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Lanes, settings
 from cpbench.bench.staff import Setting
@@ -37,6 +38,24 @@ class Tuned:
     found: Found
     lines: tuple[str, ...]
     interrupted: bool = False
+
+
+def problem_set(solver: str, problems: Sequence[str], seed: int = 0, **keys: Any) -> ProblemSet:
+    """Return the problems and limits of a search, checked as those of a plan are.
+
+    Parameters
+    ----------
+    problems : files, packs, folders or globs; none for the built-in ones. seed : draws from them where there are more
+    than `max_problems`. keys : of a set of a plan: tolerance, timeout, memory, repeats, split, keyword, family, where.
+
+    Raises CpbenchError on a value that is none of its key.
+    """
+    largest = keys.pop("max_problems", None)
+    given = {**keys, "problems": problems or (BUILTIN,), "solvers": (solver,), "routes": "exact", "seed": seed}
+    if "tolerance" in given:
+        given["tolerance"] = (given["tolerance"],)
+    checked = {key: plan_file.check(key, value) for key, value in given.items() if value not in (None, ())}
+    return ProblemSet(**checked, max_problems=largest)
 
 
 def tune(

@@ -70,7 +70,16 @@ def command(
     for name in fail_on:
         if name not in FAIL_ON:
             raise UnknownName("change", name, FAIL_ON)
-    _require_sense(output, check, update, accept, reason, prune, fail_on, force)
+    if (output is None) == (check is None):
+        raise CpbenchError("say -o FILE to write a baseline, with --update to bring it up to date, or --check FILE")
+    if update and (output is None or force):
+        raise CpbenchError("--update goes with -o FILE and without --force: it changes that baseline")
+    if (accept or prune) and not update:
+        raise CpbenchError("--accept and --prune say how --update changes a baseline; add --update")
+    if bool(accept) != bool(reason.strip()):
+        raise CpbenchError("--accept PATTERN needs --reason TEXT, and the other way round: it is kept beside the pair")
+    if fail_on and output is not None and not update:
+        raise CpbenchError("--fail-on needs something to differ from: --check FILE, or --update")
     new, restricted = baselines.outcomes(results)
     if restricted:
         names = ", ".join(restricted)
@@ -95,26 +104,3 @@ def command(
     if failed:
         click.echo(f"cpbench: {', '.join(f'{n} {name}' for name, n in failed.items())} (--fail-on)", err=True)
         sys.exit(1)
-
-
-def _require_sense(
-    output: Path | None,
-    check: Path | None,
-    update: bool,
-    accept: tuple[str, ...],
-    reason: str,
-    prune: bool,
-    fail_on: tuple[str, ...],
-    force: bool,
-) -> None:
-    """Raise CpbenchError on options that do not go together."""
-    if (output is None) == (check is None):
-        raise CpbenchError("say -o FILE to write a baseline, with --update to bring it up to date, or --check FILE")
-    if update and (output is None or force):
-        raise CpbenchError("--update goes with -o FILE and without --force: it changes that baseline")
-    if (accept or prune) and not update:
-        raise CpbenchError("--accept and --prune say how --update changes a baseline; add --update")
-    if bool(accept) != bool(reason.strip()):
-        raise CpbenchError("--accept PATTERN needs --reason TEXT, and the other way round: it is kept beside the pair")
-    if fail_on and output is not None and not update:
-        raise CpbenchError("--fail-on needs something to differ from: --check FILE, or --update")

@@ -68,7 +68,8 @@ def command(output: Path, name: str, force: bool, axes: str | None, sequence: bo
     problem = problem_from_files(node, files, axes, name)
     storage.save(problem, output, force=force)
     click.echo(f"{output} ({problem.node}: {sizes_line(problem)})")
-    print_lines((f"remark: {remark}" for remark in remarks(problem) if node in ("fc", "gfc")), err=True)
+    if node in ("fc", "gfc"):
+        print_lines((f"remark: {remark}" for remark in remarks(problem)), err=True)
 
 
 def _pack_sequence(

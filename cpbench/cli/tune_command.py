@@ -9,8 +9,6 @@ from typing import Any
 
 import click
 
-from cpbench.bench.planning import plan_file
-from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet
 from cpbench.cli import next_command
 from cpbench.cli.options import (
     Sections,
@@ -76,13 +74,13 @@ def command(
     on the other half of the problems, and tells results and reports what the search cost. Ctrl-C ends the search; the
     best so far is written.
     """
-    from cpbench.advice.tune import tune
+    from cpbench.advice.tune import problem_set, tune
 
     plan = output or Path(f"{solver.partition('[')[0]}.tuned.toml")
     require_new(plan, force)
     tuned = tune(
         solver,
-        _part(solver, problems, asked, seed),
+        problem_set(solver, problems, seed, **asked),
         plan,
         budget=budget,
         configurations=configurations,
@@ -99,16 +97,3 @@ def command(
     if tuned.interrupted:
         click.echo("cpbench: interrupted; the plan has the best so far", err=True)
         sys.exit(130)
-
-
-def _part(solver: str, problems: tuple[str, ...], asked: dict[str, Any], seed: int) -> ProblemSet:
-    given = {
-        "problems": problems or (BUILTIN,),
-        "solvers": (solver,),
-        "routes": "exact",
-        "tolerance": (asked["tolerance"],),
-        "seed": seed,
-        **{key: asked[key] for key in ("timeout", "memory", "repeats", "split", "keyword", "family", "where")},
-    }
-    checked = {key: plan_file.check(key, value) for key, value in given.items() if value not in (None, ())}
-    return ProblemSet(**checked, max_problems=asked["max_problems"])

@@ -43,7 +43,9 @@ ALLOWED: dict[str, set[str]] = {
     "analysis": BASE | {"formulations", "graph"} | ROOMS,
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "checking", "generators"} | ROOMS,
-    "api": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators", "testing"} | ROOMS,
+    "api": BASE
+    | {"formulations", "facts", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
+    | ROOMS,
     "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
     "bundle": BASE | {"formulations", "exchange", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
     "cli": BASE
