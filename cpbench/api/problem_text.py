@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import Conversion
-from cpbench.facts import Fact
 from cpbench.formulations import Problem
 from cpbench.graph import Apply
 from cpbench.plain_text import printable
+
+if TYPE_CHECKING:
+    from cpbench.facts import Fact
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 

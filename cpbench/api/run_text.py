@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.plain_text import printable
-from cpbench.plurals import counted
+from cpbench.plurals import counted, summary
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
@@ -106,12 +106,3 @@ def ending(asked: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame
         failures.append(f"{asked.results}: removed {counted(broken, 'row')} that could not be trusted")
     empty = not counts and asked.shard == (1, 1)
     return Ending(tuple(lines), tuple(failures), bool(failures) or empty)
-
-
-def summary(counts: Mapping[str, int]) -> str:
-    """Return counts by status, the most frequent first.
-
-    >>> summary({"failed": 1, "solved": 8})
-    '8 solved, 1 failed'
-    """
-    return ", ".join(f"{counts[status]} {status}" for status in sorted(counts, key=lambda s: -counts[s]))

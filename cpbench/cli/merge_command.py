@@ -6,13 +6,12 @@ from pathlib import Path
 
 import click
 
-from cpbench.api.run_text import summary
 from cpbench.bench.results.merge import PREFER, merge
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, PATH
-from cpbench.plurals import counted
+from cpbench.plurals import counted, summary
 
 
 @click.command(cls=Command)

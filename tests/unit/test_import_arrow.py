@@ -95,6 +95,13 @@ def test_only_their_own_commands_import_optional_packages() -> None:
         assert outside == {f"cli/{command}_command.py" for command in commands}
 
 
+def test_the_command_line_is_thin() -> None:
+    """It reads options and prints; what decides lies below it, where scripts reach it too."""
+    lines = {path.name: path.read_text().count("\n") for path in (PACKAGE / "cli").glob("*.py")}
+    assert sum(lines.values()) <= 3500
+    assert max(lines.values()) <= 250
+
+
 def test_an_import_is_seen() -> None:
     """The files are found and read: the command line stands on the runs, and a run on the solvers."""
     assert "bench" in _imports(PACKAGE / "cli" / "run_command.py")
