@@ -10,6 +10,7 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import Conversion
 from cpbench.formulations import Problem
+from cpbench.generators.collection import address_text
 from cpbench.graph import Apply
 from cpbench.plain_text import printable
 
@@ -35,7 +36,7 @@ def size_after(problem: Problem, edge: Conversion, apply: Apply) -> str:
 
 def lines(address: str, problem: Problem, facts: Sequence[Fact]) -> Iterator[str]:
     """Yield formulation, sizes, data, origin and provenance of a problem, and the facts that were measured of it."""
-    yield f"{address}: {problem.title} {problem.equation}"
+    yield f"{address_text(address)}: {problem.title} {problem.equation}"
     yield f"  node         {problem.node}"
     yield f"  name         {printable(problem.name)}"
     yield f"  fingerprint  {problem.fingerprint}"

@@ -28,6 +28,7 @@ from cpbench.cli.progress import converting
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, MEMORY, PATH, SETTINGS
 from cpbench.formulations import Kind, formulations
+from cpbench.generators.collection import address_text
 from cpbench.report.show import slip_angle
 from cpbench.storage.base import require_new
 
@@ -98,7 +99,7 @@ def command(
     arrival = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}, apply=apply).arrival
     guesses, lost = conversion_check.carried_starts(storage.guesses(source), arrival)
     storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
-    click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
+    click.echo(f"{address_text(source)} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
     angles = map(slip_angle, arrival.problem.provenance[len(problem.provenance) :])
     print_lines(f"  {remark}" for remark in filter(None, angles))

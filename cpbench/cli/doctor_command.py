@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 
 import click
 
@@ -12,7 +13,7 @@ from cpbench.bench import checkup, machine, time_limits
 from cpbench.bench.checkup import Checkup
 from cpbench.bench.processes import isolation
 from cpbench.cli.options import Command
-from cpbench.cli.terminal import print_lines, reading_width
+from cpbench.cli.terminal import fitted, folded, print_lines, reading_width
 
 
 @click.command(cls=Command)
@@ -27,9 +28,9 @@ def command(warm: bool) -> None:
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
     click.echo("isolation")
-    print_lines(f"  {name:<10} {text}" for name, text in isolation.detect().told())
+    _print_facts(isolation.detect().told())
     click.echo("limits       killed with all it started half a second later at most")
-    print_lines(f"  {name:<10} {text}" for name, text in time_limits.told())
+    _print_facts(time_limits.told())
     chosen = list(solvers)
     seen: dict[str, Checkup] = {}
     if warm:
@@ -41,7 +42,12 @@ def command(warm: bool) -> None:
         _progress(len(seen), len(chosen), one.name, warm)
     if sys.stderr.isatty():
         click.echo("\r\x1b[2K", nl=False, err=True)
-    print_lines(checkup_lines([seen[solver.spec.name] for solver in chosen], reading_width()))
+    print_lines(fitted(checkup_lines([seen[solver.spec.name] for solver in chosen], reading_width())))
+
+
+def _print_facts(facts: Iterable[tuple[str, str]]) -> None:
+    for name, text in facts:
+        print_lines(folded(f"  {name:<10} {text}", hanging=11))
 
 
 def _progress(done: int, of: int, name: str, warm: bool) -> None:

@@ -9,6 +9,7 @@ import click
 from click.core import ParameterSource
 
 from cpbench.cli.options import Command, ListOption, kinds_option
+from cpbench.cli.outputs import replaced
 from cpbench.cli.terminal import fitted, print_lines
 from cpbench.cli.types import PATH, POSITIVE
 from cpbench.formulations import Kind, formulations
@@ -46,9 +47,10 @@ def command(
         from cpbench.report import canvas
         from cpbench.report.graph_map import graph_drawing
 
+        before = [output] if output.exists() else []
         with canvas.drawing():
             canvas.write(graph_drawing(kinds), output)
-        click.echo(f"graph: {output}")
+        click.echo(f"graph: {replaced(output, before)}")
         return
     if not check:
         drawn = draw(form, kinds).splitlines()

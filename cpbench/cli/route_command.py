@@ -13,6 +13,7 @@ from cpbench.cli.options import Command, ListOption, format_option, kinds_option
 from cpbench.cli.types import ADDRESS
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
+from cpbench.generators.collection import address_text
 from cpbench.report.graph_drawing import solvers_of
 
 
@@ -41,7 +42,7 @@ def command(
     source = storage.load(problem, format=file_format)
     for node in nodes:
         formulations.get(node)
-    _say(f"{problem} ({source.node}: {sizes_line(source)})")
+    _say(f"{address_text(problem)} ({source.node}: {sizes_line(source)})")
     memory = graph.Memory()
     show = _every_route if every else _cheapest_route
     for node in nodes or formulations.names():

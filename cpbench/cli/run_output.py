@@ -11,7 +11,7 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.cli.outputs import require_folder
-from cpbench.cli.terminal import folded, print_lines, width
+from cpbench.cli.terminal import fitted, folded, print_lines, width
 from cpbench.verification import Status
 
 
@@ -19,7 +19,7 @@ def announce(asked: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> 
     """Print what will be run; return whether to run it."""
     print_lines(run_text.planned(assembly), err=True)
     if not quiet:
-        print_lines(run_text.duration(asked, assembly), err=True)
+        print_lines(fitted(run_text.duration(asked, assembly)), err=True)
     if dry_run:
         for line in dry_runs.lines(asked, assembly, campaign.statuses(asked.results), width()):
             print_lines(folded(line))

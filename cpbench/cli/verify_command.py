@@ -13,6 +13,7 @@ from cpbench.api.problems import load, verify
 from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
+from cpbench.generators.collection import address_text
 
 
 @click.command(cls=Command)
@@ -70,7 +71,7 @@ def command(
         verdict = verify(asked_problem, point, tolerance=tolerance, measure=measure)
         lines = _parts(verdict)
     word = "passes" if verdict.solved else "does not pass"
-    click.echo(f"{problem}: error {number(verdict.error)}, {word} at {number(tolerance)}")
+    click.echo(f"{address_text(problem)}: error {number(verdict.error)}, {word} at {number(tolerance)}")
     for line in lines:
         click.echo(line)
     if verdict.flags:
