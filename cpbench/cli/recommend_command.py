@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.cli import next_command
+from cpbench.api import next_command
 from cpbench.cli.options import Command, force_option, format_option
 from cpbench.cli.types import ADDRESS
 from cpbench.storage.base import require_new

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from cpbench.api import next_command
 from cpbench.bench.planning import plan_text
-from cpbench.cli import next_command
 from cpbench.cli.options import Command, force_option
 from cpbench.cli.types import DURATION
 from cpbench.errors import CpbenchError

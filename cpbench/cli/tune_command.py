@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from cpbench.cli import next_command
+from cpbench.api import next_command
 from cpbench.cli.options import (
     Sections,
     force_option,
