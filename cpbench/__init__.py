@@ -17,8 +17,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
-    from cpbench.api.advice import list_solvers as list_solvers
-    from cpbench.api.advice import recommend as recommend
+    from cpbench.advice.recommend import recommend as recommend
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
@@ -28,6 +27,7 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from cpbench.api.results import Results as Results
     from cpbench.api.runs import run as run
     from cpbench.api.solution import Solution as Solution
+    from cpbench.api.solver_list import list_solvers as list_solvers
     from cpbench.api.solving import solve as solve
     from cpbench.bench.results.store import read_results as read_results
     from cpbench.conversions import make as make
@@ -61,8 +61,8 @@ _HOMES = {
     "verify": "api.problems",
     "run": "api.runs",
     "Results": "api.results",
-    "list_solvers": "api.advice",
-    "recommend": "api.advice",
+    "list_solvers": "api.solver_list",
+    "recommend": "advice.recommend",
     "gallery": "api.gallery",
     "Claim": "solvers.base",
     "Budget": "solvers.base",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 
 def counted(value: int, noun: str, nouns: str = "") -> str:
@@ -22,3 +22,12 @@ def some_of(names: Sequence[str], most: int) -> str:
     """
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def summary(counts: Mapping[str, int]) -> str:
+    """Return counts by status, the most frequent first.
+
+    >>> summary({"failed": 1, "solved": 8})
+    '8 solved, 1 failed'
+    """
+    return ", ".join(f"{counts[status]} {status}" for status in sorted(counts, key=lambda s: -counts[s]))

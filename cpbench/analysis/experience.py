@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from cpbench.formulations.base import Kind
 from cpbench.verification import Status
 
 NEVER_STARTED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE))
+SHIPPED = "recommendation_table.json"
 TEXT_VERSION = 1
 DIGITS = 3
 """Significant digits of a number in the text: times differ by more from run to run."""
@@ -190,6 +192,11 @@ def from_text(text: str, name: str) -> Experience:
             f"{name}: is no table of recommendations ({type(cause).__name__}: {cause}); make one with: cpbench "
             "recommend --make TABLE --results FILE"
         ) from None
+
+
+def shipped_experience() -> Experience:
+    """Return what the built-in problems came to where this version was made."""
+    return from_text(files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8"), SHIPPED)
 
 
 def _case(item: Mapping[str, Any]) -> Case:

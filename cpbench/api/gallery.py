@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterator, Mapping
 
+from cpbench.errors import UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.generators.base import generators
 
@@ -20,6 +21,8 @@ class Gallery(Mapping[str, tuple[Problem, ...]]):
     """
 
     def __getitem__(self, family: str) -> tuple[Problem, ...]:
+        if family not in generators:
+            raise UnknownName("family", family, generators.names())
         return tuple(instance.problem for instance in generators.get(family).instances())
 
     def __iter__(self) -> Iterator[str]:

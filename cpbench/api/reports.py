@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cpbench.api.portraits import Portraits
 from cpbench.api.start_answers import start_answers
 from cpbench.bench import history
+from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.generators.collection import address_text
 from cpbench.report import row_files
@@ -57,3 +58,38 @@ def write_report(
         count_stationary=count_stationary,
     )
     return list(files), list(told)
+
+
+def report_file(
+    results: Path, folder: Path, title: str, baseline: Path | None, data: Sequence[str] | None, **choices: Any
+) -> tuple[list[Path], list[str]]:
+    """Write the report of a results file, with a comparison where another run, or a baseline (.csv), is given.
+
+    Parameters
+    ----------
+    data, choices : as `write_report` takes them. Returns what `write_report` does.
+    """
+    from cpbench.analysis.comparison import compare
+    from cpbench.api.sides import base, side_of
+
+    with sealed(results) as store:
+        if baseline is None:
+            return write_report(store, folder, title, data=data, **choices)
+        new = side_of(store)
+        comparison = compare(base(baseline, new), new)
+        return write_report(store, folder, title, new.table, data=data, comparison=comparison, **choices)
+
+
+def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **choices: bool) -> Path:
+    """Write the report of a results file as one LaTeX document; returns its file.
+
+    Parameters
+    ----------
+    facets : profiles by `family`, `tolerance`, or both. choices : `publishable`, `with_imported`, `count_stationary`.
+    """
+    from cpbench.bench.results.citations import citations
+    from cpbench.report.document.page import write_document
+
+    with sealed(results) as store:
+        table, meta, cited = store.table(), store.meta(), citations(store)
+        return write_document(table, meta, folder, title, citations=cited, facets=tuple(facets), **choices)

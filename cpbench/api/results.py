@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.results.sealed import sealed
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +19,21 @@ if TYPE_CHECKING:
 
     from cpbench.analysis.comparison import Comparison
     from cpbench.analysis.ranking import Ranking
+
+
+MAGIC = b"SQLite format 3\x00"
+"""First bytes of a results file."""
+
+
+def is_results_file(path: str | Path) -> bool:
+    """Return whether a file is one of results, by its first bytes; a pipe, which may never have any, is none."""
+    try:
+        if not Path(path).is_file():
+            return False
+        with Path(path).open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
 
 
 class Results:
@@ -138,7 +154,7 @@ class Results:
 
     def __repr__(self) -> str:
         sentences = [ranking.sentence for ranking in self.rankings]
-        return "\n".join([f"Results of {len(self)} pairs in {self.path.name}", *sentences, *self.remarks])
+        return "\n".join([f"Results of {counted(len(self), 'pair')} in {self.path.name}", *sentences, *self.remarks])
 
     def _repr_html_(self) -> str:
         parts: list[str] = []

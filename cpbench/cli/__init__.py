@@ -29,11 +29,11 @@ COMMANDS = {
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
     "graph": "Show the conversions between formulations, as text or to be drawn, or check them all.",
     "route": "Show how a problem reaches a formulation, and why not.",
-    "list": "List formulations, conversions, solvers or formats.",
+    "list": "List formulations, conversions, solvers, formats or problems.",
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
     "compare": "Compare two results files, or two builds: report regressions, and differences too small to call.",
-    "baseline": "Keep the outcomes of a run as text for version control, and tell what a later run changes.",
+    "baseline": "Keep the outcomes of a run as text for version control, and show what a later run changes.",
     "recommend": "Say which solver suits a problem, by what was measured on problems like it.",
     "history": "Show how solvers did over time, from several results files.",
     "select": "Select problems for short runs, as in CI, from results of all of them.",
@@ -43,7 +43,7 @@ COMMANDS = {
     "bundle": "Put a run with all that repeats it into one zip file, anonymous where asked.",
     "reproduce": "Run a bundle again and compare.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
-    "tutorial": "Build a tutorial: the lecture behind this program, alive on one page.",
+    "tutorial": "Build the tutorial, the lecture behind this program, as one page.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
     "check": "Put a plugin through the conformance checks.",
     "doctor": "Say what works on this machine and how to get what does not.",
@@ -68,7 +68,7 @@ _PLUGIN: dict[str, Any] = {
     "expose_value": False,
     "is_eager": True,
     "callback": _name_plugins,
-    "help": "Load solvers, conversions, ... from a Python file, or the solvers that a TOML file declares. Repeatable.",
+    "help": "Plugin to load: a Python file, or a TOML file that declares solvers. Repeatable.",
 }
 """The option of the group, and of every command: it may stand before or after its name."""
 
@@ -110,7 +110,7 @@ class LazyGroup(click.Group):
 def cli() -> None:
     """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
 
-    `cpbench run` without arguments says within a minute how solvers compare on small built-in problems.
+    `cpbench run` without arguments compares solvers on small built-in problems, within a minute.
     """
 
 

@@ -37,7 +37,7 @@ def begin(arguments: Sequence[str]) -> None:
 
 
 def _values(arguments: Sequence[str], *names: str) -> Iterator[str]:
-    """What is given to these options, `--name value` or `--name=value`; what follows a flag is as good."""
+    """Yield what is given to these options, `--name value` or `--name=value`; what follows a flag is as good."""
     for this, following in itertools.pairwise([*arguments, "-"]):
         name, equals, value = this.partition("=")
         if name in names:

@@ -21,40 +21,28 @@ LINES = 30
 """The most lines on what could not be run."""
 WIDE, SHORTEST = 400, 16
 """Columns of a table where nobody sees a terminal; the least that names get of one."""
-MAGIC = b"SQLite format 3\x00"
-
-
-def is_results(path: str) -> bool:
-    """Whether a file is one of results, by its first bytes; a pipe, which may never have any, is none."""
-    if not Path(path).is_file():
-        return False
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(len(MAGIC)) == MAGIC
-    except OSError:
-        return False
 
 
 def print_results(path: str) -> None:
-    """The answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
+    """Print the answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
     with sealed(Path(path)) as store:
         print_answer(store)
 
 
 def print_answer(store: Store) -> None:
-    """Rankings of all formulations, then a sentence each."""
+    """Print the rankings of all formulations, then a sentence each."""
     table, meta = rows_of.normalised(store.table()), store.meta()
-    found = rankings(table, meta.get("solvers"))
-    for ranking in found:
+    ranked = rankings(table, meta.get("solvers"))
+    for ranking in ranked:
         _print_ranking(ranking)
-    told = left_out_lines(meta.get("left_out", []))
-    for line in told[:LINES]:
+    reasons = left_out_lines(meta.get("left_out", []))
+    for line in reasons[:LINES]:
         click.echo(_fitted(line))
-    if any(_fitted(line) != line for line in told[:LINES]):
+    if any(_fitted(line) != line for line in reasons[:LINES]):
         click.echo("\n".join(folded("why: cpbench route PROBLEM --explain, and the report")))
-    if len(told) > LINES:
-        click.echo(f"and {counted(len(told) - LINES, 'more reason')} why pairs could not be run")
-    click.echo("\n".join(["", *(line for ranking in found for line in _sentence(ranking))]))
+    if len(reasons) > LINES:
+        click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
+    click.echo("\n".join(["", *(line for ranking in ranked for line in _sentence(ranking))]))
 
 
 def _title(ranking: Ranking) -> str:
@@ -62,8 +50,7 @@ def _title(ranking: Ranking) -> str:
 
 
 def _sentence(ranking: Ranking) -> Sequence[str]:
-    """What to use, after the formulation and what it is called in full, in lines of the terminal; what is looked for
-    is bold there."""
+    """Return the solver to use, after the formulation and its full name, in lines of the terminal with both bold."""
     first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {ranking.verdict}")
     first = first.replace(f"use {ranking.winner}:", f"use {click.style(ranking.winner, bold=True)}:", 1)
     return [click.style(ranking.formulation, bold=True) + first.removeprefix(ranking.formulation), *rest]
@@ -110,7 +97,7 @@ def _cells(row: RankedSolver) -> Sequence[str]:
 
 
 def _fitted(line: str) -> str:
-    """A line in the width of the terminal, without its reason where both do not fit; as it is elsewhere."""
+    """Return a line in the width of the terminal, without its reason where both do not fit; elsewhere as it is."""
     room = width()
     if room is None or len(line) <= room:
         return line

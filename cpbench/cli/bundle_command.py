@@ -6,20 +6,22 @@ from pathlib import Path
 
 import click
 
-from cpbench.bench.bundle.making import Asked, make
-from cpbench.bench.results.store import Store
+from cpbench.bundle.making import Asked, make
+from cpbench.bundle.report import write_report
 from cpbench.cli.options import Command, ListOption, force_option
+from cpbench.cli.terminal import print_lines
+from cpbench.cli.types import FILE, PATH
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 
 
 @click.command(cls=Command)
-@click.argument("results", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Zip file.")
+@click.argument("results", type=PATH)
+@click.option("-o", "--output", required=True, type=FILE, help="Zip file.")
 @click.option("--anonymous", is_flag=True, help="Strip host, user, paths, variables and remotes.")
-@click.option("--rename", "renames", multiple=True, metavar="OLD=NEW", help="Another name for a solver or any word.")
+@click.option("--rename", "renames", multiple=True, metavar="OLD=NEW", help="New name of a word. Repeatable.")
 @click.option("--withhold", cls=ListOption, metavar="GLOB", help="Problems that stay out, by name, family or file.")
-@click.option("--report/--no-report", default=None, help="With a report; default: where reports/NAME is there.")
+@click.option("--report/--no-report", default=None, help="Include a report; default: where reports/NAME exists.")
 @force_option
 def command(
     results: Path,
@@ -32,28 +34,28 @@ def command(
 ) -> None:
     """Put a run with everything that repeats it into one zip file: plan, versions, machine, plugins, problems, results.
 
-    Built-in problems are named, and those whose licence forbids it are told by fingerprint and source. cpbench
+    Built-in problems are named, and those whose licence forbids it stand there by fingerprint and source. cpbench
     reproduce runs a bundle again and compares.
     """
     from cpbench.generators.collection import builtin_folder
 
     wanted = (Path("reports") / results.stem / "report.md").is_file() if report is None else report
-    asked = Asked(anonymous, _renamed(renames), withhold, builtin_folder(), _report if wanted else None, force)
+    asked = Asked(anonymous, _renamed(renames), withhold, builtin_folder(), write_report if wanted else None, force)
     made = make(results, output, asked)
-    for remark in made.remarks:
-        click.echo(remark, err=True)
+    print_lines(made.remarks, err=True)
     problems = f"{counted(made.problems, 'problem')} ({made.withheld} withheld)"
     click.echo(f"{counted(made.pairs, 'pair')}, {problems}, {counted(made.plugins, 'plugin')}")
     click.echo(f"bundle: {output} ({made.bytes} bytes)")
 
 
 def _renamed(texts: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    found = tuple(dict.fromkeys(map(_pair, texts)))
-    names = dict(found)
-    for old, new in found:
+    """Return old and new names; raises CpbenchError on one that becomes two."""
+    pairs = tuple(dict.fromkeys(map(_pair, texts)))
+    names = dict(pairs)
+    for old, new in pairs:
         if names[old] != new:
             raise CpbenchError(f"--rename {old}: becomes {new} and {names[old]}; give it once")
-    return found
+    return pairs
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -61,11 +63,3 @@ def _pair(text: str) -> tuple[str, str]:
     if not old or not equals:
         raise CpbenchError(f"--rename {text}: write OLD=NEW, as in mine=A")
     return old, new
-
-
-def _report(results: Path, folder: Path, title: str) -> object:
-    from cpbench.bench import history
-    from cpbench.report.folder import write_folder
-
-    with Store(results) as store:
-        return write_folder(store.table(), store.meta(), folder, title, history.table(store.histories()))

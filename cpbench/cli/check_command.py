@@ -8,18 +8,19 @@ from collections import Counter
 
 import click
 
-from cpbench.cli.options import Command, Duration, ListOption
+from cpbench.cli.options import Command, ListOption
+from cpbench.cli.types import DURATION
 from cpbench.errors import UnknownName
 from cpbench.registry import PLUGIN_FILES
 
 
 @click.command(cls=Command)
 @click.argument("plugin")
-@click.option("--only", cls=ListOption, metavar="CHECK", help="Only this check. Repeatable.")
+@click.option("--only", cls=ListOption, metavar="CHECK", help="Check to run; default: all. Repeatable.")
 @click.option(
-    "--timeout", type=Duration(), default="60s", show_default=True, help="Time limit of one check (30s, 5m, none)."
+    "--timeout", type=DURATION, default="60s", show_default=True, help="Time limit of one check (30s, 5m, none)."
 )
-@click.option("--quiet", "-q", is_flag=True, help="Print only what failed, and the sums.")
+@click.option("--quiet", "-q", is_flag=True, help="Print only failures and sums.")
 def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> None:
     """Put a plugin through the public conformance checks.
 
@@ -29,15 +30,15 @@ def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> 
 
     A check that your solver is known to fail goes, with the reason, into `known_failures` of its spec.
     """
-    from cpbench.cli.plugin_checks import Desk, is_file
+    from cpbench.api.plugin_checks import PluginChecker, is_file
 
     if is_file(plugin):
         plugin = os.path.abspath(plugin)
         others = [path for path in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if path and path != plugin]
-        os.environ[PLUGIN_FILES] = os.pathsep.join(others)  # it is loaded by who checks it, and by nobody before
+        os.environ[PLUGIN_FILES] = os.pathsep.join(others)  # the process that checks it loads it, and no other
     failed = False
-    with Desk(plugin, timeout) as desk:
-        items = desk.items()
+    with PluginChecker(plugin, timeout) as checker:
+        items = checker.items()
         known = {check for item in items for check in item.checks}
         for name in only:
             if name not in known:
@@ -45,7 +46,7 @@ def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> 
         for item in items:
             click.echo(f"{item.kind} {item.name} ({' -> '.join(item.nodes)})")
             count = Counter[str]()
-            for check, mark in desk.marks(item, only):
+            for check, mark in checker.marks(item, only):
                 count[mark.word] += 1
                 bad = mark.word not in GOOD
                 failed = failed or bad

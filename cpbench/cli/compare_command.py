@@ -3,56 +3,37 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from cpbench import brackets
-from cpbench.api.sides import base as base_side
-from cpbench.api.sides import side
-from cpbench.cli.options import Command, ListOption
+from cpbench.api import comparing
+from cpbench.cli.options import Command, fail_on_option, outputs_option, seed_option, stationary_option
+from cpbench.cli.progress import Display
+from cpbench.cli.terminal import print_lines
+from cpbench.cli.types import LABELS, PATH
 from cpbench.errors import UnknownName
 from cpbench.verification import PROVEN, VERIFIED, Status
 
-if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison, Side
-
+WHOLE = ("regression", "inconclusive")
 FAILURES = (
-    "regression",
-    "inconclusive",
+    *WHOLE,
     *(str(s) for s in Status if s not in (*VERIFIED, *PROVEN, Status.NOT_RUN)),
 )
-"""What --fail-on knows: verdicts on the whole, and statuses that a pair has now and had not before."""
-SUFFIXES = (".md", ".json", ".xml")
+"""Values of --fail-on: verdicts on the whole, and statuses that a pair has now and had not before."""
+NOT_NEGATIVE = click.FloatRange(min=0)
 
 
 @click.command(cls=Command)
-@click.argument("base", type=click.Path(path_type=Path))
-@click.argument("new", required=False, type=click.Path(path_type=Path))
-@click.option("--a", "first", metavar="LABEL", help="With one file: the solver or label that is the base.")
-@click.option("--b", "second", metavar="LABEL", help="With one file: the solver or label that is compared with it.")
-@click.option(
-    "-o",
-    "--output",
-    "outputs",
-    multiple=True,
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Write .md (summary of a CI job), .xml (JUnit) or .json. Repeatable.",
-)
-@click.option(
-    "--fail-on",
-    cls=ListOption,
-    metavar="WHAT",
-    help="End with 1 on regression, inconclusive, or new wrong,...",
-)
-@click.option(
-    "--margin", type=click.FloatRange(min=0), default=0.05, show_default=True, help="Change of times to find."
-)
-@click.option(
-    "--counter-margin", type=click.FloatRange(min=0), default=0.05, show_default=True, help="The same of counters."
-)
+@click.argument("base", type=PATH)
+@click.argument("new", required=False, type=PATH)
+@click.option("--a", "first", metavar="LABEL", help="Solver or label that is the base, with one file.")
+@click.option("--b", "second", metavar="LABEL", help="Solver or label that is compared with it, with one file.")
+@outputs_option((".md", ".json", ".xml"), "Output file .md (summary of a CI job), .xml (JUnit) or .json. Repeatable.")
+@fail_on_option("Outcomes with which the command ends with 1: regression, inconclusive, or new wrong,...")
+@click.option("--margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of times to find.")
+@click.option("--counter-margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of counters.")
 @click.option(
     "--alpha",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
@@ -61,12 +42,12 @@ SUFFIXES = (".md", ".json", ".xml")
     help="Level of the tests, for all labels together.",
 )
 @click.option(
-    "--noise", metavar="LABEL,LABEL", help="Two labels of equal code in the (new) file: what differs is noise."
+    "--noise", type=LABELS, metavar="LABEL,LABEL", help="Two labels of equal code: what differs between them is noise."
 )
 @click.option("--confirm", is_flag=True, help="Run what alarmed again, by the plan in the file; one alarm is none.")
-@click.option("--count-stationary", is_flag=True, help="Count answers that are stationary only among the solved.")
-@click.option("--same-machine", is_flag=True, help="The two files are of one machine, whatever its name is in them.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
+@stationary_option
+@click.option("--same-machine", is_flag=True, help="Treat the two files as of one machine, whatever its name in them.")
+@seed_option("Random seed of the bootstrap.")
 def command(
     base: Path,
     new: Path | None,
@@ -77,7 +58,7 @@ def command(
     margin: float,
     counter_margin: float,
     alpha: float,
-    noise: str | None,
+    noise: tuple[str, str] | None,
     confirm: bool,
     count_stationary: bool,
     same_machine: bool,
@@ -92,77 +73,45 @@ def command(
     With --confirm, pairs that alarmed are run again: of two builds in one file both, of two files the new side, with
     the solvers that are installed now (--plugin for those of a file). What does not alarm twice is inconclusive.
 
-    Ends with 0 whatever is found, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
+    Ends with 0 whatever differs, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """
-    from cpbench.analysis.comparison import Settings, compare, compare_labels, equal_pairs
+    from cpbench.analysis.comparison import Settings
     from cpbench.report.comparison import terminal, write
 
-    _checked(base, new, first, second, outputs, fail_on)
+    _require_sense(base, new, first, second, fail_on)
     settings = Settings(margin, counter_margin, alpha, same_machine, seed, count_stationary)
-    equal = _two(noise) if noise is not None else None
-
-    def compared(after: Side) -> Comparison:
-        if new is None:
-            return compare_labels(after, first or "", second or "", settings, equal)
-        return compare(base_side(base, after), after, settings, equal_pairs(after, equal) if equal else None)
-
-    results = new or base
-    found = compared(side(results))
-    if confirm:
-        from cpbench.cli.confirm import confirm as run_again
-
-        statuses = [what for what in fail_on or () if what not in ("regression", "inconclusive")]
-        found = run_again(found, results, equal or (), statuses, compared)
-    for line in terminal.lines(found):
-        click.echo(line)
+    again = partial(
+        comparing.confirm,
+        others=noise or (),
+        statuses=[name for name in fail_on if name not in WHOLE],
+        audience=Display(quiet=True),
+        report=lambda line: click.echo(line, err=True),
+    )
+    labels = first or "", second or ""
+    comparison = comparing.compare_files(base, new, labels, settings, noise, again if confirm else None)
+    print_lines(terminal.lines(comparison))
     for path in outputs:
-        write(found, path)
+        write(comparison, path)
         click.echo(f"written: {path}", err=True)
-    failed = _failed(found, fail_on)
+    failed = comparison.failures(fail_on)
     if failed:
-        click.echo(f"cpbench: {', '.join(f'{count} {what}' for what, count in failed.items())} (--fail-on)", err=True)
+        click.echo(f"cpbench: {', '.join(f'{count} {name}' for name, count in failed.items())} (--fail-on)", err=True)
         sys.exit(1)
 
 
-def _checked(
+def _require_sense(
     base: Path,
     new: Path | None,
     first: str | None,
     second: str | None,
-    outputs: tuple[Path, ...],
     fail_on: tuple[str, ...],
 ) -> None:
-    """Raises UsageError, CpbenchError on options that do not go together, before any file is read."""
+    """Raise UsageError, CpbenchError on options that do not go together, before any file is read."""
     if new is None and (first is None or second is None):
         missing = "--b" if first is not None else "--a" if second is not None else "NEW, or --a and --b"
         raise click.UsageError(f"{missing} is missing: cpbench compare BASE NEW, or cpbench compare RUN --a X --b Y")
     if new is not None and (first is not None or second is not None):
         raise click.UsageError(f"--a and --b compare two labels of one file: leave {new} out")
-    for path in outputs:
-        if path.suffix not in SUFFIXES:
-            raise click.UsageError(f"-o {path}: unknown suffix '{path.suffix}'; use {', '.join(SUFFIXES)}")
-        if not path.parent.is_dir():
-            raise click.UsageError(f"-o {path}: there is no folder {path.parent}; make it first")
-    for what in fail_on:
-        if what not in FAILURES:
-            raise UnknownName("outcome for --fail-on", what, FAILURES)
-
-
-def _two(text: str) -> tuple[str, str]:
-    """Two labels; a comma within brackets is part of one."""
-    labels = brackets.split(text, ",")
-    if len(labels) != 2 or not all(labels):
-        raise click.UsageError(f"--noise {text}: takes two labels of equal code, as mine@base,mine@again")
-    return labels[0], labels[1]
-
-
-def _failed(found: Comparison, fail_on: tuple[str, ...]) -> Mapping[str, int]:
-    """What --fail-on asks for and is there, with its count."""
-    counts: dict[str, int] = {}
-    for what in fail_on:
-        if what in ("regression", "inconclusive"):
-            verdict = "regressed" if what == "regression" else what
-            counts[what] = int(found.verdict == verdict)
-        else:
-            counts[f"new {what}"] = len(found.became(what))
-    return {what: count for what, count in counts.items() if count}
+    for name in fail_on:
+        if name not in FAILURES:
+            raise UnknownName("outcome for --fail-on", name, FAILURES)

@@ -8,38 +8,35 @@ from pathlib import Path
 
 import click
 
+from cpbench.api.import_text import remarks
 from cpbench.bench.planning.selection import addresses
-from cpbench.bench.results.imported import ELSEWHERE, Imported, Origin, import_answers
+from cpbench.bench.results.imported import ELSEWHERE, Origin, import_answers
 from cpbench.bench.results.store import Store
-from cpbench.cli.options import Command, force_option, format_option, tolerance_option
+from cpbench.cli.options import Command, force_option, format_option, measure_option, tolerance_option
+from cpbench.cli.terminal import print_lines
+from cpbench.cli.types import COUNT, FILE, PATH
 from cpbench.errors import CpbenchError
+from cpbench.generators.collection import builtin_folder
 from cpbench.plurals import counted
-
-_SHOWN = 10
-"""Lines of a kind that are printed; the rest is counted."""
 
 
 @click.command("import", cls=Command)
-@click.argument("source", metavar="ANSWERS", type=click.Path(path_type=Path))
-@click.option("-s", "--solver", required=True, metavar="NAME", help="Who made the answers; need not be known here.")
+@click.argument("source", metavar="ANSWERS", type=PATH)
+@click.option("-s", "--solver", required=True, metavar="NAME", help="Solver that made the answers; any name.")
 @click.option(
     "--problems",
     multiple=True,
     default=("builtin",),
     show_default=True,
     metavar="FILE|FOLDER",
-    help="Problems that were asked: files, packs, folders, globs or builtin. Repeatable.",
+    help="Problems that were solved: files, packs, folders, globs or builtin. Repeatable.",
 )
-@click.option(
-    "--times",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Table with the columns problem,seconds[,iterations,claim].",
-)
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, dir_okay=False), help="Results file.")
-@click.option("--machine", default=ELSEWHERE, show_default=True, metavar="TEXT", help="Where the answers were made.")
-@click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="With how many threads.")
-@click.option("--exchange", metavar="NAME", help="Form of the answers; default: what each looks like.")
-@click.option("--measure", metavar="NAME", help="The one number that decides; default: all of them.")
+@click.option("--times", type=FILE, help="Table with the columns problem,seconds[,iterations,claim].")
+@click.option("-o", "--output", required=True, type=FILE, help="Results file.")
+@click.option("--machine", default=ELSEWHERE, show_default=True, metavar="TEXT", help="Machine of the answers.")
+@click.option("--threads", type=COUNT, default=1, show_default=True, help="Number of threads of the solver.")
+@click.option("--exchange", metavar="NAME", help="Form of the answers; default: by their content.")
+@measure_option
 @tolerance_option
 @format_option
 @force_option
@@ -64,11 +61,11 @@ def command(
     --answers. Without a claim (in the table of times, or in claim.json) an answer counts as claimed.
 
     Every problem of a formulation that some answer is to has a row; one without an answer is failed. Rows are marked
-    by --machine, and their times stay out of rankings unless cpbench report is told --with-imported.
+    by --machine, and their times stay out of rankings unless cpbench report has --with-imported.
     """
     if not solver.strip() or not machine.strip():
         raise CpbenchError("--solver and --machine may not be empty: they mark the rows")
-    asked = addresses(problems, _builtin_folder)
+    asked = addresses(problems, builtin_folder)
     with Store(output, create=True) as store:
         done = import_answers(
             store,
@@ -81,29 +78,7 @@ def command(
             command=shlex.join(["cpbench", *sys.argv[1:]]),
             force=force,
         )
-    _tell(done)
+    print_lines(remarks(done), err=True)
     summary = ", ".join(f"{n} {status}" for status, n in done.counts.most_common())
     click.echo(f"{counted(sum(done.counts.values()), 'problem')}, {solver} from {machine}: {summary}")
     click.echo(f"results: {output}")
-
-
-def _builtin_folder() -> Path:
-    from cpbench.generators.collection import builtin_folder
-
-    return builtin_folder()
-
-
-def _tell(done: Imported) -> None:
-    refused = [reason for _, reason in done.refused]
-    for reason, lines in (("refused", refused), ("not used", done.stray), ("error", done.broken)):
-        for line in lines[:_SHOWN]:
-            click.echo(f"{reason}: {line}", err=True)
-        if len(lines) > _SHOWN:
-            click.echo(f"{reason}: {len(lines) - _SHOWN} more", err=True)
-    if done.unasked:
-        listed = ", ".join(f"{node} {count}" for node, count in sorted(done.unasked.items()))
-        click.echo(f"no answer to any problem of these formulations, no row: {listed}", err=True)
-    if done.unanswered:
-        click.echo(f"no answer, and a row that says failed: {counted(done.unanswered, 'problem')}", err=True)
-    if done.untimed:
-        click.echo(f"no time (--times not given, or without a line): {counted(done.untimed, 'answer')}", err=True)

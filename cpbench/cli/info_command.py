@@ -3,149 +3,85 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
-from collections.abc import Mapping
-from typing import Any
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
 import click
-import numpy as np
 
-from cpbench import facts, matrices, storage
-from cpbench.cli import info_summary
-from cpbench.cli.answer import is_results, print_results
-from cpbench.cli.options import Address, Command, format_option, number
-from cpbench.facts import Fact
-from cpbench.formulations import Problem
-from cpbench.generators.collection import address_text
-from cpbench.plain_text import printable
+from cpbench import facts, storage
+from cpbench.api import problem_text
+from cpbench.api.results import is_results_file
+from cpbench.cli import terminal
+from cpbench.cli.answer import print_results
+from cpbench.cli.options import Command, format_option
+from cpbench.cli.terminal import print_lines
+from cpbench.cli.types import ADDRESS
+from cpbench.errors import CpbenchError
+from cpbench.plurals import counted
 
-LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
+MANY = 3
+"""Number of problems up to which each is shown by itself."""
 
 
 @click.command(cls=Command)
-@click.argument("files", nargs=-1, required=True, type=Address())
-@click.option("--json", "as_json", is_flag=True, help="Everything, machine readable: a list with one object a problem.")
+@click.argument("files", nargs=-1, required=True, type=ADDRESS)
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: a list with one object a problem.")
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
 @format_option
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
-    Of more than three problems it shows a line each; one that cannot be read does not keep back the others. Of a
-    results file: which solver to use, as the run that wrote it ended.
+    Of more than three problems it shows a line each; one that cannot be read does not keep back the others. For a
+    results file it shows which solver to use, as at the end of the run.
 
     A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.
     """
-    if any(map(is_results, files)):
+    if any(map(is_results_file, files)):
         first, *others = files
         if as_json or file_format or others:
             raise click.UsageError("a results file stands alone, without options; its rows as JSON: cpbench export")
         print_results(first)
         return
-    records: list[dict[str, Any]] = []
     addresses = storage.problem_files(files) or list(files)
-    if len(addresses) > info_summary.MANY and not as_json:
-        told, refused = info_summary.lines(addresses, file_format)
-        click.echo("\n".join(told))
-        for reason in refused:
-            click.echo(reason, err=True)
+    if len(addresses) > MANY and not as_json:
+        rows, refused = _read(addresses, file_format)
+        print_lines(_summary(rows))
+        print_lines(refused, err=True)
         if refused:
             sys.exit(2)
         return
+    records: list[dict[str, object]] = []
     for address in addresses:
         problem = storage.load(address, format=file_format)
         measured = facts.of(problem) if measure else ()
         if as_json:
-            records.append(_record(address, problem, measured))
+            records.append(problem_text.record(address, problem, measured))
         else:
-            _print(address, problem, measured)
+            print_lines(problem_text.lines(address, problem, measured))
     if as_json:
         click.echo(json.dumps(records, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
-    click.echo(f"{address_text(address)}: {problem.title} {problem.equation}")
-    click.echo(f"  node         {problem.node}")
-    click.echo(f"  name         {printable(problem.name)}")
-    click.echo(f"  fingerprint  {problem.fingerprint}")
-    for symbol, size in problem.sizes().items():
-        click.echo(f"  {symbol:<12} {size}")
-    for name, value in problem.data().items():
-        click.echo(f"  {name:<12} {_describe(value)}")
-    for name, F in problem.maps().items():
-        click.echo(f"  {name:<12} map {F.rows}x{F.inputs}, {F.operations} operations, {F.constants.size} constants")
-    for name, value in problem.parameters.items():
-        click.echo(f"  parameter    {name} = {value:.17g}")
-    for label in LABELS:
-        text = getattr(problem.info, label)
-        if text:
-            click.echo(f"  {label:<12} {printable(text)}")
-    for key, value in problem.info.properties.items():
-        click.echo(printable(f"  property     {key} = {value}"))
-    for step in problem.provenance:
-        parameters = ", ".join(f"{k}={v}" for k, v in step.parameters.items())
-        click.echo(
-            f"  made by      {step.conversion}({parameters}), {step.kind}, from {step.source_node} {step.source}"
-        )
-    for fact in measured:
-        click.echo(f"  fact         {fact}")
+def _read(addresses: Sequence[str], file_format: str | None) -> tuple[list[tuple[str, str, str]], list[str]]:
+    """Return formulation, sizes and address of each problem, and a line for each that cannot be read."""
+    rows: list[tuple[str, str, str]] = []
+    refused: list[str] = []
+    for address in addresses:
+        try:
+            problem = storage.load(address, format=file_format)
+        except CpbenchError as cause:
+            refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
+        else:
+            rows.append((problem.node, problem_text.sizes_line(problem), address))
+    return rows, refused
 
 
-def _describe(value: matrices.Matrix | matrices.Vector) -> str:
-    if value.ndim == 1:
-        return f"vector of {value.size}, max |.| {number(matrices.max_abs(value))}"
-    rows, cols = value.shape
-    storage_kind = "sparse" if matrices.is_sparse(value) else "dense"
-    return f"{storage_kind} {rows}x{cols}, {matrices.nnz(value)} nonzeros, max |.| {number(matrices.max_abs(value))}"
-
-
-def _record(address: str, problem: Problem, measured: tuple[Fact, ...]) -> dict[str, Any]:
-    return {
-        "address": address,
-        "node": problem.node,
-        "title": problem.title,
-        "equation": problem.equation,
-        "relations": list(problem.relations),
-        "name": problem.name,
-        "fingerprint": problem.fingerprint,
-        "sizes": problem.sizes(),
-        "data": {name: _data_record(value) for name, value in problem.data().items()},
-        "maps": {
-            name: {"shape": list(F.shape), "operations": F.operations, "constants": F.constants.size}
-            for name, F in problem.maps().items()
-        },
-        "parameters": problem.parameters,
-        "unknowns": problem.point_sizes,
-        "info": {label: getattr(problem.info, label) for label in LABELS},
-        "properties": {key: _plain(value) for key, value in problem.info.properties.items()},
-        "provenance": [
-            {
-                "conversion": step.conversion,
-                "parameters": {k: _plain(v) for k, v in step.parameters.items()},
-                "kind": step.kind,
-                "source_node": step.source_node,
-                "source": step.source,
-            }
-            for step in problem.provenance
-        ],
-        "facts": [{k: _plain(v) for k, v in fact.record().items()} for fact in measured],
-    }
-
-
-def _data_record(value: matrices.Matrix | matrices.Vector) -> dict[str, Any]:
-    record: dict[str, Any] = {"shape": list(value.shape), "max_abs": _plain(matrices.max_abs(value))}
-    if value.ndim == 2:
-        record |= {"storage": "sparse" if matrices.is_sparse(value) else "dense", "nonzeros": matrices.nnz(value)}
-    return record
-
-
-def _plain(value: Any) -> Any:
-    """A value that JSON has: NumPy scalars and arrays unpacked, infinities and NaN by name."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (np.ndarray, list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return str(value)
-    return value if isinstance(value, (bool, int, float, str)) or value is None else str(value)
+def _summary(rows: Sequence[tuple[str, str, str]]) -> Iterator[str]:
+    nodes = Counter(node for node, _, _ in rows)
+    kinds = ", ".join(f"{count} {node}" for node, count in nodes.most_common())
+    yield f"{counted(len(rows), 'problem')}: {kinds or 'none could be read'}"
+    if rows:
+        yield from terminal.table(rows)
+        yield f"all that is known of one: cpbench info {shlex.quote(rows[0][2])}; of all, for programs: --json"

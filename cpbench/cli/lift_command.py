@@ -7,17 +7,23 @@ from pathlib import Path
 import click
 
 from cpbench import graph, storage
-from cpbench.cli.answers import write_plain
 from cpbench.cli.options import Command, force_option
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.storage.base import require_new
+from cpbench.storage.vectors import save_vector
 
 
 @click.command(cls=Command)
 @click.argument("solution", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Answer file: .h5, .npy or .csv.")
-@click.option("--problem", metavar="FILE", help="The converted problem, when SOLUTION is a bare vector or answer.")
-@click.option("--steps", type=click.IntRange(min=1), help="Undo only the last STEPS conversions (default: all).")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="Output file of the answer: .h5, .npy or .csv.",
+)
+@click.option("--problem", metavar="FILE", help="Converted problem, where SOLUTION is a bare vector or answer.")
+@click.option("--steps", type=click.IntRange(min=1), help="Number of conversions to undo, from the last; default: all.")
 @force_option
 def command(solution: Path, output: Path, problem: str | None, steps: int | None, force: bool) -> None:
     """Carry an answer to a converted problem back to its source.
@@ -30,20 +36,20 @@ def command(solution: Path, output: Path, problem: str | None, steps: int | None
     if not converted.provenance:
         raise CpbenchError(f"{problem or solution}: was not converted by cpbench, there is nothing to lift")
     if problem is None:
-        found = storage.solution(solution)
-        if found is None:
+        stored = storage.solution(solution)
+        if stored is None:
             raise FormatError(
                 solution, "solution", "is missing; give the answer as SOLUTION and its problem by --problem"
             )
-        point = found[0]
+        point = stored[0]
     else:
         point = storage.load_answer(solution, converted)
     undone = converted.provenance if steps is None else converted.provenance[-steps:]
     lifted = graph.lift(converted, point, steps)
     first = undone[0]
-    if not write_plain(lifted, output, force=force):
-        said = {"name": converted.name}
-        storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=said, force=force)
+    if not save_vector(lifted, output, force=force):
+        name = {"name": converted.name}
+        storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=name, force=force)
     for remark in graph.remarks(converted, point, steps):
         click.echo(f"note: {remark}", err=True)
     edges = " > ".join(s.conversion for s in undone)

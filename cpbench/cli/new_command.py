@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import shlex
-import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
-from cpbench.cli import new_ci, new_templates
+from cpbench.api import new_ci, new_plugin
 from cpbench.cli.options import Command
-from cpbench.errors import DuplicateName, FormatError
+from cpbench.cli.terminal import print_lines
+from cpbench.cli.types import FOLDER
 
 LANGUAGES = ("python", "cpp", "julia", "command")
 KINDS = ("solver", "conversion", "problem")
@@ -34,15 +31,15 @@ CI = "ci"
     default="lcp",
     show_default=True,
     metavar="NODE",
-    help="The formulation it is for: fc, lcp, mlcp, ncp or qp, in Python or C++; else lcp.",
+    help="Formulation of the plugin: fc, lcp, mlcp, ncp or qp, in Python or C++; else lcp.",
 )
-@click.option("--with", "guest", type=click.Choice(["path"]), help="Julia: call the PATH solver (PATHSolver.jl).")
-@click.option("--host", type=click.Choice(list(new_ci.HOSTS)), default="github", show_default=True, help="Of ci.")
-@click.option("--build", default="", metavar="COMMAND", help="ci: makes the solver, at the top of the repository.")
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path, file_okay=False), help="Folder; default: NAME, for ci this one."
+    "--with", "guest", type=click.Choice(["path"]), help="Solver that a Julia plugin calls: PATH (PATHSolver.jl)."
 )
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@click.option("--host", type=click.Choice(list(new_ci.HOSTS)), default="github", show_default=True, help="CI system.")
+@click.option("--build", default="", metavar="COMMAND", help="Command that builds the solver, for ci.")
+@click.option("-o", "--output", type=FOLDER, help="Output folder; default: NAME, for ci this one.")
+@click.option("--force", is_flag=True, help="Replace existing files.")
 def command(
     kind: str,
     name: str | None,
@@ -66,66 +63,9 @@ def command(
         steps = new_ci.next_steps(host, folder, name, build)
     else:
         if name is None:
-            raise click.UsageError(f"say a name: cpbench new {kind} NAME")
-        _checked(kind, lang, node, guest)
-        words = new_templates.words(kind, name)
-        _is_free(kind, words["EDGE"] if kind == "conversion" else name)
-        folder = output or Path(name)
-        texts = new_templates.texts(kind, words, lang, node, guest)
-        steps = _next(lang, folder, texts)
-    _write(folder, texts, force)
-    for file in sorted(texts):
-        click.echo(f"wrote {folder / file}")
-    for step in steps:
-        click.echo(f"next: {step}")
-
-
-def _checked(kind: str, lang: str, node: str, guest: str | None) -> None:
-    """Raises UsageError, UnknownName on options that do not go together."""
-    from cpbench.formulations import formulations
-
-    if guest is not None and lang != "julia":
-        raise click.UsageError(f"--with {guest} is for --lang julia")
-    if kind != "solver" and lang != "python":
-        raise click.UsageError(f"a {kind} is written in Python; --lang is for solvers")
-    formulations.get(node)
-
-
-def _is_free(kind: str, name: str) -> None:
-    """Raises DuplicateName when the name belongs to something that is registered."""
-    from cpbench.testing.conduct import REGISTRIES
-
-    if name in REGISTRIES[kind]:
-        raise DuplicateName(f"the {kind} '{name}' exists already: take another name")
-
-
-def _write(folder: Path, texts: Mapping[str, str], force: bool) -> None:
-    """All files or none; raises FormatError."""
-    for file in texts:
-        if (folder / file).exists() and not force:
-            raise FormatError(folder / file, "", "exists already; --force replaces it, -o FOLDER writes elsewhere")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as place:
-            for file, text in texts.items():
-                fresh = Path(place, file)
-                fresh.parent.mkdir(parents=True, exist_ok=True)
-                fresh.write_text(text, encoding="utf-8")
-                if text.startswith("#!"):
-                    fresh.chmod(0o755)
-            for file in texts:
-                (folder / file).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(Path(place, file), folder / file)
-    except OSError as cause:
-        raise FormatError(folder, "", f"cannot be written ({cause.strerror or cause})") from None
-
-
-def _next(lang: str, folder: Path, texts: Mapping[str, str]) -> list[str]:
-    """Command lines to go on with."""
-    plugin = next(file for file in sorted(texts) if file.endswith(".py" if lang == "python" else ".toml"))
-    check = shlex.join(["cpbench", "check", str(folder / plugin)])
-    if lang == "cpp":
-        return [shlex.join(["make", "-C", str(folder)]), check]
-    if lang == "julia":
-        return [f"install Julia and the packages, as the first line of {folder / plugin} says", check]
-    return [check]
+            raise click.UsageError(f"a name is missing: cpbench new {kind} NAME")
+        folder, texts = output or Path(name), new_plugin.plugin_texts(kind, name, lang, node, guest)
+        steps = new_plugin.next_steps(lang, folder, texts)
+    new_plugin.write_files(folder, texts, force)
+    print_lines(f"wrote {folder / file}" for file in sorted(texts))
+    print_lines(f"next: {step}" for step in steps)

@@ -1,155 +1,32 @@
-"""Option types and small pieces that several commands share."""
+"""Options that several commands share, and the classes of commands and options behind them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 from click.core import ParameterSource
 
-from cpbench.bench.planning import quantities
 from cpbench.bench.time_limits import floors
-from cpbench.errors import CpbenchError
+from cpbench.cli.types import COUNT, DURATION, FACETS, MEMORY, NAMES, POSITIVE
 
+if TYPE_CHECKING:
+    from cpbench.formulations import Kind
 
-class Duration(click.ParamType):
-    """`30s`, `10m`, `3h`, a number of seconds, or `none`."""
-
-    name = "duration"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        if isinstance(value, (int, float)):
-            return float(value)
-        try:
-            return quantities.seconds(str(value))
-        except CpbenchError as cause:
-            self.fail(str(cause), param, ctx)
-
-
-class Length(click.ParamType):
-    """`3.5in`, `89mm` or `8.9cm`, in inches."""
-
-    name = "length"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        if isinstance(value, float):
-            return value
-        units = {"in": 1.0, "mm": 1 / 25.4, "cm": 1 / 2.54}
-        number, unit = str(value).strip()[:-2], str(value).strip()[-2:]
-        try:
-            length = float(number) * units[unit]
-        except (ValueError, KeyError):
-            length = 0.0
-        if not 0 < length < 1000:
-            self.fail(f"'{value}' is no length: write 3.5in, 89mm or 8.9cm", param, ctx)
-        return length
-
-
-class Memory(click.ParamType):
-    """`512M`, `4G`, or a number of bytes; `0` or `none` for no limit."""
-
-    name = "size"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        if isinstance(value, int):
-            return value
-        try:
-            return quantities.size(str(value))
-        except CpbenchError as cause:
-            self.fail(str(cause), param, ctx)
-
-
-class Counts(click.ParamType):
-    """`8` or `8,16`: numbers of facets, even and at least 4."""
-
-    name = "numbers"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, ...]:
-        if isinstance(value, tuple):
-            return tuple(int(v) for v in value)
-        try:
-            return tuple(quantities.facet_count(int(part)) for part in str(value).split(","))
-        except ValueError:
-            self.fail(f"'{value}' is no list of numbers; write 8 or 8,16", param, ctx)
-        except CpbenchError as cause:
-            self.fail(str(cause), param, ctx)
-
-
-class Count(click.ParamType):
-    """`8`: one number of facets, even and at least 4."""
-
-    name = "number"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        try:
-            return quantities.facet_count(int(value))
-        except ValueError:
-            self.fail(f"'{value}' is no number of facets; write one, as 8", param, ctx)
-        except CpbenchError as cause:
-            self.fail(str(cause), param, ctx)
-
-
-class Address(click.ParamType):
-    """A file, FILE::NAME, or one of the built-in problems, `builtin/lcp/american-put.h5::american-put-100`."""
-
-    name = "problem"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from cpbench.bench.planning.places import located
-        from cpbench.generators.collection import builtin_folder
-
-        return located(str(value), builtin_folder)
-
-
-class Numbers(click.ParamType):
-    """`1e-6` or `1e-4,1e-6`."""
-
-    name = "numbers"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        if isinstance(value, tuple):
-            return tuple(float(v) for v in value)
-        try:
-            return tuple(float(part) for part in str(value).split(","))
-        except ValueError:
-            self.fail(f"'{value}' is no list of numbers; write 1e-6 or 1e-4,1e-6", param, ctx)
-
-
-class Names(click.ParamType):
-    """`wrong` or `wrong,crash`; commas in brackets separate nothing: `nsgs[omega=1,shuffle=true],lemke`."""
-
-    name = "names"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
-        return value if isinstance(value, tuple) else tuple(separated(str(value)))
-
-
-def separated(text: str) -> list[str]:
-    """The parts between commas that stand in no bracket.
-
-    >>> separated("nsgs[omega=1,shuffle=true], lemke")
-    ['nsgs[omega=1,shuffle=true]', 'lemke']
-    """
-    parts, depth = [""], 0
-    for sign in text:
-        depth += (sign in "[({") - (sign in "])}")
-        if sign == "," and depth <= 0:
-            parts.append("")
-        else:
-            parts[-1] += sign
-    return [part.strip() for part in parts]
+Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 class ListOption(click.Option):
     """An option that takes several values, repeated or between commas: `-t 1e-4 -t 1e-8` is `-t 1e-4,1e-8`.
 
-    Its type makes a tuple of one text, of names where none is said. A value that is given twice counts once; without
+    Its type makes a tuple of one text, of names by default. A value that is given twice counts once; without
     the option the value is its default, or ().
     """
 
     def __init__(self, *args: Any, type: click.ParamType | None = None, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs, type=type or Names(), multiple=True)
+        super().__init__(*args, **kwargs, type=type or NAMES, multiple=True)
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> tuple[Any, ...]:
         texts = value if isinstance(value, (tuple, list)) else ()
@@ -194,40 +71,125 @@ class Sections(Command):
                     formatter.write_text(example)
 
 
-def tolerance_option(f: Callable[..., Any]) -> Callable[..., Any]:
-    """`--tolerance`, positive."""
+def chained(*options: Decorator) -> Decorator:
+    """Return one decorator for several options, in their order."""
+
+    def decorate(f: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            f = option(f)
+        return f
+
+    return decorate
+
+
+tolerance_option = click.option(
+    "--tolerance",
+    "-t",
+    type=POSITIVE,
+    default=1e-6,
+    show_default=True,
+    help="Largest measured error of an answer that solves the problem.",
+)
+timeout_option = click.option(
+    "--timeout",
+    type=DURATION,
+    default="10s",
+    show_default=True,
+    help=f"Wall-clock limit of a solve (30s, 5m, none), and of every other phase, which has at least: {floors()}.",
+)
+memory_option = click.option(
+    "--memory",
+    type=MEMORY,
+    default="4G",
+    show_default=True,
+    help="Memory that a solve may add to a warmed-up worker; conversions have twice that, 2G at least; none: no limit.",
+)
+threads_option = click.option("--threads", type=COUNT, default=1, show_default=True, help="Number of BLAS threads.")
+limit_options = chained(timeout_option, memory_option, threads_option)
+facets_option = click.option(
+    "--facets", type=FACETS, default=8, show_default=True, help="Number of facets of a facet conversion."
+)
+angle_option = click.option(
+    "--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad]."
+)
+via_option = click.option(
+    "--via",
+    cls=ListOption,
+    metavar="CONVERSION",
+    help="Conversion to go through, by its name or the end of it; NAME[knob=value] sets its knobs. Repeatable.",
+)
+format_option = click.option(
+    "--format", "file_format", metavar="NAME", help="Format of the input (cpbench list formats)."
+)
+force_option = click.option("--force", is_flag=True, help="Replace an existing output file.")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
+measure_option = click.option("--measure", metavar="NAME", help="Measure that decides alone; default: all of them.")
+publishable_option = click.option(
+    "--publishable", is_flag=True, help="Leave out solvers whose licence restricts the publishing of figures."
+)
+stationary_option = click.option(
+    "--count-stationary", is_flag=True, help="Count answers that are only stationary among the solved."
+)
+
+
+def kinds_option(default: str = "exact") -> Decorator:
+    """Return `--routes exact|all`, as a set of kinds in the argument `kinds`."""
+
+    def _kinds(_: click.Context, __: click.Parameter, value: str) -> frozenset[Kind]:
+        from cpbench import graph  # with NumPy and SciPy, which not every command needs
+
+        return graph.EXACT if value == "exact" else graph.ALL
+
     return click.option(
-        "--tolerance",
-        "-t",
-        type=click.FloatRange(min=0, min_open=True),
-        default=1e-6,
+        "--routes",
+        "kinds",
+        type=click.Choice(["exact", "all"]),
+        default=default,
         show_default=True,
-        help="An answer solves the problem when its measured error is at most this.",
-    )(f)
+        callback=_kinds,
+        help="Conversions to consider; all: approximate, relaxed and merely necessary ones too.",
+    )
 
 
-def limit_options(f: Callable[..., Any]) -> Callable[..., Any]:
-    """`--timeout`, `--memory`, `--threads`."""
-    f = click.option("--threads", type=click.IntRange(min=1), default=1, show_default=True, help="BLAS threads.")(f)
-    f = click.option(
-        "--memory",
-        type=Memory(),
-        default="4G",
-        show_default=True,
-        help="What a solve may add to a warmed-up worker; conversions have twice that, 2G at least; none: no limit.",
-    )(f)
-    return click.option(
-        "--timeout",
-        type=Duration(),
-        default="10s",
-        show_default=True,
-        help=f"Wall-clock limit of a solve (30s, 5m, none), and of every other phase, which has at least: {floors()}.",
-    )(f)
+def seed_option(text: str) -> Decorator:
+    """Return `--seed` with a help text."""
+    return click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help=text)
 
 
-def facets_option(f: Callable[..., Any]) -> Callable[..., Any]:
-    """`--facets`, of commands that convert once."""
-    return click.option("--facets", type=Count(), default=8, show_default=True, help="Facets of a facet conversion.")(f)
+def jobs_option(default: int | None, text: str) -> Decorator:
+    """Return `--jobs` with its default and help text."""
+    return click.option("-j", "--jobs", type=COUNT, default=default, show_default=default is not None, help=text)
+
+
+def fail_on_option(text: str) -> Decorator:
+    """Return `--fail-on` with a help text."""
+    return click.option("--fail-on", cls=ListOption, metavar="NAMES", help=text)
+
+
+def problem_options(split: str | None) -> Decorator:
+    """Return the options that choose problems by their words, family, facts and half."""
+    return chained(
+        click.option(
+            "-k", "--keyword", metavar="WORDS", help="Words in path, name, family or node of problems: 'a and not b'."
+        ),
+        click.option("--family", cls=ListOption, metavar="NAME", help="Family of problems (a glob). Repeatable."),
+        click.option(
+            "--where",
+            metavar="CONDITION",
+            help="Condition on facts: 'nc > 100 and 3*nc/ndof > 1'. Problems without that fact are skipped.",
+        ),
+        click.option(
+            "--split",
+            type=click.Choice(["dev", "test", "all"]),
+            default=split,
+            show_default=split is not None,
+            help="Half of the problems, by a hash of their mathematics: dev to tune on, test to compare on.",
+        ),
+        click.option(
+            "--max-problems", type=COUNT, metavar="N", help="Largest number of problems of a set, drawn by --seed."
+        ),
+    )
 
 
 def require_with_via(via: Sequence[str]) -> None:
@@ -239,17 +201,21 @@ def require_with_via(via: Sequence[str]) -> None:
             raise click.UsageError(f"--{name} goes with --via CONVERSION, as in --via inner: nothing else takes it")
 
 
-def format_option(f: Callable[..., Any]) -> Callable[..., Any]:
-    """`--format`, for files whose format cannot be told from their content."""
-    return click.option("--format", "file_format", metavar="NAME", help="Format of the input (cpbench list formats).")(
-        f
-    )
+def outputs_option(suffixes: Sequence[str], text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """`--output` of commands that write several files, each in the form that its suffix names."""
 
+    def _check(_: click.Context, __: click.Parameter, outputs: tuple[Path, ...]) -> tuple[Path, ...]:
+        for path in outputs:
+            if path.suffix not in suffixes:
+                raise click.UsageError(f"-o {path}: unknown suffix '{path.suffix}'; use {', '.join(suffixes)}")
+            if not path.absolute().parent.is_dir():
+                raise click.UsageError(f"-o {path}: there is no folder {path.parent}; make it first")
+        return outputs
 
-def force_option(f: Callable[..., Any]) -> Callable[..., Any]:
-    return click.option("--force", is_flag=True, help="Replace an existing output file.")(f)
+    kind = click.Path(path_type=Path, dir_okay=False)
+    return click.option("-o", "--output", "outputs", multiple=True, type=kind, callback=_check, help=text)
 
 
 def number(value: float) -> str:
-    """A measured number the way all commands print it."""
+    """Return a measured number as all commands print it."""
     return f"{value:.3g}"

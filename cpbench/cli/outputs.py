@@ -18,5 +18,5 @@ def require_folder(path: Path) -> None:
 
 
 def replaced(path: Path, before: Iterable[Path]) -> str:
-    """The path as it is told, with a word where it was there before."""
+    """Return the path as text, with a word where it was there before."""
     return f"{path} (replaced)" if path in before else str(path)

@@ -17,10 +17,10 @@ ROOMS = {
 
 @cache
 def _kinds() -> dict[str, tuple[str, str]]:
-    """Kind -> its room, what it shows."""
+    """Return the package and the summary of each kind of figure."""
     from cpbench.report.figure_kinds import summaries
 
-    return {name: (room, told) for room in ROOMS for name, told in summaries(room).items()}
+    return {name: (room, text) for room in ROOMS for name, text in summaries(room).items()}
 
 
 class Kinds(click.Group):
@@ -41,7 +41,7 @@ class Kinds(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for room, (_, heading) in ROOMS.items():
             with formatter.section(heading):
-                formatter.write_dl([(name, told) for name, (own, told) in _kinds().items() if own == room])
+                formatter.write_dl([(name, text) for name, (own, text) in _kinds().items() if own == room])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and args[0] not in _kinds():

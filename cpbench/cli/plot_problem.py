@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import inspect
-import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
 from cpbench import storage
-from cpbench.cli.options import Address, Command, Counts, ListOption
+from cpbench.cli.options import Command
 from cpbench.cli.outputs import replaced
+from cpbench.cli.plot_options import OUTPUT, help_text, kind_option
+from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
 from cpbench.report import canvas
@@ -24,17 +24,14 @@ def command_of(kind: FigureKind) -> click.Command:
     needed = kind.problem is Need.REQUIRED
     if kind.problem is not Need.NONE:
         parameters += [
-            click.Argument(["source"], metavar="FILE" if needed else "[FILE]", type=Address(), required=needed),
+            click.Argument(["source"], metavar="FILE" if needed else "[FILE]", type=ADDRESS, required=needed),
             click.Option(["--format", "file_format"], metavar="NAME", help="Format of the input."),
         ]
     if kind.answer is not Need.NONE:
-        told = "Answer file (.h5, .npy, .npz, .csv); without it, the candidate in the file's own /solution."
-        parameters.append(click.Option(["--answer"], type=click.Path(path_type=Path), help=told))
-    parameters += [_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
-    parameters += [
-        click.Option(["-o", "--output"], type=click.Path(path_type=Path), required=True, help="x.svg, .png or .pdf."),
-        click.Option(["--bare"], is_flag=True, help="Leave out the title and the words on how to read it."),
-    ]
+        text = "Answer file (.h5, .npy, .npz, .csv); default: the candidate in the file's own /solution."
+        parameters.append(click.Option(["--answer"], type=PATH, help=text))
+    parameters += [kind_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
+    parameters += OUTPUT
 
     def draw(
         output: Path,
@@ -53,30 +50,18 @@ def command_of(kind: FigureKind) -> click.Command:
             canvas.write(drawn, output, bare=bare)
         click.echo(f"{kind.name}: {replaced(output, before)}")
 
-    told = inspect.cleandoc(sys.modules[kind.draw.__module__].__doc__ or "")
-    return Command(kind.name, params=parameters, callback=draw, help=told)
+    return Command(kind.name, params=parameters, callback=draw, help=help_text(kind))
 
 
 def _answer(kind: FigureKind, source: str | None, problem: Problem | None, answer: Path | None) -> Any:
-    """The answer that was given, or stands in the file; None where there is none and none is needed."""
+    """Return the answer that was given, or stands in the file; None where there is none and none is needed."""
     if problem is None or source is None:
         if answer is not None:
             raise click.UsageError("--answer is of a problem: give its FILE too")
         return None
     if answer is not None:
         return storage.load_answer(answer, problem)
-    found = storage.solution(source)
-    if found is None and kind.answer is Need.REQUIRED:
+    stored = storage.solution(source)
+    if stored is None and kind.answer is Need.REQUIRED:
         raise FormatError(source, "solution", "is missing; give an answer with --answer FILE (cpbench solve makes one)")
-    return None if found is None else found[0]
-
-
-def _option(name: str, default: Any, told: str) -> click.Option:
-    """An option of the type of its default; a tuple is a list of facet counts."""
-    flag = f"--{name.replace('_', '-')}"
-    if isinstance(default, bool):
-        return click.Option([flag], is_flag=True, default=default, help=told)
-    if isinstance(default, tuple):
-        shown = ",".join(map(str, default))
-        return ListOption([flag], type=Counts(), default=(shown,), show_default=shown, help=told)
-    return click.Option([flag], type=type(default), default=default, show_default=default not in ("", -1), help=told)
+    return None if stored is None else stored[0]

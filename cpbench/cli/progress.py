@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import shutil
 import sys
 import time
@@ -14,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cpbench.api.run_log import log_line, run_log
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.standings import Standings
 from cpbench.conversions import Conversion
-from cpbench.errors import CpbenchError, NotApplicable
+from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem
 from cpbench.graph import Apply
-from cpbench.plain_text import printable
 from cpbench.plurals import counted
 
 if TYPE_CHECKING:
@@ -43,7 +42,7 @@ class Display:
     def __init__(self, quiet: bool = False, verbose: bool = False, log: Path | None = None) -> None:
         self._quiet = quiet
         self._terminal = sys.stderr.isatty() and not quiet and not verbose
-        self._events = journal(verbose, log)
+        self._events = run_log(verbose, log)
         self._live: Any = None
         self._total = self._done = self._before = 0
         self._counts: Counter[str] = Counter()
@@ -53,7 +52,7 @@ class Display:
         self._began = self._told = time.monotonic()
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
-        """The addresses, with a bar over the files on a terminal."""
+        """Yield the addresses, with a bar over the files on a terminal."""
         yield from self._track(addresses, "reading")
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
@@ -89,14 +88,14 @@ class Display:
             self._standings.note(pair.label, row)
             self._tell()
         if self._events is not None:
-            self._events.info(line(event, pair, row))
+            self._events.info(log_line(event, pair, row))
 
     def end(self) -> None:
         if self._live is not None:
             self._live.stop()
 
     def view(self) -> Group:
-        """The live table: how far, how long it will take, what is being solved, and how the solvers stand."""
+        """Return the live table: how far, how long it will take, what is being solved, and how the solvers stand."""
         from rich.console import Group
         from rich.progress_bar import ProgressBar
         from rich.table import Table
@@ -115,7 +114,7 @@ class Display:
         return Group(table, self._standings.table(max(room, 1)))
 
     def _tell(self) -> None:
-        """A line a tenth of the way, and one a minute where that is rarer."""
+        """Print a line each tenth of the way, and one each minute where that is rarer."""
         tenth = self._done % max(1, self._total // 10) == 0
         if self._quiet or self._terminal or not (tenth or time.monotonic() - self._told > MINUTE):
             return
@@ -124,7 +123,7 @@ class Display:
         click.echo("  ".join(filter(None, (f"{self._done}/{self._total}", self._summary(), left))), err=True)
 
     def _left(self) -> str:
-        """Time for the rest at the pace so far; nothing before a hundredth is done."""
+        """Return the time for the rest at the pace so far; nothing before a hundredth is done."""
         if self._done * 100 < self._total:
             return ""
         pace = (time.monotonic() - self._began) / max(self._done, 1)
@@ -143,42 +142,8 @@ class Display:
 
 
 def compiling(solver: str) -> str:
-    """What is said while a solver compiles, that nobody takes it for a solve that hangs."""
+    """Return the message while a solver compiles, so that it is not taken for a solve that hangs."""
     return f"{solver}: compiling its loops, once on this machine (cpbench doctor --warm does so for all solvers)"
-
-
-def journal(verbose: bool, log: Path | None) -> logging.Logger | None:
-    """The logger of a run's events, with its handlers; None where nobody asked. Raises CpbenchError."""
-    if not verbose and log is None:
-        return None
-    logger = logging.getLogger("cpbench.run")
-    logger.setLevel(logging.INFO)
-    logger.propagate = False
-    try:
-        handlers: list[logging.Handler] = []
-        if log is not None:
-            handlers.append(logging.FileHandler(log, encoding="utf-8", errors="backslashreplace"))
-    except OSError as cause:
-        raise CpbenchError(f"{log}: cannot be written ({cause.strerror}); name another file with --log") from None
-    if verbose:
-        handlers.append(logging.StreamHandler(sys.stderr))
-    logger.handlers = handlers
-    for handler in handlers:
-        handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%Y-%m-%dT%H:%M:%S"))
-    return logger
-
-
-def line(event: str, pair: Pair | None, row: Mapping[str, Any]) -> str:
-    """An event of the run in one line."""
-    if pair is None:
-        return f"{event:<12} {row.get('solver', '')}".rstrip()
-    named = f"{pair.address} {pair.label}"
-    if event != "done":
-        return f"{event:<12} {named}"
-    took = f", solve {row['solve']:.3g} s" if row.get("solve") is not None else ""
-    error = f", error {row['error']:.2e}" if row.get("error") is not None else ""
-    message = f": {' '.join(str(row['message']).split())}" if row.get("message") else ""
-    return printable(f"{row['status']:<12} {named}{error}{took}{message}")
 
 
 def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:

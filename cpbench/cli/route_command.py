@@ -7,9 +7,10 @@ from collections.abc import Iterable
 import click
 
 from cpbench import graph, storage
+from cpbench.api.problem_text import size_after, sizes_line
 from cpbench.cli import terminal
-from cpbench.cli.options import Address, Command, ListOption, format_option
-from cpbench.cli.routes import kinds_option, size_after, sizes_line
+from cpbench.cli.options import Command, ListOption, format_option, kinds_option
+from cpbench.cli.types import ADDRESS
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.generators.collection import address_text
@@ -17,11 +18,13 @@ from cpbench.report.graph_drawing import solvers_of
 
 
 @click.command(cls=Command)
-@click.argument("problem", type=Address())
-@click.option("--to", "nodes", cls=ListOption, metavar="NODE", help="Only to this formulation (default: all).")
-@click.option("--all", "every", is_flag=True, help="Every route, not only the cheapest, with the size it leads to.")
+@click.argument("problem", type=ADDRESS)
+@click.option("--to", "nodes", cls=ListOption, metavar="NODE", help="Formulation to reach; default: all. Repeatable.")
+@click.option(
+    "--all", "every", is_flag=True, help="Show every route, not only the cheapest, with the size it leads to."
+)
 @click.option("--explain", is_flag=True, help="Show the dead ends, each with its obstacle.")
-@kinds_option
+@kinds_option()
 @format_option
 def command(
     problem: str,
@@ -74,7 +77,7 @@ def _every_route(source: Problem, node: str, kinds: frozenset[Kind], memory: gra
         route = arrival.route
         try:
             size = size_after(arrival.problem, route.steps[-1], memory) if route.steps else sizes_line(source)
-        except NotApplicable as refusal:  # told by converting only
+        except NotApplicable as refusal:  # known by converting only
             dead.append(graph.DeadEnd(route, len(route.steps) - 1, route.steps[-1].label, refusal.obstacle))
             continue
         count += 1

@@ -5,26 +5,30 @@ from __future__ import annotations
 import click
 
 from cpbench.api.problems import convert, load
-from cpbench.cli.answer import is_results, print_results
-from cpbench.cli.options import Address, Command, ListOption, facets_option, format_option, require_with_via
-from cpbench.cli.routes import kinds_option
+from cpbench.api.results import is_results_file
+from cpbench.cli.answer import print_results
+from cpbench.cli.options import (
+    Command,
+    angle_option,
+    facets_option,
+    format_option,
+    kinds_option,
+    require_with_via,
+    via_option,
+)
+from cpbench.cli.types import ADDRESS
 from cpbench.formulations import Kind
 from cpbench.report import show, show_tex
 
 
 @click.command(cls=Command)
-@click.argument("source", metavar="FILE", type=Address())
-@click.option("--as", "node", metavar="NODE", help="Convert to this formulation first (cpbench list formulations).")
-@click.option(
-    "--via",
-    cls=ListOption,
-    metavar="CONVERSION",
-    help="Go through this conversion (full name or its end).",
-)
+@click.argument("source", metavar="FILE", type=ADDRESS)
+@click.option("--as", "node", metavar="NODE", help="Formulation to convert to first (cpbench list formulations).")
+@via_option
 @facets_option
-@click.option("--angle", type=float, default=0.0, show_default=True, help="Angle of the first facet [rad].")
+@angle_option
 @click.option("--tex", is_flag=True, help="Print a LaTeX fragment (amsmath).")
-@kinds_option
+@kinds_option()
 @format_option
 def command(
     source: str,
@@ -38,10 +42,10 @@ def command(
 ) -> None:
     """Show a problem: its law and its data, in numbers when small, as block structure when large.
 
-    With --as or --via it is converted first; what led there is shown with its equations. Of a results file it shows
-    which solver to use, as the run that wrote it ended.
+    With --as or --via it is converted first; what led there is shown with its equations. For a results file it
+    shows which solver to use, as at the end of the run.
     """
-    if is_results(source):
+    if is_results_file(source):
         if node or via or tex or file_format:
             raise click.UsageError("a results file is shown without options; its report: cpbench report")
         print_results(source)

@@ -29,7 +29,7 @@ class Standings:
     of: dict[str, Standing] = field(default_factory=dict)
 
     def note(self, label: str, row: Mapping[str, Any]) -> None:
-        """A pair of a solver has ended."""
+        """Count a pair of a solver that has ended."""
         standing, status = self.of.setdefault(label, Standing()), str(row["status"])
         standing.solved += status in MET_TOLERANCE
         standing.refused += status in REFUSED
@@ -37,7 +37,7 @@ class Standings:
         standing.seconds += float(row.get("wall") or 0.0)
 
     def table(self, most: int) -> Table:
-        """At most so many rows of those that were started, the rest counted."""
+        """Return at most so many rows of solvers that were started, the rest counted."""
         from rich.table import Table
         from rich.text import Text
 

@@ -12,20 +12,33 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
-NARROWEST = 40
+import click
+
+from cpbench.plain_text import columns
+
+NARROWEST, WIDEST = 40, 110
 
 
 def width() -> int | None:
-    """Characters of a line of the terminal (COLUMNS where it is set), None where the output goes elsewhere."""
+    """Return the characters of a line of the terminal (COLUMNS where set), None where the output goes elsewhere."""
     if not (sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()):
         return None
     return max(shutil.get_terminal_size().columns, NARROWEST)
 
 
-def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
-    from cpbench.cli.solver_tables import columns
+def reading_width() -> int:
+    """Return the width of lines of prose: the terminal's, at most WIDEST."""
+    return min(width() or WIDEST, WIDEST)
 
+
+def print_lines(lines: Iterable[str], err: bool = False) -> None:
+    """Print lines one by one, to stderr where asked."""
+    for line in lines:
+        click.echo(line, err=err)
+
+
+def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
     rows = [tuple(row) for row in rows]
     room = width()
     lines = list(columns(rows))
@@ -49,7 +62,7 @@ def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
 
 
 def folded(line: str, hanging: int = 4) -> list[str]:
-    """A line as several where the terminal is narrower, all but the first with `hanging` more blanks before them.
+    """Return a line as several where the terminal is narrower, the later ones indented by `hanging` more blanks.
 
     >>> folded("solvers: lemke, psor")
     ['solvers: lemke, psor']
@@ -65,3 +78,9 @@ def folded(line: str, hanging: int = 4) -> list[str]:
         subsequent_indent=" " * (indent + hanging),
         break_on_hyphens=False,
     )
+
+
+def fitted(lines: Iterable[str]) -> Iterator[str]:
+    """Yield the lines, each folded where the terminal is narrower."""
+    for line in lines:
+        yield from folded(line) if len(line) >= NARROWEST else [line]

@@ -10,17 +10,18 @@ import click
 
 from cpbench import storage, verification
 from cpbench.api.problems import load, verify
-from cpbench.cli.options import Address, Command, format_option, number, tolerance_option
+from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
+from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.generators.collection import address_text
 
 
 @click.command(cls=Command)
-@click.argument("problem", required=False, type=Address())
-@click.option("--answer", type=click.Path(path_type=Path), help="Answer file (.h5, .npy, .npz, .csv).")
-@click.option("--rejudge", type=click.Path(path_type=Path), help="Judge every kept answer of a results file again.")
-@click.option("--measure", metavar="NAME", help="Let this one measure decide (natural, fclib2018, siconos_mlcp, ...).")
-@click.option("--all-measures", is_flag=True, help="A table: the answer under every measure, and whose it is.")
+@click.argument("problem", required=False, type=ADDRESS)
+@click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
+@click.option("--rejudge", type=PATH, help="Results file whose kept answers to judge again.")
+@measure_option
+@click.option("--all-measures", is_flag=True, help="Print the answer under every measure, with its source.")
 @tolerance_option
 @format_option
 def command(
@@ -34,8 +35,8 @@ def command(
 ) -> None:
     """Measure an answer on a problem; without --answer, the candidate in the file's own /solution.
 
-    With --all-measures, show what Siconos, FCLIB, PATH, OSQP, qpbenchmark and ContactBench measure of it, those of them
-    that know its formulation. With --measure NAME, one of these numbers decides.
+    With --all-measures, show what Siconos, FCLIB, PATH, OSQP, qpbenchmark and ContactBench measure of it, as far as
+    they know its formulation. With --measure NAME, one of these numbers decides.
 
     With --rejudge, measure the kept answers of a results file again, without solving, and print what changes.
     Ends with 1 when the answer does not pass; with --rejudge when a row is not as a run wrote it, or when a status
@@ -59,10 +60,10 @@ def command(
     if answer is not None:
         point = storage.load_answer(answer, asked_problem)
     else:
-        found = storage.solution(problem)
-        if found is None:
+        stored = storage.solution(problem)
+        if stored is None:
             raise FormatError(problem, "solution", "is missing; give an answer with --answer FILE")
-        point = found[0]
+        point = stored[0]
     if all_measures:
         verdict, measures = verification.judge_by_all(asked_problem, point, tolerance, measure)
         lines = _table(measures, tolerance)
@@ -87,7 +88,7 @@ def _parts(verdict: verification.Verdict) -> Iterator[str]:
 
 
 def _table(measures: Sequence[verification.Measured], tolerance: float) -> Iterator[str]:
-    """One line a measure, then the sources; nothing is said of a measure that no tolerance is for."""
+    """Yield a line for each measure, then the sources; `-` stands where a measure has no tolerance."""
     if not measures:
         return
     words = {True: "yes", False: "no", None: "-"}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ import numpy as np
 from cpbench import checking, graph, storage
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.formulations import Kind
+from cpbench.plurals import counted
 from cpbench.testing.cases import Case, cases
 
 EQUIVALENT = frozenset({Kind.EQUIVALENT})
@@ -181,3 +182,28 @@ def table(found: Sequence[Cell]) -> str:
             "pushed (* in all of a cell, + in some)",
         ]
     )
+
+
+def lines(found: Sequence[Cell], tolerance: float) -> Iterator[str]:
+    """Yield the matrix, the cells above the tolerance, and what is remarkable about others."""
+    yield from table(found).splitlines()
+    yield from (f"{cell.source} -> {cell.target}: {cell.reason}" for cell in found if cell.error is None)
+    above = [cell for cell in found if cell.exceeds(tolerance)]
+    for cell in above:
+        cause = cell.reason or f"error {cell.error:.1e}"
+        yield f"{cell.source} -> {cell.target}: above {tolerance:.3g}: '{cell.case}' by {cell.route}: {cause}"
+    for cell in (cell for cell in found if cell.amplified):
+        name, error = max(cell.amplified, key=lambda item: item[1])
+        yield (
+            f"{cell.source} -> {cell.target}: answers that pass there do not pass here in {len(cell.amplified)} of "
+            f"{cell.cases} cases, the worst has error {error:.1e} on '{name}'"
+        )
+    rounded = [cell for cell in found if cell.error is not None and tolerance < cell.error <= cell.rounding]
+    for cell in rounded:
+        yield (
+            f"{cell.source} -> {cell.target}: error {cell.error:.1e} on '{cell.case}', whose planted solution has "
+            f"{cell.rounding:.1e} when its last digits change"
+        )
+    taken = sum(cell.error is not None for cell in found)
+    more = f", {len(rounded)} more within rounding" if rounded else ""
+    yield f"{taken - len(above) - len(rounded)} of {counted(taken, 'pair')} within {tolerance:.3g}{more}"

@@ -283,3 +283,15 @@ def test_a_script_needs_no_guard(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path)
     assert done.stdout == "begun\n['solved']\n", done.stderr
     assert [file.name for file in tmp_path.iterdir()] == ["mine.py"]
+
+
+def test_solvers_of_a_problem_are_a_list_that_reads_as_a_table() -> None:
+    listed = cpbench.list_solvers(LCP)
+    assert listed.names == [spec.name for spec in cpbench.list_solvers("lcp")]
+    assert repr(listed).count("\n") == len(listed) - 1
+    assert listed._repr_html_().count("<tr>") == len(listed) + 1
+
+
+def test_an_unknown_family_is_called_one() -> None:
+    with pytest.raises(UnknownName, match="unknown family 'american-puts': did you mean american-put"):
+        cpbench.gallery["american-puts"]

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from synthetic_results import results_file, suite
 
 from cpbench.cli.graph_command import command as graph
-from cpbench.cli.options import Length
 from cpbench.cli.plot_command import command as plot
+from cpbench.cli.types import LENGTH
 from cpbench.errors import CpbenchError
 
 
@@ -66,7 +66,7 @@ def test_what_cannot_be_is_said(results: Path, tmp_path: Path, options: tuple[st
 @pytest.mark.parametrize("text", ["3", "in", "-2in", "0mm", "nanin", "3ft"])
 def test_a_length_has_a_unit(text: str) -> None:
     with pytest.raises(Exception, match="is no length"):
-        Length().convert(text, None, None)
+        LENGTH.convert(text, None, None)
 
 
 def test_the_graph_is_drawn_to_a_file(tmp_path: Path) -> None:

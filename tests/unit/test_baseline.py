@@ -366,3 +366,14 @@ def test_no_rows_are_a_baseline_without_lines(kept: Any) -> None:
     assert ratchet.updated(found, accept, "known").empty
     assert ratchet.changes(one(), none.astype(kept))["change"].tolist() == [Change.VANISHED]
     assert ratchet.changes(none.astype(kept), one())["change"].tolist() == [Change.NEW]
+
+
+def test_a_run_without_any_sequence_has_a_baseline(tmp_path: Path) -> None:
+    """Columns of a real file that hold nothing are none of text."""
+    from cpbench import LCP, run
+    from cpbench.api import baselines
+
+    run(LCP(M=[[2.0]], q=[-1.0], name="one"), ["lemke"], repeats=1, out=tmp_path / "r.sqlite")
+    kept, restricted = baselines.outcomes(tmp_path / "r.sqlite")
+    assert kept[["problem", "status", "sequence"]].values.tolist() == [["one", "solved", ""]]
+    assert (baselines.measured(kept), restricted) == (1, [])

@@ -27,15 +27,15 @@ from command_line import with_plugins
 from edited_results import seal_anew
 
 from cpbench import storage
-from cpbench.bench.bundle import archive, leaks, problems, reproduction
-from cpbench.bench.bundle.archive import BundleError
-from cpbench.bench.bundle.identity import Identity
-from cpbench.bench.bundle.making import Asked
-from cpbench.bench.bundle.making import make as make_bundle
-from cpbench.bench.bundle.results import identity
-from cpbench.bench.bundle.scrub import Scrub
 from cpbench.bench.results import seal_key
 from cpbench.bench.results.store import Store
+from cpbench.bundle import archive, leaks, problems, reproduction
+from cpbench.bundle.archive import BundleError
+from cpbench.bundle.identity import Identity
+from cpbench.bundle.making import Asked
+from cpbench.bundle.making import make as make_bundle
+from cpbench.bundle.results import identity
+from cpbench.bundle.scrub import Scrub
 from cpbench.cli.bundle_command import command as bundle_command
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError

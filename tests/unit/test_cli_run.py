@@ -208,7 +208,7 @@ def test_what_is_run_again(folder: Path) -> None:
         (["p2.h5", "-t", "1e-4,-1"], "--tolerance: the tolerance -1 is not positive"),
         (["p2.h5", "--timeout", "3 parsecs"], "10s, 5m, 2h or none"),
         (["p2.h5", "--fail-on", "wrong,crashed"], "did you mean crash"),
-        (["p2.h5", "--jobs", "0"], "--jobs: must be at least 1"),
+        (["p2.h5", "--jobs", "0"], "0 is not in the range x>=1"),
         (["p2.h5", "--start", "warm"], "--start: unknown start"),
         (["p2.h5", "--set", "night"], "no plan file has a set 'night'"),
         (["--plan", "absent.toml"], "absent.toml: cannot be read"),

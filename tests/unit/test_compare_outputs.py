@@ -188,7 +188,7 @@ def test_bad_input_is_one_line(made: Make, cpbench, tmp_path: Path) -> None:
         ([good, "--a", "s", "--b", "x@b"], "did you mean x@a"),
         ([good, "--a", "x", "--b", "s"], "unknown solver or label of the results 'x'"),
         ([good, good, "--a", "s"], "leave"),
-        ([good, good, "--noise", "s"], "takes two labels"),
+        ([good, good, "--noise", "s"], "is not two labels"),
         ([good, good, "--noise", "s,t"], "'t'"),
         ([good, good, "--fail-on", "wrogn"], "did you mean wrong"),
         ([good, good, "-o", tmp_path / "x.html"], "unknown suffix '.html'"),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cpbench.analysis.experience import Case, Experience
+from cpbench.api.estimate import NOTHING, Span, solves
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request, exact
-from cpbench.cli.estimate import NOTHING, Span, solves
 
 TIMES = {"fast": 0.5, "slow": 20.0, "failing": float("inf")}
 MEASURED = Experience(

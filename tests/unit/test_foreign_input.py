@@ -18,9 +18,10 @@ import scipy.sparse as sp
 from tiers import some_by_day
 
 from cpbench import storage
+from cpbench.api import run_log
 from cpbench.bench.planning import plan_file, quantities
 from cpbench.bench.processes import guard
-from cpbench.cli import main, progress
+from cpbench.cli import main
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations import LCP
 from cpbench.report import row_files
@@ -130,9 +131,9 @@ def test_messages_reach_no_terminal_raw(tmp_path: Path, capsys: pytest.CaptureFi
     class Pair:
         address, label = "p.h5", "s"
 
-    told = progress.line("done", Pair(), row)  # type: ignore[arg-type]
+    told = run_log.log_line("done", Pair(), row)  # type: ignore[arg-type]
     assert told.endswith(r": \x1b]0;owned\x07 half \ud800")
-    logger = progress.journal(True, tmp_path / "x.log")
+    logger = run_log.run_log(True, tmp_path / "x.log")
     assert logger is not None
     logger.info("%s \ud800", told)
     for handler in logger.handlers:

@@ -12,7 +12,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench.bench import checkup
-from cpbench.cli.solver_tables import columns
+from cpbench.plain_text import columns
 from cpbench.solvers.base import solvers
 
 PLUGIN = '''

@@ -297,14 +297,14 @@ def test_files_are_replaced_by_force_only(tmp_path: Path) -> None:
 
 
 def test_a_failing_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from cpbench.cli import new_command
+    from cpbench.api import new_plugin
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(new_command.os, "replace", full)
+    monkeypatch.setattr(new_plugin.os, "replace", full)
     with pytest.raises(FormatError, match="No space left"):
-        new_command._write(tmp_path, {"a": "1", "b": "2"}, force=False)
+        new_plugin.write_files(tmp_path, {"a": "1", "b": "2"}, force=False)
     assert list(tmp_path.iterdir()) == []
 
 

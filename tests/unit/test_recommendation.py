@@ -16,18 +16,16 @@ from hypothesis import strategies as st
 from synthetic_results import row
 
 from cpbench import storage
+from cpbench.advice.recommendation import SHIPPED as KNOBS
+from cpbench.advice.recommendation import WITHIN, recommend
+from cpbench.advice.validation import chosen, dealt, evaluate, rates
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.experience import Case, Experience, experience, from_text, to_text
+from cpbench.analysis.experience import SHIPPED, Case, Experience, experience, from_text, shipped_experience, to_text
 from cpbench.analysis.origins import family_of, origins
-from cpbench.analysis.recommendation import SHIPPED as KNOBS
-from cpbench.analysis.recommendation import WITHIN, recommend
-from cpbench.analysis.validation import chosen, dealt, evaluate, rates
 from cpbench.bench.planning.features import features, known
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
 from cpbench.solvers.base import solvers
-
-SHIPPED = "recommendation_table.json"
 
 
 def spelled(name: str) -> str:
@@ -342,7 +340,7 @@ def test_the_knobs_that_serve_the_others_arechosen() -> None:
 @pytest.mark.nightly
 def test_the_advice_is_that_of_recommend() -> None:
     """The choices of many cases at once are those that `recommend` makes for one, on the shipped table."""
-    known = from_text(files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8"), SHIPPED)
+    known = shipped_experience()
     part = dealt(known)
     knobs = chosen(known, part)
     asked = [i for i, case in enumerate(known.cases) if case.node == "ncp"]
@@ -391,7 +389,7 @@ def test_what_was_never_measured_comes_last() -> None:
 
 @pytest.fixture(scope="module")
 def shipped() -> Experience:
-    return from_text(files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8"), SHIPPED)
+    return shipped_experience()
 
 
 def test_the_shipped_table_is_of_the_built_in_problems(shipped: Experience) -> None:

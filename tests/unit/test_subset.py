@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 from scipy.stats import kendalltau
 from tiers import some_by_day
 
-from cpbench.analysis import costs, subset
+from cpbench.advice import costs, subset, subset_plan
 from cpbench.analysis import table as rows_of
 from cpbench.bench.planning import plan_file, plan_text
 from cpbench.bench.results.store import Store, read_results
-from cpbench.cli import main, subset_plan
+from cpbench.cli import main
 from cpbench.errors import StoreError
 
 
@@ -337,7 +337,7 @@ def cpbench(
             (("run.sqlite", "--budget", "500ms"), "use --budget 3s or more"),
             (("run.sqlite", "--budget", "none"), "nothing to select"),
             (("run.sqlite", "-o", "ci.txt"), "a plan is a .toml file"),
-            (("run.sqlite", "-o", "there.toml"), "exists; --force replaces it"),
+            (("run.sqlite", "-o", "there.toml"), "exists already: --force replaces it"),
             (("run.sqlite", "-o", "none/ci.toml"), "cannot be written"),
         ],
         3,

@@ -14,10 +14,10 @@ import pytest
 import synthetic_results as synthetic
 from tiers import by_night
 
-from cpbench.analysis.timeline import COLUMNS, Run, moved, timeline
+from cpbench.advice import timeline_tables
+from cpbench.advice.timeline import COLUMNS, Run, moved, timeline
+from cpbench.advice.timeline_figure import timeline_figure
 from cpbench.cli import main
-from cpbench.report import timeline_tables
-from cpbench.report.timeline_figure import timeline_figure
 
 HERE = {"cpu": "a processor", "cores": 2, "ram_gib": 8.0}
 THERE = {"cpu": "another", "cores": 2, "ram_gib": 8.0}

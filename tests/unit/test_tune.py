@@ -17,6 +17,9 @@ import numpy as np
 import pytest
 
 from cpbench import storage
+from cpbench.advice.tuning import record
+from cpbench.advice.tuning.search import Found, Search, rungs
+from cpbench.advice.tuning.space import space
 from cpbench.bench.block import Block, Notice
 from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning import plan_file
@@ -24,9 +27,6 @@ from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.planning.selection import split_of
 from cpbench.bench.planning.tunings import Tuning, require_unseen
 from cpbench.bench.results.store import Store
-from cpbench.bench.tuning import record
-from cpbench.bench.tuning.search import Found, Search, rungs
-from cpbench.bench.tuning.space import space
 from cpbench.cli import main
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP
@@ -153,7 +153,7 @@ class Clock:
 
 def test_the_budget_ends_the_search_with_the_final_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
-    monkeypatch.setattr("cpbench.bench.tuning.search.time", clock)
+    monkeypatch.setattr("cpbench.advice.tuning.search.time", clock)
     monkeypatch.setitem(globals(), "time", clock)
     found = searched(Formula(0.005), budget=1.5, configurations=10**6)
     assert clock.monotonic() < 1.6
@@ -314,7 +314,7 @@ def test_a_plan_that_cannot_be_written_is_told_before_the_search(monkeypatch: An
     begun = time.monotonic()
     assert cpbench(monkeypatch, "tune", "psor", "--budget", "2m", "-o", tmp_path / "nowhere" / "t.toml") == 2
     assert time.monotonic() - begun < 110.0
-    assert "its folder is not there" in capsys.readouterr().err
+    assert "there is no folder" in capsys.readouterr().err
 
 
 @pytest.mark.nightly

@@ -60,7 +60,7 @@ class Settings:
     count_stationary: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """The outcome.
 
@@ -85,6 +85,11 @@ class Comparison:
     idle: int
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        counts = self.pairs["verdict"].value_counts()
+        pairs = ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) or "no pair"
+        return f"Comparison of {self.new.name} with {self.base.name}: {self.verdict} ({pairs})"
+
     def of(self, verdict: Verdict) -> pd.DataFrame:
         """The pairs of a verdict, those that no clock decided first."""
         own = self.pairs[self.pairs["verdict"] == verdict]
@@ -96,6 +101,19 @@ class Comparison:
         did not come to it."""
         now = (self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)
         return self.pairs[now & (self.pairs["kind"] != NOT_AGAIN)]
+
+    def failures(self, outcomes: Sequence[str]) -> dict[str, int]:
+        """Return how often each outcome is there, without those that are not.
+
+        An outcome is `regression` or `inconclusive`, of the whole, or a status that a pair has now and had not before.
+        """
+        counts: dict[str, int] = {}
+        for name in outcomes:
+            if name in ("regression", "inconclusive"):
+                counts[name] = int(self.verdict == ("regressed" if name == "regression" else name))
+            else:
+                counts[f"new {name}"] = len(self.became(name))
+        return {name: count for name, count in counts.items() if count}
 
 
 def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.DataFrame | None = None) -> Comparison:

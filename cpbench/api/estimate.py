@@ -1,0 +1,106 @@
+"""How long a run will take, said before it starts, as a range.
+
+Two measurements make it: what solves took where the table was made that comes with cpbench, and what a pair costs on
+this machine beside its solves, from a results file that is here. The table has times of those that solved a problem by
+an exact route. Who failed there, and who is not in it (approximate routes, other versions), takes as long as the
+average of those that solved the same problem, or as long as the slowest of them: that is the range.
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cpbench.analysis.experience import Experience, shipped_experience
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.planning.quantities import duration
+from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.results.store import Store
+from cpbench.bench.worker import SHORT
+from cpbench.plurals import counted
+
+BEFORE = ("quick.sqlite", "standard.sqlite", "builtin.sqlite")
+"""Results of the suites, where a run without `--output` leaves them."""
+ENOUGH = 20
+"""Pairs that say something."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """The least and the most that something may take [s]."""
+
+    low: float
+    high: float
+
+    def __add__(self, other: Span) -> Span:
+        return Span(self.low + other.low, self.high + other.high)
+
+    def __mul__(self, factor: float) -> Span:
+        return Span(self.low * factor, self.high * factor)
+
+    def __str__(self) -> str:
+        low, high = duration(self.low), duration(self.high)
+        return f"about {high}" if low == high else f"{low} to {high}"
+
+
+NOTHING = Span(0.0, 0.0)
+
+
+def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
+    """How long the pairs may take, and by what."""
+    spans, measured = solves(todo, shipped_experience())
+    known = [span for span in spans if span is not None]
+    if len(known) < ENOUGH:
+        return "no estimate: nothing like it was measured before"
+    solving = sum(known, NOTHING) * (len(todo) / len(known) / asked.jobs)
+    told = f"{measured} of {counted(len(todo), 'pair')} were timed, on another machine"
+    for path in dict.fromkeys([asked.results, *map(Path, BEFORE)]):
+        beside = _beside(path) if path.is_file() else []
+        if len(beside) >= ENOUGH:
+            mean, run = statistics.mean(beside), sum(span != NOTHING for span in spans)
+            total = solving + Span(mean, mean) * (run / asked.jobs)
+            return f"{total} ({told}; beside solves one took {mean:.2g} s in {path}, on this one)"
+    return f"{solving} for solves, and more to start solvers, convert and judge ({told})"
+
+
+def solves(todo: Sequence[Pair], experience: Experience) -> tuple[list[Span | None], int]:
+    """What the solves of each pair may take, None where nobody solved its problem; how many were timed.
+
+    A label that was started on other problems, and not on this one, could not be run on it.
+    """
+    cases = {case.fingerprint: case.outcomes for case in experience.cases}
+    labels, measured = set(experience.labels), 0
+    spans: list[Span | None] = []
+    for pair in todo:
+        outcomes = cases.get(pair.fingerprint, {})
+        solved = [_repeated(time, pair) for time in outcomes.values() if math.isfinite(time)]
+        time = outcomes.get(pair.label, math.nan)
+        if not solved:
+            spans.append(None)
+        elif math.isfinite(time):
+            measured += 1
+            spans.append(Span(*[_repeated(time, pair)] * 2))
+        elif pair.label in labels and pair.label not in outcomes:
+            spans.append(NOTHING)
+        else:
+            spans.append(Span(statistics.mean(solved), max(solved)))
+    return spans, measured
+
+
+def _repeated(time: float, pair: Pair) -> float:
+    """What a solve takes with its repeats, within its limit."""
+    return time * pair.limits.repeats if time < SHORT else min(time, pair.limits.seconds)
+
+
+def _beside(path: Path) -> list[float]:
+    """What pairs took beside their solves in a results file [s], of those that were run on this machine."""
+    with Store(path) as store:
+        return [
+            max(0.0, row["wall"] - row["solve"] * (row["repeats"] or 1))
+            for row in store.rows()
+            if row["wall"] is not None and row["solve"] is not None and row["host"] == platform.node()
+        ]

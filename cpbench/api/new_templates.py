@@ -1,0 +1,67 @@
+"""The texts of a plugin that `cpbench new` writes, filled in from `cpbench/templates`.
+
+A solver is a frame for its language, the method of its formulation (LANG/NODE.part) and what is said of both
+(nodes.toml). Conversions and problems are whole files.
+"""
+
+from __future__ import annotations
+
+import keyword
+import tomllib
+from collections.abc import Mapping
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import PurePath
+
+from cpbench.errors import CpbenchError
+
+PART = ".part"
+ONLY = "lcp"
+"""The formulation of the templates that have no parts."""
+
+
+def texts(kind: str, words: Mapping[str, str], lang: str, node: str, guest: str | None) -> dict[str, str]:
+    """Name of a file -> its text, for a plugin with the names in `words`; raises CpbenchError where there is none."""
+    folder = files("cpbench") / "templates" / kind
+    own = folder / lang
+    nodes = _nodes(own)
+    if node not in nodes:
+        which = f"a {kind} in {lang}" if kind == "solver" else f"a {kind}"
+        refusal = f"there is no template of {which} for '{node}', but for {', '.join(nodes)}"
+        raise CpbenchError(f"{refusal}: take --node {nodes[0]}, and change it")
+    found = {
+        file.name: file for part in (own, *([folder / f"{lang}-{guest}"] if guest else [])) for file in part.iterdir()
+    }
+    if f"{node}{PART}" in found:
+        part = found[f"{node}{PART}"].read_text("utf-8").rstrip()
+        words = {**_of_node(folder / "nodes.toml", node), "PART": part, **words}
+    whole = {_filled(name, words, "{}"): file for name, file in found.items() if not name.endswith(PART)}
+    return {name.removesuffix(".in"): _filled(file.read_text("utf-8"), words, "@{}@") for name, file in whole.items()}
+
+
+def words(kind: str, name: str) -> dict[str, str]:
+    """What is filled into a template of a plugin; raises CpbenchError when `name` cannot be one."""
+    module = name.replace("-", "_")
+    if not (module.isidentifier() and name.isascii() and name[0].isalpha() and name[-1] not in "-_"):
+        raise CpbenchError(f"'{name}' cannot be a name: take letters, digits, - and _, and a letter first")
+    if keyword.iskeyword(module):
+        raise CpbenchError(f"'{name}' is a word of Python: take another name")
+    title = "".join(part[0].upper() + part[1:] for part in module.split("_") if part)
+    return {"NAME": name, "MODULE": module, "CLASS": title, "EDGE": f"lcp-lcp-{name}", "FILE": f"{module}.py"}
+
+
+def _nodes(folder: Traversable) -> list[str]:
+    """The formulations that a folder has templates for."""
+    return sorted(PurePath(file.name).stem for file in folder.iterdir() if file.name.endswith(PART)) or [ONLY]
+
+
+def _of_node(file: Traversable, node: str) -> dict[str, str]:
+    facts = tomllib.loads(file.read_text("utf-8"))[node]
+    return {"NODE": node, **{key.upper(): str(value).strip() for key, value in facts.items()}}
+
+
+def _filled(text: str, words: Mapping[str, str], mark: str) -> str:
+    """`text` with every word in place of its mark; those that hold marks themselves come first in `words`."""
+    for word, value in words.items():
+        text = text.replace(mark.format(word), value)
+    return text

@@ -1,0 +1,108 @@
+"""Lines on a run: what is planned, what was removed from its results file, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cpbench.bench import campaign
+from cpbench.bench.planning import dry_run, quantities
+from cpbench.bench.planning.assembly import Assembly
+from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.results.store import Store
+from cpbench.plain_text import printable
+from cpbench.plurals import counted, summary
+from cpbench.verification import Status
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MANY = 100
+"""Number of pairs from which on the duration of a run is estimated."""
+ABSENT = 4
+"""Largest number of solvers of which the end of a run says why they could not run."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The last lines of a run: results and files (`lines`), what went wrong (`failures`), and whether it failed."""
+
+    lines: tuple[str, ...]
+    failures: tuple[str, ...]
+    failed: bool
+
+
+def planned(assembly: Assembly) -> Iterator[str]:
+    """Yield what a reader of the results should know before they are there."""
+    yield from (f"same problem, run once: {address} is {twin}" for address, twin in assembly.twins)
+    if assembly.pairs and assembly.idle:
+        yield f"no route leads to {', '.join(assembly.idle)}: no row"
+
+
+def duration(asked: RunPlan, assembly: Assembly) -> Iterator[str]:
+    """Yield the expected and the longest duration of a run that is not short."""
+    todo = dry_run.to_run(assembly.pairs, campaign.statuses(asked.results), asked.rerun)
+    if len(todo) >= MANY:
+        from cpbench.api.estimate import estimate
+
+        yield f"{estimate(todo, asked)}; at most {quantities.duration(dry_run.longest(todo, asked))}"
+
+
+def refused(addresses: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Yield the problems that could not be read, with the reasons."""
+    for address, reason in addresses:
+        yield printable(f"refused: {reason if address in reason else f'{address}: {reason}'}")
+
+
+def removed(store: Store) -> Iterator[str]:
+    """Yield the rows of an earlier run that cannot be trusted, and what could not be checked."""
+    yield from (f"removed, to be run again where it is planned: {row}" for row in store.opened.broken)
+    if store.opened.note:
+        yield store.opened.note
+
+
+def absent(store: Store) -> Iterator[str]:
+    """Yield the reasons why solvers could not run, a line for each of the first; the report has all."""
+    rows = [row for row in store.rows() if row["status"] == Status.UNAVAILABLE]
+    reasons = {
+        str(row["solver"]): (str(row["message"] or "").strip().splitlines() or ["no reason"])[-1] for row in rows
+    }
+    for name, reason in sorted(reasons.items())[:ABSENT]:
+        yield f"not available: {name}: {printable(reason)}"
+    if len(reasons) > ABSENT:
+        yield f"and {counted(len(reasons) - ABSENT, 'more solver')}: cpbench doctor says what each lacks"
+
+
+def title(asked: RunPlan) -> str:
+    """Return the title of the report."""
+    if asked.builtin:
+        return "The built-in suite"
+    return f"The {asked.suite} suite" if asked.suite else asked.results.stem
+
+
+def ending(asked: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame) -> Ending:
+    """Return what a run came to; it failed where rows are missing or removed, or as `fail_on` says.
+
+    Parameters
+    ----------
+    table : all rows of the store.
+    """
+    from cpbench.analysis.remarks import remarks
+
+    counts = store.counts()
+    nothing = "none in this shard" if asked.shard != (1, 1) else "none could be run"
+    lines = [f"{counted(sum(counts.values()), 'pair')}: {summary(counts) or nothing}"]
+    lines += [*map(printable, remarks(table)), f"results: {asked.results}"]
+    failures: list[str] = []
+    gaps = campaign.gaps(store, assembly)
+    if gaps:
+        failures.append(f"rows are missing: {', '.join(gaps)}; the same command goes on")
+    listed = campaign.failures(store, asked, assembly.pairs)
+    if listed:
+        failures.append(f"{summary(listed)} (--fail-on)")
+    broken = len(store.opened.broken)
+    if broken:
+        failures.append(f"{asked.results}: removed {counted(broken, 'row')} that could not be trusted")
+    empty = not counts and asked.shard == (1, 1)
+    return Ending(tuple(lines), tuple(failures), bool(failures) or empty)

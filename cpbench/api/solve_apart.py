@@ -1,0 +1,138 @@
+"""Solving one problem of a file in processes of their own, as a run does, and the answer as lines and as a file."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cpbench import storage
+from cpbench.bench import starts
+from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan
+from cpbench.bench.results import answers
+from cpbench.bench.staff import Setting
+from cpbench.errors import CpbenchError, NoRoute
+from cpbench.plain_text import printable
+from cpbench.solvers.base import solvers
+from cpbench.storage.vectors import save_vector
+from cpbench.verification import MET_TOLERANCE, PROVEN
+
+
+@dataclass(frozen=True)
+class SolvedApart:
+    """The row of one solve as results have it, the pair it is of, and the packed answer, None where there is none."""
+
+    pair: plan.Pair
+    row: Mapping[str, Any]
+    answer: bytes | None
+
+    def __bool__(self) -> bool:
+        return self.row["status"] in (*MET_TOLERANCE, *PROVEN)
+
+    def record(self) -> dict[str, Any]:
+        """Return the row with its problem and label, as JSON takes it."""
+        return {"problem": self.pair.problem, "solver": self.pair.label, **self.row}
+
+    def lines(self) -> Iterator[str]:
+        """Yield what the answer is worth, by what route it came, and what it took."""
+        pair, row = self.pair, self.row
+        yield f"{pair.problem} ({pair.node}) by {pair.label}: {row['status']}"
+        if row.get("started") not in (None, "cold"):
+            yield f"  started    {row['started']}"
+        if row.get("route"):
+            yield f"  route      {row['route']} ({row['kind']})"
+        if row.get("error") is not None:
+            yield f"  error      {row['error']:.3g}, asked for {pair.tolerance:.3g}; claimed {row['claim']}"
+        if row.get("route") != "direct" and row.get("target_error") is not None:
+            there, asked = row["target_error"], row["target_tolerance"]
+            yield f"  there      {there:.3g}, asked for {asked:.3g}: the error on the solver's own problem"
+        if row.get("flags"):
+            yield f"  flags      {row['flags']}"
+        for name, value in json.loads(row.get("parts") or "{}").items():
+            yield f"    {name:<28} {value:.3g}"
+        times = {k: row[k] for k in ("load", "convert", "setup", "solve", "lift", "verify") if row.get(k) is not None}
+        if times:
+            yield "  seconds    " + ", ".join(f"{k} {v:.3g}" for k, v in times.items())
+        counters = json.loads(row.get("counters") or "{}")
+        if counters:
+            yield "  counters   " + ", ".join(f"{k} {v}" for k, v in counters.items())
+        if row.get("message"):
+            yield f"  message    {printable(row['message'])}"
+
+    def save(self, path: Path, *, format: str | None = None, force: bool = False) -> None:
+        """Write the answer, as a plain vector (.npy, .csv, .txt) or with its problem and verdict (.h5).
+
+        Raises CpbenchError where there is no answer, FormatError where the file exists (unless `force`).
+        """
+        if self.answer is None:
+            raise CpbenchError(f"{self.pair.label}: no answer to write")
+        problem = storage.load(self.pair.address, format=format)
+        point = problem.point_from_vector(answers.unpack(self.answer))
+        if not save_vector(point, path, force=force):
+            row = self.row
+            facts = {"solver": self.pair.label, "claim": row["claim"], "verdict": row["status"]}
+            facts |= {"residual": row["error"], "tolerance": self.pair.tolerance}
+            storage.save_answer(path, problem, point, facts, force=force, with_problem=True)
+
+
+def solve_apart(
+    address: str,
+    solver: str,
+    *,
+    via: Sequence[str] = (),
+    facets: int = 8,
+    routes: str = "exact",
+    start: str = "cold",
+    tolerance: float = 1e-6,
+    limits: plan.Limits,
+    format: str | None = None,
+    notice: Callable[[str, str], None] = lambda event, solver: None,
+) -> SolvedApart:
+    """Solve a problem of a file by one solver, in a process that is stopped at the limits.
+
+    Parameters
+    ----------
+    address : the file, or ``FILE::NAME``. solver : a name with options. via : conversions to go through.
+    facets : for conversions of `via` that have them. routes : exact, or all. start : where the solver begins.
+    tolerance : the largest error of an answer that counts as solved. limits : seconds, bytes and threads of a solve.
+    notice : called with an event (``"compiling"``) and the solver.
+
+    Raises NoRoute where no route leads to the solver, UnknownName, CpbenchError on a start that needs several solves.
+    """
+    entry = plan.parse_entry(solver)
+    policy = starts.parse_start(start)
+    if policy.kind is starts.StartKind.PREVIOUS:
+        raise CpbenchError(
+            "--start previous: a problem by itself has no step before it; see cpbench run --start previous"
+        )
+    if policy.guess == starts.EVERY:
+        raise CpbenchError("--start file:all: one solve has one start, as file:2; see cpbench run --start file:all")
+    if via:
+        asked = [plan.pinned(via, {"facets": facets})]
+    else:
+        asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
+    asked = [replace(request, nodes=_only(entry, request)) for request in asked]
+    with Lane(Setting(limits.threads, limits.memory, single=True)) as lane:
+        lane.workers.begin(entry.solver, limits.memory)
+        survey = lane.survey(address, asked, format, limits.seconds)
+        relaxed = routes == "all" or not via
+        pairs = plan.pairs([survey], [entry], asked, tolerance, limits, relaxations=relaxed, start=str(policy))
+        if not pairs:
+            raise NoRoute(
+                f"no {routes} route from {survey['node']} to {solver}; "
+                f"see: cpbench route {shlex.quote(address)} --explain"
+            )
+        prepared = lane.prepare(pairs[0])
+        lane.start([entry.solver], limits, notice)
+        outcome = lane.run(pairs[0], prepared)
+    return SolvedApart(pairs[0], outcome.row, outcome.answer)
+
+
+def _only(entry: plan.Entry, request: plan.Request) -> tuple[str, ...]:
+    """Return the solver's own node where the request is meant for it: no other one is looked for."""
+    node = solvers.get(entry.solver).spec.node
+    return (node,) if node in request.nodes or not request.nodes else request.nodes

@@ -1,0 +1,164 @@
+"""The results file of a bundle: a fresh one, with rows whose addresses are those of the bundle.
+
+Nothing is copied as pages of the old file: what was once in it and was replaced or deleted may still stand there.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
+from cpbench.bench.results import seal_key
+from cpbench.bench.results.store import Store
+from cpbench.bundle.problems import Place, Unit, unit
+from cpbench.bundle.scrub import Scrub
+from cpbench.errors import CpbenchError
+
+NAME = "results.sqlite"
+ELSEWHERE = "elsewhere"
+_META = ("cpbench", "date", "seed", "jobs", "builtin", "versions")
+"""What an anonymous bundle keeps of the facts of a run, beside those that are made anew."""
+_TABLES = ("refused", "references", "merged", "formats")
+_MACHINE = ("cpu", "cores", "threads", "ram_gib", "python")
+
+
+def rows_of(store: Store) -> list[dict[str, Any]]:
+    """All rows of a results file; raises CpbenchError where none was run."""
+    rows = list(store.rows())
+    if not any(row["status"] != "not_run" for row in rows):
+        raise CpbenchError(f"{store.path}: has no results; make some with: cpbench run PROBLEMS -o {store.path}")
+    return rows
+
+
+def moved(row: Mapping[str, Any], place: Place, scrub: Scrub | None, own: bool) -> dict[str, Any]:
+    """The row in the bundle, under the key that its pair has there; `own` : whether its solver is cpbench's."""
+    new = dict(row) | {"address": place.address}
+    if scrub is not None:
+        new |= _anonymous(row, scrub, own)
+    key, label = identity(new)
+    if scrub is not None:
+        new["label"] = label
+    return new | {"key": key}
+
+
+def identity(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Key and label of the pair of a row."""
+    limits: Any = Limits(row["seconds"], row["memory"], row["threads"], row["repeats_asked"])
+    pair = Pair(
+        address=str(row["address"]),
+        problem=str(row["problem"]),
+        fingerprint=str(row["fingerprint"]),
+        node=str(row["node"]),
+        family=str(row["family"]),
+        sizes={},
+        request=Request(str(row["request"])),
+        entry=Entry(str(row["solver"]), json.loads(row["options"] or "{}")),
+        target="",
+        tolerance=float(row["tolerance"]),
+        limits=limits,
+        start=str(row["start"] or "cold"),
+        set=str(row["set"] or ""),
+        measure=row["measure"],
+        sequence=str(row["sequence"] or ""),
+        step=int(row["step"] or 0),
+    )
+    return pair.key, pair.label
+
+
+def _anonymous(row: Mapping[str, Any], scrub: Scrub, own: bool) -> dict[str, Any]:
+    """The columns that may tell somebody. What a plugin says is its author's, and left out."""
+    names = {
+        name: scrub.name(str(row[name])) for name in ("problem", "family", "set", "solver", "sequence") if row[name]
+    }
+    told = {name: scrub.code(str(row[name])) for name in ("options", "version", "claim") if row[name]}
+    if row["message"]:
+        told["message"] = scrub.text(str(row["message"])) if own else ""
+    return {
+        **names,
+        **told,
+        "counters": json.dumps(scrub.deep(json.loads(row["counters"]))) if row["counters"] else row["counters"],
+        "host": scrub.host(str(row["host"] or "")) or None,
+        "origin": ELSEWHERE if row["origin"] else row["origin"],
+    }
+
+
+def write(
+    store: Store,
+    rows: Sequence[Mapping[str, Any]],
+    places: Mapping[Unit, Place],
+    target: Path,
+    plan: Mapping[str, Any],
+    foreign: Iterable[str],
+    names: Mapping[str, str],
+    scrub: Scrub | None,
+) -> list[dict[str, Any]]:
+    """Write the results file of a bundle; its rows.
+
+    `foreign` : solvers that are not cpbench's own. `names` : of plugin files in the bundle, by where they were.
+    """
+    others = set(foreign)
+    keys: dict[str, str] = {}
+    new: list[dict[str, Any]] = []
+    for row in rows:
+        own = row["solver"] not in others and not row["origin"]
+        made = moved(row, places[unit(row)], scrub, own)
+        keys[str(row["key"])] = made["key"]
+        new.append(made)
+    key = None if scrub is None else seal_key.for_one_file(row["key"] for row in new)
+    with Store(target, create=True, key=key) as made_store:
+        made_store.set_meta(**_meta(store, plan, names, scrub))
+        for host, about in store.machines().items():
+            name = host if scrub is None else scrub.host(host)
+            made_store.note_machine(name, about if scrub is None else _machine(about, scrub))
+        made_store.note_features(store.features() if scrub is None else scrub.deep(store.features(), scrub.name))
+        if scrub is None:
+            made_store.note_files([], store.meta()["refused"])
+        made_store.add_references(store.references())
+        made_store.add(new)
+        made_store.add_kept(
+            sorted((keys[key], blob) for key, blob in store.answers()),
+            sorted((keys[key], blob) for key, blob in store.histories()),
+            sorted((keys[key], kind, proof) for key, kind, proof in store.certificates()),
+        )
+        made_store.settle()
+    return new
+
+
+def _meta(store: Store, plan: Mapping[str, Any], names: Mapping[str, str], scrub: Scrub | None) -> dict[str, Any]:
+    meta = store.meta()
+    sheets = {label: _placed(sheet, names) for label, sheet in (meta.get("solvers") or {}).items()}
+    own: dict[str, Any] = {"command": "cpbench run --plan plan.toml"}
+    if scrub is None:
+        kept = {name: value for name, value in meta.items() if name not in _TABLES}
+        return {**kept, "command": meta.get("command", own["command"]), "formats": {}, "solvers": sheets}
+    kept = {name: scrub.deep(meta[name]) for name in _META if name in meta}
+    sheets = {scrub.name(label): _sheet(sheet, scrub) for label, sheet in sheets.items()}
+    own |= {"machine": _machine(meta.get("machine") or {}, scrub), "solvers": sheets, "formats": {}, "plan": plan}
+    if meta.get("mixed"):
+        own["mixed"] = [f"{len(meta['mixed'])} differences between files that were merged"]
+    return {**kept, **own}
+
+
+def _placed(sheet: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    """What is told of a solver, with its plugin where it is in the bundle."""
+    plugin = str(sheet.get("plugin") or "")
+    return {**sheet, "plugin": names.get(plugin, plugin)}
+
+
+def _sheet(sheet: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
+    """What is told of a solver; of a plugin nothing but what it solves and how."""
+    told: dict[str, Any] = scrub.deep(sheet)
+    if sheet.get("plugin"):
+        told |= {"citation": "", "summary": "", "written": told.get("name", "")}
+    return told
+
+
+def _machine(about: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
+    """The machine without its name, and without the release of its system, which may be one of a kind."""
+    told = {name: scrub.deep(about[name]) for name in _MACHINE if name in about}
+    system = re.match(r"[A-Za-z]+", str(about.get("os", "")))
+    return told | ({"os": system[0]} if system else {})

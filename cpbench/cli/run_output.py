@@ -1,0 +1,61 @@
+"""What `cpbench run` prints before the first solve and after the last."""
+
+from __future__ import annotations
+
+import sys
+
+from cpbench.api import run_text
+from cpbench.bench import campaign
+from cpbench.bench.planning import dry_run as dry_runs
+from cpbench.bench.planning.assembly import Assembly
+from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.results.store import Store
+from cpbench.cli.outputs import require_folder
+from cpbench.cli.terminal import fitted, folded, print_lines, width
+from cpbench.verification import Status
+
+
+def announce(asked: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> bool:
+    """Print what will be run; return whether to run it."""
+    print_lines(run_text.planned(assembly), err=True)
+    if not quiet:
+        print_lines(fitted(run_text.duration(asked, assembly)), err=True)
+    if dry_run:
+        for line in dry_runs.lines(asked, assembly, campaign.statuses(asked.results), width()):
+            print_lines(folded(line))
+        print_lines(run_text.refused(assembly.refused), err=True)
+        return False
+    assembly.require_pairs()
+    campaign.require_answers(asked, assembly.pairs)
+    if asked.report_folder is not None:
+        require_folder(asked.report_folder)  # before hours of work
+    return True
+
+
+def print_removed(store: Store) -> None:
+    """Print the rows of an earlier run that are run again."""
+    print_lines(run_text.removed(store), err=True)
+
+
+def finish(asked: RunPlan, store: Store, assembly: Assembly) -> None:
+    """Print the answer and the last lines, and write the report; exits with 1 where the run failed."""
+    from cpbench.cli.answer import print_answer  # with pandas, which the beginning of a run need not wait for
+
+    print_lines(run_text.refused(assembly.refused), err=True)
+    counts = store.counts()
+    if counts.get(Status.UNAVAILABLE):
+        print_lines(run_text.absent(store), err=True)
+    print_answer(store)
+    table = store.table()
+    ending = run_text.ending(asked, store, assembly, table)
+    print_lines(("", *ending.lines))
+    if counts and asked.report_folder is not None:
+        from cpbench.api.reports import write_report
+        from cpbench.report.html import vega
+
+        files, _ = write_report(store, asked.report_folder, run_text.title(asked), table)
+        print_lines(f"report: {path}" for path in files)
+        print_lines(filter(None, [vega.lacking()]), err=True)
+    print_lines((f"cpbench: {line}" for line in ending.failures), err=True)
+    if ending.failed:
+        sys.exit(1)

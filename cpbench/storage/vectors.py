@@ -1,0 +1,30 @@
+"""Answers as bare vectors in files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from cpbench.formulations.base import Point
+from cpbench.storage.base import write_atomic
+
+
+def save_vector(point: Point, path: Path, *, force: bool) -> bool:
+    """Write the parts of `point` one after the other when `path` is .npy, .csv or .txt; return whether it is.
+
+    Raises FormatError when the file exists, unless `force`, or cannot be written.
+    """
+    if path.suffix not in (".npy", ".csv", ".txt"):
+        return False
+    vector = np.concatenate(list(point.arrays().values()))
+
+    def put(file: BinaryIO) -> None:
+        if path.suffix == ".npy":
+            np.save(file, vector, allow_pickle=False)
+        else:
+            np.savetxt(file, vector, fmt="%.17g")
+
+    write_atomic(path, put, force=force)
+    return True
