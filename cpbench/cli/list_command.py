@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import click
 
@@ -14,7 +13,7 @@ from cpbench.cli.options import Command
 
 
 @click.command(cls=Command)
-@click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems", "readme"]))
+@click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems"]))
 @click.argument("names", nargs=-1, metavar="[NAME|GLOB]...")
 @click.option("--all", "every", is_flag=True, help="Solvers: those too that run only when they are named.")
 @click.option("--available", is_flag=True, help="Solvers: only those that can run here.")
@@ -23,9 +22,6 @@ from cpbench.cli.options import Command
     "--check", is_flag=True, help="Solvers: import every guest and see, instead of looking whether it is there."
 )
 @click.option("--json", "as_json", is_flag=True, help="Solvers: for programs.")
-@click.option(
-    "--write", type=click.Path(path_type=Path, exists=True), help="With readme: bring the tables in FILE up to date."
-)
 def command(
     what: str,
     names: tuple[str, ...],
@@ -34,9 +30,8 @@ def command(
     node: str | None,
     check: bool,
     as_json: bool,
-    write: Path | None,
 ) -> None:
-    """List formulations, conversions, solvers, formats or the built-in problems; readme: the tables in Markdown.
+    """List formulations, conversions, solvers, formats or the built-in problems.
 
     cpbench list solvers NAME shows one solver with its options, cpbench list solvers NODE those of a formulation,
     cpbench list conversions NAME the mathematics of a conversion.
@@ -51,17 +46,11 @@ def command(
         for line in _told(names):
             click.echo(line)
         return
-    if write is not None:
-        from cpbench.report.registry_tables import registry_tables, replace_between_marks
-
-        write.write_text(replace_between_marks(write.read_text(), registry_tables()))
-        return
     for line in {
         "formulations": _formulations,
         "conversions": _conversions,
         "formats": _formats,
         "problems": _problems,
-        "readme": _readme,
     }[what]():
         click.echo(line)
 
@@ -74,7 +63,7 @@ def _formulations() -> Iterator[str]:
 
 def _conversions() -> Iterator[str]:
     from cpbench.graph import edges
-    from cpbench.report.registry_tables import promise
+    from cpbench.report.graph_drawing import promise
 
     return terminal.table((e.name, e.source, "->", e.target, promise(e), e.equation) for e in edges())
 
@@ -82,7 +71,7 @@ def _conversions() -> Iterator[str]:
 def _told(names: Sequence[str]) -> Iterator[str]:
     """The mathematics of conversions, as their modules tell it. Raises UnknownName."""
     from cpbench.conversions import conversions
-    from cpbench.report.registry_tables import promise
+    from cpbench.report.graph_drawing import promise
 
     for name in names:
         edge = conversions.get(name)
@@ -137,12 +126,6 @@ def _formats() -> Iterator[str]:
     from cpbench.storage import formats
 
     return terminal.table((f.name, ", ".join(f.suffixes), f.summary) for f in formats)
-
-
-def _readme() -> list[str]:
-    from cpbench.report.registry_tables import registry_tables
-
-    return registry_tables().splitlines()
 
 
 def _problems() -> list[str]:
