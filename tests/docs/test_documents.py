@@ -132,3 +132,11 @@ def test_decisions_have_a_title_a_date_and_a_part() -> None:
         assert re.match(r"# \S.*\n\nDate: \d{4}-\d\d-\d\d · Part: [a-z]+\n\n\S", text), path.name
         numbers.append(int(path.name[:4]))
     assert len(numbers) == len(set(numbers)), "two decisions have one number"
+
+
+def test_reports_in_the_repository_are_small() -> None:
+    """One page each, the plan, the pictures of README; what CI makes goes to artefacts."""
+    listed = subprocess.run(["git", "ls-files", "-z", "reports"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("does not apply: no clone")
+    assert sum((ROOT / name).stat().st_size for name in listed.stdout.split("\0") if name) < 2_000_000
