@@ -53,9 +53,10 @@ def _described(title: str, item: Any) -> Iterator[str]:
 
 def _signature(item: Any) -> str:
     try:
-        return str(inspect.signature(item))
+        written = str(inspect.signature(item))
     except ValueError:  # what is written in C has none
         return "(...)"
+    return re.sub(r"(: |-> )'([^']*)'", r"\1\2", written)  # annotations that are kept as text have quotes
 
 
 def _members(name: str, item: type) -> Iterator[str]:
