@@ -64,7 +64,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
     threads = rows["threads"].fillna(1).astype(int)
     place = pd.Series("", index=rows.index, dtype=object)
     steps = rows.loc[followed, ["sequence", "step"]]
-    place[followed] = steps["sequence"].astype(str) + "#" + steps["step"].fillna(0).astype(int).astype(str)
+    place[followed] = [f"{name}#{int(k)}" for name, k in zip(steps["sequence"], steps["step"].fillna(0), strict=True)]
     plain = pd.DataFrame(
         {
             "node": rows["node"],

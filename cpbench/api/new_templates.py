@@ -47,7 +47,8 @@ def words(kind: str, name: str) -> dict[str, str]:
     if keyword.iskeyword(module):
         raise CpbenchError(f"'{name}' is a word of Python: take another name")
     title = "".join(part[0].upper() + part[1:] for part in module.split("_") if part)
-    return {"NAME": name, "MODULE": module, "CLASS": title, "EDGE": f"lcp-lcp-{name}", "FILE": f"{module}.py"}
+    edge = name if name.startswith("lcp-lcp-") else f"lcp-lcp-{name}"
+    return {"NAME": name, "MODULE": module, "CLASS": title, "EDGE": edge, "FILE": f"{module}.py"}
 
 
 def _nodes(folder: Traversable) -> list[str]:

@@ -43,7 +43,6 @@ COMMANDS = {
     "bundle": "Put a run with all that repeats it into one zip file, anonymous where asked.",
     "reproduce": "Run a bundle again and compare.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
-    "tutorial": "Build the tutorial, the lecture behind this program, as one page.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
     "check": "Put a plugin through the conformance checks.",
     "doctor": "Say what works on this machine and how to get what does not.",

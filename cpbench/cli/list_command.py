@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import click
 
@@ -13,7 +12,7 @@ from cpbench.cli.terminal import print_lines
 
 
 @click.command(cls=Command)
-@click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems", "readme"]))
+@click.argument("what", type=click.Choice(["formulations", "conversions", "solvers", "formats", "problems"]))
 @click.argument("names", nargs=-1, metavar="[NAME|GLOB]...")
 @click.option("--all", "every", is_flag=True, help="Include solvers that run only when they are named.")
 @click.option("--available", is_flag=True, help="Show only solvers that can run here.")
@@ -22,9 +21,6 @@ from cpbench.cli.terminal import print_lines
     "--check", is_flag=True, help="Import every guest of the solvers, instead of looking whether it is there."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the solvers as JSON.")
-@click.option(
-    "--write", type=click.Path(path_type=Path, exists=True), help="File whose tables to bring up to date, with readme."
-)
 def command(
     what: str,
     names: tuple[str, ...],
@@ -33,9 +29,8 @@ def command(
     node: str | None,
     check: bool,
     as_json: bool,
-    write: Path | None,
 ) -> None:
-    """List formulations, conversions, solvers, formats or built-in problems; readme prints the tables in Markdown.
+    """List formulations, conversions, solvers, formats or the built-in problems.
 
     cpbench list solvers NAME shows one solver with its options, cpbench list solvers NODE those of a formulation,
     cpbench list conversions NAME the mathematics of a conversion.
@@ -54,14 +49,7 @@ def command(
         return
     if every or available or node or check or as_json or (names and what != "conversions"):
         raise click.UsageError(f"list {what}: takes no names and no options of solvers")
-    if what == "readme":
-        from cpbench.report.registry_tables import registry_tables, replace_between_marks
-
-        if write is not None:
-            write.write_text(replace_between_marks(write.read_text(), registry_tables()))
-        else:
-            print_lines(registry_tables().splitlines())
-    elif what == "problems":
+    if what == "problems":
         print_lines(lists.builtin_problems())
     elif names:
         print_lines(lists.conversion_sheets(names))

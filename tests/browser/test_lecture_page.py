@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-
-from cpbench.report.lecture import page as lecture
+from lecture import page as lecture
 
 pytestmark = [pytest.mark.browser, pytest.mark.nightly]  # some ten seconds a picture
 

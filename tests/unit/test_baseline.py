@@ -56,6 +56,16 @@ def test_text_and_lines_are_one_another() -> None:
     assert (ratchet.changes(kept, lines)["change"].isin([Change.SAME, Change.UNMEASURED])).all()
 
 
+def test_text_columns_as_a_results_file_hands_them_over() -> None:
+    """Of this type an empty column and a text make a column of objects, which no other text is added to."""
+    table = synthetic.table(synthetic.row("gear-1", "nsgs", "solved", 0.1))
+    kind = pd.StringDtype("python", na_value=np.nan)
+    read = table.assign(
+        sequence=pd.Series("", table.index, dtype=kind), start=pd.Series("cold", table.index, dtype=kind)
+    )
+    assert baseline.text(baseline.of(read)) == baseline.text(baseline.of(table))
+
+
 def test_names_may_hold_anything() -> None:
     table = synthetic.table(
         synthetic.row('a "b",\u00e9', "pgs[w=1,s=2]@inner8", "solved", counters='{"inner steps, all": 3, "a=b": 4}'),

@@ -14,8 +14,8 @@ import pytest
 import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lecture.numerics.examples.maps import mapped
 
-from cpbench.analysis.lecture.examples.maps import mapped
 from cpbench.errors import ProblemError
 from cpbench.expressions import Builder, Map, Operator
 from cpbench.expressions.batches import Batches

@@ -9,8 +9,8 @@ import mpmath
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from lecture.numerics.examples.maps import mapped
 
-from cpbench.analysis.lecture.examples.maps import mapped
 from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoint, QPPoint
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.qvi import QVIPoint

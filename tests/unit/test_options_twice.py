@@ -65,7 +65,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
 
 def test_the_tree_is_walked() -> None:
     """The commands of README, those that are made from kinds of figures, and the nested ones."""
-    assert {"cpbench run", "cpbench plot profile", "cpbench plot cone", "cpbench tutorial lecture"} <= COMMANDS.keys()
+    assert {"cpbench run", "cpbench plot profile", "cpbench plot cone"} <= COMMANDS.keys()
     assert len(OPTIONS) > 300
 
 

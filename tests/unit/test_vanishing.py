@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lecture.numerics.examples.maps import mapped
 
-from cpbench.analysis.lecture.examples.maps import mapped
 from cpbench.conversions.base import make
 from cpbench.formulations import LCP, Equation
 from cpbench.formulations.equation import EquationPoint

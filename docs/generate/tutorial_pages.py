@@ -1,0 +1,23 @@
+"""The tutorial and pictures that lie elsewhere in the repository, as files of the site."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def files() -> dict[str, bytes]:
+    """Return path in the site -> content: the tutorial's page and problems, computed now, and the pictures of races."""
+    sys.path.insert(0, str(ROOT / "docs"))
+    try:
+        from lecture.page import write
+
+        with tempfile.TemporaryDirectory() as folder:
+            write(Path(folder))
+            made = {f"lecture/{path.name}": path.read_bytes() for path in Path(folder).iterdir()}
+    finally:
+        sys.path.remove(str(ROOT / "docs"))
+    return {**made, "assets/ratios.png": (ROOT / "reports/speed/ratios.png").read_bytes()}

@@ -1,0 +1,1 @@
+"""What the tutorial computes: small problems, round trips of conversions, iterations, sets."""
