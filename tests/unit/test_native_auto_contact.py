@@ -13,8 +13,8 @@ from tiers import some_by_day
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact.contact_policy import Method, Standing, policy
-from cpbench.solvers.native.contact.contact_sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
+from cpbench.solvers.native.contact.policy import Method, Standing, policy
+from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
 from cpbench.testing import planted
 
 NEW = Standing(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)

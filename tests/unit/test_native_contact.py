@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact import contact_sweeps
+from cpbench.solvers.native.contact import sweeps as contact_sweeps
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -14,9 +14,9 @@ from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
-from cpbench.solvers.native.contact.contact_frozen import Frozen, block_csr
-from cpbench.solvers.native.contact.contact_sweeps import scaled_contacts
+from cpbench.solvers.native.contact.frozen_law import Frozen, block_csr
 from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
+from cpbench.solvers.native.contact.sweeps import scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -12,9 +12,9 @@ from claims import assert_claim
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact.contact_equation import ContactEquation, ContactFunction
-from cpbench.solvers.native.contact.contact_newton import ContactNewtonOptions, Regularization, Search
-from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows, scaled_contacts
+from cpbench.solvers.native.contact.newton_equation import ContactEquation, ContactFunction
+from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, Regularization, Search
+from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows, scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -13,8 +13,8 @@ from tiers import some_by_day
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact.contact_relaxation import Local
 from cpbench.solvers.native.contact.nsgs import NSGSOptions
+from cpbench.solvers.native.contact.relaxation import Local
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -16,9 +16,9 @@ from cpbench.formulations import FCPoint, GFCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows
-from cpbench.solvers.native.contact.global_admm import Dynamics
+from cpbench.solvers.native.contact.admm_global import Dynamics
 from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
+from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
 

@@ -13,9 +13,9 @@ import scipy.sparse as sp
 from cpbench import kernel_cache, matrices, storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.mlcp.mlcp_claims import scale
-from cpbench.solvers.native.mlcp.mlcp_enumeration import all_solutions
-from cpbench.solvers.native.mlcp.mlcp_pivoting import Reduction
+from cpbench.solvers.native.mlcp.claims import scale
+from cpbench.solvers.native.mlcp.enumeration import all_solutions
+from cpbench.solvers.native.mlcp.pivoting import Reduction
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
 from cpbench.verification import certified_infeasible, judge

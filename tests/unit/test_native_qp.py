@@ -12,10 +12,10 @@ import scipy.sparse as sp
 from cpbench.formulations import QP
 from cpbench.kernel_cache import load
 from cpbench.solvers import Budget, Claim, Trait, solvers
-from cpbench.solvers.native.qp.qp_claims import Measure, infeasibility, unboundedness
-from cpbench.solvers.native.qp.qp_dual_active_set import ActiveSet
-from cpbench.solvers.native.qp.qp_kkt import DenseKKT, SparseKKT
-from cpbench.solvers.native.qp.qp_scaling import scaled, stacked
+from cpbench.solvers.native.qp.claims import Measure, infeasibility, unboundedness
+from cpbench.solvers.native.qp.dual_active_set import ActiveSet
+from cpbench.solvers.native.qp.kkt_system import DenseKKT, SparseKKT
+from cpbench.solvers.native.qp.scaling import scaled, stacked
 from cpbench.testing import planted
 
 STRICT = ("qp-dual-active-set", "qp-projected-gradient", "qp-nesterov")

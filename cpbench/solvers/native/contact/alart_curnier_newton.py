@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.contact.contact_equation import ContactFunction
-from cpbench.solvers.native.contact.contact_newton import TRAITS, ContactNewton, ContactNewtonOptions
+from cpbench.solvers.native.contact.newton_equation import ContactFunction
+from cpbench.solvers.native.contact.semismooth_newton import TRAITS, ContactNewton, ContactNewtonOptions
 
 
 @register

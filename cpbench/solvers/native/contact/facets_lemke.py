@@ -25,8 +25,8 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Dense, Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.contact_sweeps import ScaledContacts, conclude, scaled_contacts
-from cpbench.solvers.native.lcp.lcp_claims import DENSE_BYTES
+from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, scaled_contacts
+from cpbench.solvers.native.lcp.claims import DENSE_BYTES
 from cpbench.solvers.native.lcp.lemke import Lemke
 from cpbench.solvers.options import fixed, searched
 

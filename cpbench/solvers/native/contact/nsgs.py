@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
-from cpbench.solvers.native.contact.contact_relaxation import (
+from cpbench.solvers.native.contact.relaxation import (
     AT_FIRST,
     TRAITS,
     Advance,
@@ -18,7 +18,7 @@ from cpbench.solvers.native.contact.contact_relaxation import (
     Shape,
     general,
 )
-from cpbench.solvers.native.contact.contact_sweeps import (
+from cpbench.solvers.native.contact.sweeps import (
     LOGGED,
     ROUNDED,
     AcceleratedSweeps,

@@ -20,9 +20,9 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench.solvers.native.contact.contact_relaxation import TRAITS
-from cpbench.solvers.native.contact.contact_run import Method, MethodOptions, iterate
-from cpbench.solvers.native.contact.contact_sweeps import block_rows, conclude, kernel
+from cpbench.solvers.native.contact.relaxation import TRAITS
+from cpbench.solvers.native.contact.run import Method, MethodOptions, iterate
+from cpbench.solvers.native.contact.sweeps import block_rows, conclude, kernel
 from cpbench.solvers.options import fixed
 
 

@@ -17,8 +17,8 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.matrices import Dense, Sparse, Vector, freeze, sparse
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.contact_run import Method, MethodOptions, iterate_on
-from cpbench.solvers.native.contact.contact_sweeps import kernel
+from cpbench.solvers.native.contact.run import Method, MethodOptions, iterate_on
+from cpbench.solvers.native.contact.sweeps import kernel
 
 LARGEST = 256
 """Unknowns of M that may hang together: a contact moves all those of the bodies that it touches."""

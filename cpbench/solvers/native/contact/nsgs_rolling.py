@@ -14,7 +14,7 @@ from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.kernel_cache import compiled
 from cpbench.matrices import Dense, Vector, freeze
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.contact_sweeps import conclude, kernel
+from cpbench.solvers.native.contact.sweeps import conclude, kernel
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
 

@@ -18,9 +18,9 @@ from typing import Any, ClassVar
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
-from cpbench.solvers.native.contact.contact_newton import ContactNewtonOptions, NewtonPhase
-from cpbench.solvers.native.contact.contact_run import ContactSolver, Method, MethodOptions, contact_spec
-from cpbench.solvers.native.contact.contact_sweeps import AcceleratedSweeps, ScaledContacts
+from cpbench.solvers.native.contact.run import ContactSolver, Method, MethodOptions, contact_spec
+from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
+from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts
 from cpbench.solvers.options import fixed, searched
 
 ALPHA = (1e-12, 1e3)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.lcp_claims import dense_obstacle
+from cpbench.solvers.native.lcp.claims import dense_obstacle
 from cpbench.solvers.native.lcp.pgs import Columns, PGSOptions, Splitting, Sweeps
 from cpbench.solvers.options import searched
 

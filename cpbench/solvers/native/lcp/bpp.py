@@ -14,13 +14,13 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.changing_basis import ChangingBasis
-from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
-from cpbench.solvers.native.lcp.lcp_claims import (
+from cpbench.solvers.native.lcp.claims import (
     conclude,
     dense_obstacle,
     ended_in_basis,
     error_of,
 )
+from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lemke import Lemke, LemkeOptions
 from cpbench.solvers.options import fixed, searched
 

@@ -9,7 +9,7 @@ import numpy as np
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import SYMMETRY_TOLERANCE, asymmetry
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.lcp.lcp_claims import ScaledLCP, dense_obstacle
+from cpbench.solvers.native.lcp.claims import ScaledLCP, dense_obstacle
 from cpbench.solvers.native.lcp.principal_pivoting import TRAITS, PrincipalPivoting, PrincipalPivotingOptions, Tableau
 
 

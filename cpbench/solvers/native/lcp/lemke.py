@@ -14,9 +14,9 @@ from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
+from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, ended_in_basis, error_of, farkas
 from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
-from cpbench.solvers.native.lcp.lcp_claims import conclude, dense_obstacle, ended_in_basis, error_of, farkas
 from cpbench.solvers.native.lcp.lemke_columns import BLOCKS, Columns
 from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.solvers.options import fixed, searched

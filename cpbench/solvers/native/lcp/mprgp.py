@@ -19,7 +19,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
-from cpbench.solvers.native.lcp.lcp_claims import CLOSE, conclude, dense_obstacle, error_of, farkas
+from cpbench.solvers.native.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
 

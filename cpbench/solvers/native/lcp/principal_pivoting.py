@@ -16,7 +16,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
-from cpbench.solvers.native.lcp.lcp_claims import (
+from cpbench.solvers.native.lcp.claims import (
     ScaledLCP,
     conclude,
     dense_obstacle,

@@ -24,7 +24,7 @@ from cpbench.formulations.base import scaled
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
-from cpbench.solvers.native.lcp.lcp_claims import CLOSE
+from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 
 DENSE_LIMIT = 150

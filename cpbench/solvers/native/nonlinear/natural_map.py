@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from cpbench.factorization import sparse_lu
 from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
-from cpbench.solvers.native.lcp.lcp_claims import solve_linear
+from cpbench.solvers.native.lcp.claims import solve_linear
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed
 

@@ -29,7 +29,7 @@ from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Sparse, Vector, norm
 from cpbench.product_cones import Cone
-from cpbench.solvers.native.cone.cone_jacobians import box_jacobian, projection_jacobian
+from cpbench.solvers.native.cone.jacobians import box_jacobian, projection_jacobian
 from cpbench.solvers.native.nonlinear.projection_run import Field, Method, ProjectionOptions
 from cpbench.solvers.native.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
 from cpbench.solvers.options import fixed

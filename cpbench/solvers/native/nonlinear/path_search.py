@@ -12,7 +12,7 @@ from cpbench.cones import project_box
 from cpbench.matrices import Matrix, Vector, norm
 from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.lcp_claims import principal
+from cpbench.solvers.native.lcp.claims import principal
 from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
 from cpbench.solvers.native.nonlinear.merit_search import ACCEPT, At, Descent, fall_back
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point

@@ -24,7 +24,7 @@ from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
-from cpbench.solvers.native.lcp.lcp_claims import CLOSE
+from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed
 
