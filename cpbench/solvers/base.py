@@ -21,6 +21,7 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers.options import choices, written
+from cpbench.solvers.renamed import RENAMED
 
 
 class Trait(StrEnum):
@@ -56,6 +57,17 @@ class NoOptions:
 @dataclass(frozen=True, kw_only=True)
 class SolverSpec:
     """Everything about a solver that can be read without importing its package.
+
+    A name is the method, then what distinguishes it from its relatives, then the node where the method would not tell
+    it: ``pgs``, ``pgs-mlcp``, ``newton-fb-micp``, ``nsgs-coloured``, ``interior-point-fc``.
+
+    - One method has one name on all nodes. The node of the literature goes without: ``lemke`` is for lcp.
+    - The node is written as it is registered, at the end: ``auto-fc``, not ``auto-contact``.
+    - Newton's methods on an equation are ``newton-EQUATION``: ``newton-fb``, ``newton-alart-curnier``. Methods that
+      the literature calls by a name keep it: ``josephy-newton``, ``proximal-newton``, ``tresca-fixed-point``.
+    - A backend comes first, then its own name of the method: ``siconos-fc3d-nsgs``, ``gams-path-micp``.
+
+    Names that were otherwise before are in `solvers.renamed`.
 
     Attributes
     ----------
@@ -275,10 +287,10 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
         raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
 
 
-ROOMS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
+NODE_GROUPS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
 """Packages of `solvers.native`: nodes that share their mathematics."""
 solvers: Registry[Solver] = Registry(
-    "solver", *(f"cpbench.solvers.native.{room}" for room in ROOMS), "cpbench.solvers.adapters"
+    "solver", *(f"cpbench.solvers.native.{group}" for group in NODE_GROUPS), "cpbench.solvers.adapters", renamed=RENAMED
 )
 
 

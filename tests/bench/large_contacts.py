@@ -119,7 +119,7 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool, path_of_races: Path
     problem = condensed(bodies)
     W = sparse(problem.W)
     solvers.get("nsgs").warmup()
-    solvers.get("nsgs-global").warmup()
+    solvers.get("nsgs-gfc").warmup()
     rows = block_rows(problem)
     kept = size_of(rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
     swept = size_of(rows.start, rows.column, rows.blocks)

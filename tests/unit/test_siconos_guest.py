@@ -21,7 +21,7 @@ from cpbench.errors import Ended
 from cpbench.formulations import FrictionContact
 from cpbench.solvers import solvers
 from cpbench.solvers.adapters import siconos
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver
 from cpbench.solvers.adapters.siconos_fc3d import SiconosFC3D
 from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
 from cpbench.solvers.base import Budget, Claim
@@ -42,7 +42,7 @@ def debian() -> None:
 def _nsgs(storage: str) -> SiconosSolver:
     row = solvers.get("siconos-fc3d-nsgs").row
     return SiconosFC3D(
-        Row(name=storage, constant=row.constant, summary=row.summary, method="", citation="", storage=storage)
+        SiconosEntry(name=storage, constant=row.constant, summary=row.summary, method="", citation="", storage=storage)
     )
 
 

@@ -38,7 +38,7 @@ class IpoptOptions:
 
 
 @dataclass(frozen=True)
-class Program:
+class IpoptProgram:
     """The scaled problem, Ipopt for it, and the error that is asked for."""
 
     mcp: ScaledMCP
@@ -61,7 +61,7 @@ class IpoptComplementarity(Solver):
             return "has no unknown (n = 0): Ipopt refuses an empty program"
         return too_large(n)
 
-    def setup(self, problem: LCP | MLCP, budget: Budget, options: IpoptOptions) -> Program:
+    def setup(self, problem: LCP | MLCP, budget: Budget, options: IpoptOptions) -> IpoptProgram:
         import casadi as ca
 
         mcp = scaled_mcp(problem)
@@ -83,11 +83,11 @@ class IpoptComplementarity(Solver):
         if math.isfinite(budget.seconds):
             ipopt["max_wall_time"] = budget.seconds
         quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "ipopt": ipopt}
-        return Program(mcp, ca.nlpsol("complementarity", "ipopt", program, quiet), error)
+        return IpoptProgram(mcp, ca.nlpsol("complementarity", "ipopt", program, quiet), error)
 
     def solve(
         self,
-        prepared: Program,
+        prepared: IpoptProgram,
         budget: Budget,
         options: IpoptOptions,
         start: Any | None = None,

@@ -33,7 +33,7 @@ class NLPOptions:
 
 
 @dataclass(frozen=True)
-class Program:
+class CasadiProgram:
     """The problem and CasADi's solver for it."""
 
     problem: NLP
@@ -56,21 +56,23 @@ class CasadiNLP(Solver):
             return "has no unknown (n = 0): CasADi's solvers refuse an empty program"
         return too_large(n)
 
-    def setup(self, problem: NLP, budget: Budget, options: NLPOptions) -> Program:
+    def setup(self, problem: NLP, budget: Budget, options: NLPOptions) -> CasadiProgram:
         import casadi as ca
 
         z = ca.SX.sym("z", problem.start.size)
         program = {"x": z, "f": problem.f.sx(z), "g": ca.vertcat(problem.g.sx(z), problem.h.sx(z))}
         limit = budget.iterations or options.max_iterations
         quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
-        return Program(problem, ca.nlpsol("program", self.plugin, program, quiet | dict(self.settings(limit, budget))))
+        return CasadiProgram(
+            problem, ca.nlpsol("program", self.plugin, program, quiet | dict(self.settings(limit, budget)))
+        )
 
     def warmup(self) -> None:
         self.run(small_program())
 
     def solve(
         self,
-        prepared: Program,
+        prepared: CasadiProgram,
         budget: Budget,
         options: NLPOptions,
         start: Any | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.solvers.adapters.casadi_guest import CITATION, INSTALL
-from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Claim, SolverSpec, Trait, register
@@ -39,7 +39,7 @@ class CasadiQPOASES(QPBackend):
         "Maximum number of working set recalculations performed.": Claim.MAX_ITER,
     }
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import casadi as ca
 
         n = form.q.size
@@ -60,7 +60,7 @@ class CasadiQPOASES(QPBackend):
         )
         told = solver.stats()
         multipliers = np.asarray(result["lam_a"]).ravel()
-        return Answer(
+        return BackendAnswer(
             status=told["return_status"],
             x=np.asarray(result["x"]).ravel(),
             z=multipliers[: h.size],

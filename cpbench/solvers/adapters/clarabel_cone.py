@@ -29,7 +29,7 @@ class ClarabelCone(ConeSolver):
     """Interior point on the homogeneous embedding with Nesterov–Todd scaling; every factor becomes Lorentz cones."""
 
     spec = SolverSpec(
-        name="clarabel-cone",
+        name="clarabel-coneqp",
         node="coneqp",
         summary="interior point on the homogeneous embedding, second-order and rolling cones, in Rust",
         method="interior point",

@@ -7,11 +7,11 @@ import numpy as np
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.adapters.conic_models import ClarabelModel, ConicModel
-from cpbench.solvers.adapters.desaxce_fixed_point import DeSaxceFixedPoint, DeSaxceOptions, ScaledContact
+from cpbench.solvers.adapters.desaxce_fixed_point import ConicFixedPoint, DeSaxceOptions, ScaledContact
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 
 
-class _Clarabel(DeSaxceFixedPoint):
+class _Clarabel(ConicFixedPoint):
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
         return ClarabelModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
 
@@ -21,7 +21,7 @@ class ClarabelDeSaxce(_Clarabel):
     """Every convex program is solved from scratch by an interior method, to errors of about 1e-8."""
 
     spec = SolverSpec(
-        name="clarabel-desaxce",
+        name="clarabel-de-saxce",
         node="fc",
         summary="fixed point on De Saxcé's term, every step a second-order cone program by Clarabel",
         method="fixed point",
@@ -43,7 +43,7 @@ class ClarabelDeSaxceRolling(_Clarabel):
     """Every convex program is solved from scratch by an interior method, to errors of about 1e-8."""
 
     spec = SolverSpec(
-        name="clarabel-desaxce-rolling",
+        name="clarabel-de-saxce-rfc",
         node="rfc",
         summary="fixed point on De Saxcé's term with rolling friction, every step a cone program by Clarabel",
         method="fixed point",

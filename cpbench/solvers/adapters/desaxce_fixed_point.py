@@ -79,7 +79,7 @@ class ScaledContact:
         return rest + (self.law.shift(U) - U).ravel()
 
 
-class DeSaxceFixedPoint(Solver):
+class ConicFixedPoint(Solver):
     """The fixed point on De Saxcé's term around one conic solver."""
 
     @abstractmethod
@@ -91,7 +91,7 @@ class DeSaxceFixedPoint(Solver):
         if asymmetry > ASYMMETRY:
             return (
                 f"needs W symmetric, asymmetry = {asymmetry:.1e} > {ASYMMETRY:.0e}: its steps are "
-                "minimisations; use nsgs or nsgs-rolling"
+                "minimisations; use nsgs or nsgs-rfc"
             )
         if not matrices.is_psd(problem.W, INDEFINITE):
             return (

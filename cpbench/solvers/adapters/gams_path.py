@@ -9,7 +9,7 @@ from cpbench.solvers.adapters.gams_mcp import GamsMCP, gams_spec
 from cpbench.solvers.base import Budget, SolverSpec, register
 
 
-class Path(GamsMCP):
+class GamsPath(GamsMCP):
     """Newton's method on the normal map, each linear problem solved by Lemke's pivoting."""
 
     guest = "path"
@@ -33,14 +33,14 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 
 
 @register
-class PathLCP(Path):
+class PathLCP(GamsPath):
     """For the LCP."""
 
     spec: ClassVar[SolverSpec] = _spec("gams-path", "lcp")
 
 
 @register
-class PathMLCP(Path):
+class PathMLCP(GamsPath):
     """For the MLCP, its equations as they are."""
 
     spec: ClassVar[SolverSpec] = _spec("gams-path-mlcp", "mlcp")

@@ -29,7 +29,7 @@ EIGENVALUE_LIMIT = 1000
 
 
 @dataclass(frozen=True)
-class Answer:
+class BackendAnswer:
     """What a backend returned: its own word for how it ended, x and the multipliers, counters."""
 
     status: str
@@ -60,7 +60,7 @@ class QPBackend(Solver):
     claims: ClassVar[Mapping[str, Claim]] = {}
 
     @abstractmethod
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         """Run the backend; its exceptions pass through."""
 
     def obstacle(self, problem: QP) -> str | None:
@@ -106,7 +106,7 @@ class QPBackend(Solver):
     ) -> SolverOutput:
         return self.output(prepared, self.call(prepared, translate(self.spec.name, budget)))
 
-    def output(self, form: StandardForm, answer: Answer) -> SolverOutput:
+    def output(self, form: StandardForm, answer: BackendAnswer) -> SolverOutput:
         """The claim and the point that the backend's answer means."""
         claim = self.claims.get(answer.status, Claim.FAILED)
         point = None
@@ -147,12 +147,12 @@ class QPSolversBackend(QPBackend):
         assert form.guest is not None  # made here, so that it is not timed as part of the solve
         return form
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             solution = self.guest_function()(form.guest, **settings)
         status = self.status(solution, settings)
-        return Answer(
+        return BackendAnswer(
             status=status,
             x=solution.x,
             z=solution.z,

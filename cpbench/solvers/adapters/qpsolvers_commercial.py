@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any, ClassVar
 
 from cpbench.errors import Unavailable
-from cpbench.solvers.adapters.qp_backend import Answer, QPSolversBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPSolversBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Availability, Claim, SolverSpec, Trait, register
@@ -48,7 +48,7 @@ class LicensedBackend(QPSolversBackend):
         value = int(solution.extras["status"])
         return self.words.get(value, f"status {value}")
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         try:
             return super().call(form, settings)
         except Exception as cause:

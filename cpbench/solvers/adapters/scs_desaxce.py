@@ -7,11 +7,11 @@ import numpy as np
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.adapters.conic_models import ConicModel, ScsModel
-from cpbench.solvers.adapters.desaxce_fixed_point import DeSaxceFixedPoint, DeSaxceOptions, ScaledContact
+from cpbench.solvers.adapters.desaxce_fixed_point import ConicFixedPoint, DeSaxceOptions, ScaledContact
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 
 
-class _Scs(DeSaxceFixedPoint):
+class _Scs(ConicFixedPoint):
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
         return ScsModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
 
@@ -21,7 +21,7 @@ class ScsDeSaxce(_Scs):
     """Every convex program starts from the solution of the last one, with the same factorization."""
 
     spec = SolverSpec(
-        name="scs-desaxce",
+        name="scs-de-saxce",
         node="fc",
         summary="fixed point on De Saxcé's term, every step a second-order cone program by SCS",
         method="fixed point",
@@ -42,7 +42,7 @@ class ScsDeSaxceRolling(_Scs):
     """Every convex program starts from the solution of the last one, with the same factorization."""
 
     spec = SolverSpec(
-        name="scs-desaxce-rolling",
+        name="scs-de-saxce-rfc",
         node="rfc",
         summary="fixed point on De Saxcé's term with rolling friction, every step a cone program by SCS",
         method="fixed point",

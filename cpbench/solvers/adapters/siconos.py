@@ -35,7 +35,7 @@ MOST_INDEX_SETS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class SiconosEntry:
     """A solver of Siconos as it stands in the table of its family.
 
     Attributes
@@ -87,7 +87,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Settings:
+class SiconosSettings:
     """What the guest is told with every solve."""
 
     tolerance: float
@@ -102,7 +102,7 @@ class SiconosSolver(ServedSolver):
     carried_by: ClassVar[str] = "npy-dir"
     """The exchange."""
 
-    def __init__(self, row: Row) -> None:
+    def __init__(self, row: SiconosEntry) -> None:
         self.row = row
         spec = SolverSpec(
             name=row.name,
@@ -127,7 +127,7 @@ class SiconosSolver(ServedSolver):
     def solve(
         self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        told = Settings(inner=self.row.inner, **translate(budget, self.row.bound))
+        told = SiconosSettings(inner=self.row.inner, **translate(budget, self.row.bound))
         return super().solve(prepared, budget, told, start, record)
 
     def version(self) -> str:
@@ -147,7 +147,7 @@ def index_sets(n: int) -> str | None:
     return f"2^{n} index sets to try, at most 2^{MOST_INDEX_SETS} are" if n > MOST_INDEX_SETS else None
 
 
-def register_family(cls: type[SiconosSolver], *rows: Row) -> None:
+def register_family(cls: type[SiconosSolver], *rows: SiconosEntry) -> None:
     """Put a solver for every row into the registry."""
     for row in rows:
         solvers.add(row.name, cls(row))

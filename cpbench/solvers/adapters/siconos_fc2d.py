@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, index_sets, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, index_sets, register_family
 
 JEAN = "Jean, The non-smooth contact dynamics method, CMAME 177 (1999)"
 BOOK = "Cottle, Pang and Stone, The Linear Complementarity Problem (1992)"
@@ -26,7 +26,7 @@ class SiconosFC2D(SiconosSolver):
 
 register_family(
     SiconosFC2D,
-    Row(
+    SiconosEntry(
         name="siconos-fc2d-nsgs",
         constant="SICONOS_FRICTION_2D_NSGS",
         summary="Gauss–Seidel over the contacts, each solved in closed form",
@@ -35,7 +35,7 @@ register_family(
         storage="given",
         by_default=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc2d-cpg",
         constant="SICONOS_FRICTION_2D_CPG",
         summary="projected conjugate gradient, for symmetric W",
@@ -44,7 +44,7 @@ register_family(
         storage="given",
         false={"monotone-2d": 5.1e-01, "nonsymmetric-2d": 6.9e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc2d-lemke",
         constant="SICONOS_FRICTION_2D_LEMKE",
         summary="as an LCP of three rows a contact, by Lemke's method; its last test compares with the bound on pivots",
@@ -62,7 +62,7 @@ register_family(
         },
         failures={"check_some_case_is_solved": "none of those that are not excused"},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc2d-enum",
         constant="SICONOS_FRICTION_2D_ENUM",
         summary="as an LCP of three rows a contact, tries all index sets",

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, register_family
 from cpbench.solvers.adapters.siconos_tolerances import Bound
 
 REVIEW = "Acary, Brémond and Huber, On solving contact problems with Coulomb friction (2018)"
@@ -33,7 +33,7 @@ class SiconosFC3D(SiconosSolver):
 
 register_family(
     SiconosFC3D,
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsgs",
         constant="SICONOS_FRICTION_3D_NSGS",
         summary="Gauss–Seidel over the contacts, Alart–Curnier Newton with projections in each",
@@ -45,7 +45,7 @@ register_family(
         early={"velocity-unit-1e-08-3d": 8.5e-02, "impulse-unit-1e+08-3d": 8.5e-02},
         ends={"nonsymmetric-3d": "signal 6: asserts a positive diagonal of W (compute_rho_split_spectral_norm)"},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsgs-projection",
         constant="SICONOS_FRICTION_3D_NSGS",
         inner=f"{ONE}ProjectionOnConeWithLocalIteration",
@@ -57,7 +57,7 @@ register_family(
         early={"impulse-unit-1e-08-3d": 7.3e-01, "impulse-unit-1e+08-3d": 8.5e-02},
         impossible=("immovable",),
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsgs-quartic",
         constant="SICONOS_FRICTION_3D_NSGS",
         inner=f"{ONE}QUARTIC",
@@ -68,7 +68,7 @@ register_family(
         storage="given",
         early={"velocity-unit-1e-08-3d": 8.5e-02, "impulse-unit-1e+08-3d": 8.5e-02},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsgsv",
         constant="SICONOS_FRICTION_3D_NSGSV",
         summary="Gauss–Seidel in velocities; Debian's default for its contacts is one that it does not know",
@@ -83,7 +83,7 @@ register_family(
             "check_the_same_twice": "exit code 1: unknown internal solver FC3D_ONECONTACT_NSN",
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-prox",
         constant="SICONOS_FRICTION_3D_PROX",
         summary="proximal point, semismooth Newton inside",
@@ -102,7 +102,7 @@ register_family(
             "velocity-unit-1e+08-3d": 7.3e-02,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-tfp",
         constant="SICONOS_FRICTION_3D_TFP",
         summary="Tresca fixed point: friction thresholds held, a convex problem by Gauss–Seidel, and again",
@@ -119,7 +119,7 @@ register_family(
             "velocity-unit-1e+08-3d": 1.0e-02,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-pfp",
         constant="SICONOS_FRICTION_3D_PFP",
         summary="Panagiotopoulos' fixed point: normal and tangential problems in turn",
@@ -135,7 +135,7 @@ register_family(
             "velocity-unit-1e+08-3d": 4.1e-04,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-aclmfp",
         constant="SICONOS_FRICTION_3D_ACLMFP",
         summary="fixed point of the De Saxcé term, each step a second-order cone problem",
@@ -151,7 +151,7 @@ register_family(
             "velocity-unit-1e+08-3d": 5.3e-02,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-soclcp",
         constant="SICONOS_FRICTION_3D_SOCLCP",
         summary="Gauss–Seidel on the convex relaxation (no De Saxcé term), listed by Siconos among those of the law",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cpbench.solvers.adapters.siconos import Row, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, register_family
 from cpbench.solvers.adapters.siconos_fc3d import REVIEW, SiconosFC3D
 from cpbench.solvers.adapters.siconos_tolerances import Bound
 
@@ -11,7 +11,7 @@ PANG = "Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), 
 
 register_family(
     SiconosFC3D,
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsn-ac",
         constant="SICONOS_FRICTION_3D_NSN_AC",
         summary="semismooth Newton on the Alart–Curnier function",
@@ -23,7 +23,7 @@ register_family(
         by_default=True,
         false={"impulse-unit-1e-08-3d": 7.3e-02, "velocity-unit-1e+08-3d": 7.3e-02},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsn-ac-test",
         constant="SICONOS_FRICTION_3D_NSN_AC_TEST",
         summary="semismooth Newton on the Alart–Curnier function, the general Newton with line search",
@@ -34,7 +34,7 @@ register_family(
         bound=Bound.NEWTON,
         false={"impulse-unit-1e-08-3d": 1.8e-01, "velocity-unit-1e-08-3d": 5.0e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsn-fb",
         constant="SICONOS_FRICTION_3D_NSN_FB",
         summary="semismooth Newton on the Fischer–Burmeister function of the cone",
@@ -49,7 +49,7 @@ register_family(
         ),
         false={"impulse-unit-1e-08-3d": 1.8e-01, "impulse-unit-1e+08-3d": 4.7e-01, "velocity-unit-1e+08-3d": 1.8e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-nsn-nm",
         constant="SICONOS_FRICTION_3D_NSN_NM",
         summary="semismooth Newton on the natural map",
@@ -65,7 +65,7 @@ register_family(
             "velocity-unit-1e+08-3d": 1.8e-01,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-dsfp",
         constant="SICONOS_FRICTION_3D_DSFP",
         summary="De Saxcé's fixed point (Uzawa), ρ = 1",
@@ -75,7 +75,7 @@ register_family(
         storage="given",
         false={"impulse-unit-1e-08-3d": 4.6e-01, "velocity-unit-1e+08-3d": 4.6e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-fpp",
         constant="SICONOS_FRICTION_3D_FPP",
         summary="fixed point of the projection, ρ = 1",
@@ -94,7 +94,7 @@ register_family(
             "velocity-unit-1e+08-3d": 4.6e-01,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-eg",
         constant="SICONOS_FRICTION_3D_EG",
         summary="extragradient",
@@ -113,7 +113,7 @@ register_family(
             "velocity-unit-1e+08-3d": 7.2e-01,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-hp",
         constant="SICONOS_FRICTION_3D_HP",
         summary="hyperplane projection",
@@ -123,7 +123,7 @@ register_family(
         storage="given",
         false={"impulse-unit-1e-08-3d": 4.4e-01, "velocity-unit-1e+08-3d": 4.4e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-vi-fpp",
         constant="SICONOS_FRICTION_3D_VI_FPP",
         summary="fixed point of the projection, step size by itself",
@@ -133,7 +133,7 @@ register_family(
         storage="given",
         impossible=("squeezed",),
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-vi-eg",
         constant="SICONOS_FRICTION_3D_VI_EG",
         summary="extragradient, step size by itself",
@@ -142,7 +142,7 @@ register_family(
         warm=True,
         storage="given",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-fc3d-admm",
         constant="SICONOS_FRICTION_3D_ADMM",
         summary="alternating direction method of multipliers on the cone, De Saxcé term held",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, register_family
 from cpbench.solvers.adapters.siconos_tolerances import Bound
 
 REVIEW = "Acary, Brémond and Huber, On solving contact problems with Coulomb friction (2018)"
@@ -38,7 +38,7 @@ class SiconosGFC3D(SiconosSolver):
 
 register_family(
     SiconosGFC3D,
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-nsgs-wr",
         constant="SICONOS_GLOBAL_FRICTION_3D_NSGS_WR",
         summary="condensed; Gauss–Seidel over the contacts, Alart–Curnier Newton with projections in each",
@@ -49,7 +49,7 @@ register_family(
         by_default=True,
         early={"mass-unit-1e+08": 2.4e-02},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-nsgsv-wr",
         constant="SICONOS_GLOBAL_FRICTION_3D_NSGSV_WR",
         summary="condensed; Gauss–Seidel in velocities, whose default for its contacts it does not know",
@@ -65,7 +65,7 @@ register_family(
             "check_the_same_twice": "exit code 1: unknown internal solver FC3D_ONECONTACT_NSN",
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-prox-wr",
         constant="SICONOS_GLOBAL_FRICTION_3D_PROX_WR",
         summary="condensed; proximal point, semismooth Newton inside",
@@ -75,7 +75,7 @@ register_family(
         bound=Bound.OUTER,
         false={"mass-unit-1e-08": 6.9e-02, "mass-unit-1e+08": 4.4e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-dsfp-wr",
         constant="SICONOS_GLOBAL_FRICTION_3D_DSFP_WR",
         summary="condensed; De Saxcé's fixed point (Uzawa), ρ = 1",
@@ -85,7 +85,7 @@ register_family(
         storage="sparse",
         false={"mass-unit-1e-08": 4.1e276},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-tfp-wr",
         constant="SICONOS_GLOBAL_FRICTION_3D_TFP_WR",
         summary="condensed; Tresca fixed point",
@@ -96,7 +96,7 @@ register_family(
         bound=Bound.OUTER,
         false={"mass-unit-1e-08": 3.5e-01, "mass-unit-1e+08": 3.3e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-nsn-ac-wr",
         constant="SICONOS_GLOBAL_FRICTION_3D_NSN_AC_WR",
         summary="condensed; semismooth Newton on the Alart–Curnier function",
@@ -107,7 +107,7 @@ register_family(
         bound=Bound.NEWTON,
         false={"mass-unit-1e-08": 6.9e-02},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-admm-wr",
         constant="SICONOS_GLOBAL_FRICTION_3D_ADMM_WR",
         summary="condensed; alternating direction method of multipliers",
@@ -117,7 +117,7 @@ register_family(
         bound=Bound.SPLITTING,
         false={"mass-unit-1e-08": 4.9e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-nsgs",
         constant="SICONOS_GLOBAL_FRICTION_3D_NSGS",
         summary="Gauss–Seidel over the contacts with the velocities of the bodies",
@@ -126,7 +126,7 @@ register_family(
         warm=True,
         storage="sparse",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-nsn-ac",
         constant="SICONOS_GLOBAL_FRICTION_3D_NSN_AC",
         summary="semismooth Newton on the Alart–Curnier function and the dynamics",
@@ -137,7 +137,7 @@ register_family(
         bound=Bound.NEWTON,
         false={"mass-unit-1e-08": 2.3e-02, "mass-unit-1e+08": 9.6e-02},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-vi-fpp",
         constant="SICONOS_GLOBAL_FRICTION_3D_VI_FPP",
         summary="fixed point of the projection, step size by itself",
@@ -147,7 +147,7 @@ register_family(
         storage="sparse",
         impossible=("squeezed",),
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-vi-eg",
         constant="SICONOS_GLOBAL_FRICTION_3D_VI_EG",
         summary="extragradient, step size by itself",
@@ -156,7 +156,7 @@ register_family(
         warm=True,
         storage="sparse",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-aclmfp",
         constant="SICONOS_GLOBAL_FRICTION_3D_ACLMFP",
         summary="fixed point of the De Saxcé term, each step a convex QP over the cone by ADMM",
@@ -167,7 +167,7 @@ register_family(
         false={"mass-unit-1e-08": 4.7e-02, "mass-unit-1e+08": 2.9e-02},
         ends={"frictionless-3d": "NaN after a thousand steps, 8 s; info 1"},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-admm",
         constant="SICONOS_GLOBAL_FRICTION_3D_ADMM",
         summary="alternating direction method of multipliers",
@@ -177,7 +177,7 @@ register_family(
         storage="sparse",
         bound=Bound.SPLITTING,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-gfc3d-ipm",
         constant="SICONOS_GLOBAL_FRICTION_3D_IPM",
         summary="primal-dual interior point on the convex relaxation (no De Saxcé term), listed among those of the law",

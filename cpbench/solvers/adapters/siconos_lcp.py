@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, index_sets, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, index_sets, register_family
 from cpbench.solvers.adapters.siconos_tolerances import Bound
 
 BOOK = "Cottle, Pang and Stone, The Linear Complementarity Problem (1992)"
@@ -27,7 +27,7 @@ class SiconosLCP(SiconosSolver):
 
 register_family(
     SiconosLCP,
-    Row(
+    SiconosEntry(
         name="siconos-lcp-lemke",
         constant="SICONOS_LCP_LEMKE",
         summary="Lemke's pivoting method with lexicographic ratio test",
@@ -35,7 +35,7 @@ register_family(
         citation=f"{BOOK}, section 4.4",
         by_default=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-newton-fb",
         constant="SICONOS_LCP_NEWTON_FB_FBLSA",
         summary="semismooth Newton on the Fischer–Burmeister function, line search on its square",
@@ -46,7 +46,7 @@ register_family(
         by_default=True,
         false={"impulse-unit-1e-08": 4.7e-01, "velocity-unit-1e+08": 4.7e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-newton-min-fb",
         constant="SICONOS_LCP_NEWTON_MIN_FBLSA",
         summary="semismooth Newton on the minimum function, line search on Fischer–Burmeister",
@@ -55,7 +55,7 @@ register_family(
         warm=True,
         bound=Bound.NEWTON,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-newtonmin",
         constant="SICONOS_LCP_NEWTONMIN",
         summary="Newton on the minimum function, without line search",
@@ -64,7 +64,7 @@ register_family(
         bound=Bound.NEWTON,
         impossible=("pang",),
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-pgs",
         constant="SICONOS_LCP_PGS",
         summary="projected Gauss–Seidel",
@@ -73,7 +73,7 @@ register_family(
         warm=True,
         false={"any": math.inf, "all-ties": math.inf},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-psor",
         constant="SICONOS_LCP_PSOR",
         summary="projected successive over-relaxation, ω = 0.1 by Siconos' default",
@@ -82,7 +82,7 @@ register_family(
         warm=True,
         false={"any": math.inf},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-rpgs",
         constant="SICONOS_LCP_RPGS",
         summary="projected Gauss–Seidel on M + ρI, ρ = 1 by Siconos' default",
@@ -90,7 +90,7 @@ register_family(
         citation=f"{BOOK}, section 5.2",
         warm=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-nsgs-sbm",
         constant="SICONOS_LCP_NSGS_SBM",
         summary="block Gauss–Seidel, projected SOR in every block",
@@ -100,7 +100,7 @@ register_family(
         storage="blocks",
         false={"any": math.inf},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-cpg",
         constant="SICONOS_LCP_CPG",
         summary="projected conjugate gradient, for symmetric positive semidefinite M",
@@ -108,7 +108,7 @@ register_family(
         citation="Renouf and Alart, Conjugate gradient type algorithms for frictional contact, CMAME 194 (2005)",
         warm=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-convexqp-pg",
         constant="SICONOS_LCP_CONVEXQP_PG",
         summary="projected gradient on the QP of a symmetric M",
@@ -116,63 +116,63 @@ register_family(
         citation="Bertsekas, Nonlinear Programming (1999), section 2.3",
         warm=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-latin",
         constant="SICONOS_LCP_LATIN",
         summary="LATIN: large time increments, alternating between two search directions",
         method="splitting",
         citation="Ladevèze, Nonlinear Computational Structural Mechanics (1999)",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-latin-w",
         constant="SICONOS_LCP_LATIN_W",
         summary="LATIN with relaxation",
         method="splitting",
         citation="Ladevèze, Nonlinear Computational Structural Mechanics (1999)",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-pivot",
         constant="SICONOS_LCP_PIVOT",
         summary="Lemke-type pivoting on a dense tableau",
         method="Lemke pivoting",
         citation=f"{BOOK}, section 4.4",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-pivot-lumod",
         constant="SICONOS_LCP_PIVOT_LUMOD",
         summary="Lemke-type pivoting with updates of an LU factorization",
         method="Lemke pivoting",
         citation=f"{BOOK}, section 4.4",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-bard",
         constant="SICONOS_LCP_BARD",
         summary="principal pivoting by Bard's rule, which may cycle",
         method="principal pivoting",
         citation=f"{BOOK}, section 4.2",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-murty",
         constant="SICONOS_LCP_MURTY",
         summary="principal pivoting by Murty's least index, finite for P matrices",
         method="principal pivoting",
         citation=f"{BOOK}, section 4.2",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-pathsearch",
         constant="SICONOS_LCP_PATHSEARCH",
         summary="pivoting along the path of the normal map",
         method="path following",
         citation="Ralph, Global convergence of damped Newton's method via the path search, MOR 19 (1994)",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-avi-caoferris",
         constant="SICONOS_LCP_AVI_CAOFERRIS",
         summary="Cao and Ferris' pivoting for affine variational inequalities, on the orthant",
         method="Lemke pivoting",
         citation="Cao and Ferris, A pivotal method for affine variational inequalities, MOR 21 (1996)",
     ),
-    Row(
+    SiconosEntry(
         name="siconos-lcp-enum",
         constant="SICONOS_LCP_ENUM",
         summary="tries all 2ⁿ index sets",

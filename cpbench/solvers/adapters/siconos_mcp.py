@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.solvers.adapters.siconos import Row, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, register_family
 from cpbench.solvers.adapters.siconos_ncp import FISCHER
 from cpbench.solvers.adapters.siconos_nonlinear import SiconosNonlinear
 from cpbench.solvers.adapters.siconos_tolerances import Bound
@@ -47,7 +47,7 @@ class SiconosMCP(SiconosNonlinear):
 
 register_family(
     SiconosMCP,
-    Row(
+    SiconosEntry(
         name="siconos-mcp-newton-fb",
         constant="SICONOS_MCP_NEWTON_FB_FBLSA",
         summary="semismooth Newton on the Fischer–Burmeister function, line search on its square",
@@ -57,7 +57,7 @@ register_family(
         bound=Bound.NEWTON,
         by_default=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mcp-newton-min-fb",
         constant="SICONOS_MCP_NEWTON_MIN_FBLSA",
         summary="semismooth Newton on the minimum function, line search on Fischer–Burmeister",
@@ -67,7 +67,7 @@ register_family(
         bound=Bound.NEWTON,
         failures={"check_warm_starts_are_taken": "the cases that it takes are solved by one iteration from 0 too"},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mcp-old-fb",
         constant="SICONOS_MCP_OLD_FB",
         summary="semismooth Newton on the Fischer–Burmeister function, Siconos' first",
@@ -80,7 +80,7 @@ register_family(
 
 register_family(
     SiconosBox,
-    Row(
+    SiconosEntry(
         name="siconos-vi-box-qi",
         constant="SICONOS_VI_BOX_QI",
         summary="semismooth Newton on Qi's function of a box, line search along the projection",
@@ -89,7 +89,7 @@ register_family(
         warm=True,
         bound=Bound.NEWTON,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-vi-box-avi",
         constant="SICONOS_VI_BOX_AVI_LSA",
         summary="Josephy–Newton, Cao and Ferris' pivoting inside, line search on Qi's function",

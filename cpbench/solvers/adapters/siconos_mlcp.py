@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, index_sets, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, index_sets, register_family
 from cpbench.solvers.adapters.siconos_tolerances import Bound
 
 BOOK = "Cottle, Pang and Stone, The Linear Complementarity Problem (1992)"
@@ -31,7 +31,7 @@ class SiconosMLCP(SiconosSolver):
 
 register_family(
     SiconosMLCP,
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-fb",
         constant="SICONOS_MLCP_FB",
         summary="nonsmooth Newton on the Fischer–Burmeister function, with line search",
@@ -45,7 +45,7 @@ register_family(
         ),
         false={"both-units-1e-08": 1.2e00},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-direct-fb",
         constant="SICONOS_MLCP_DIRECT_FB",
         summary="the last index sets that were right, then nonsmooth Newton on Fischer–Burmeister",
@@ -58,7 +58,7 @@ register_family(
         ),
         false={"both-units-1e-08": 1.2e00},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-lcp-lemke",
         constant="SICONOS_MLCP_LCP_LEMKE",
         summary="elimination of the equalities (A must have an inverse), then Lemke's method",
@@ -66,7 +66,7 @@ register_family(
         citation=f"{BOOK}, section 4.4",
         ends={"no-equality": "signal 6", "equalities-only": "signal 6"},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-pgs",
         constant="SICONOS_MLCP_PGS",
         summary="projected Gauss–Seidel over equalities and complementarities",
@@ -75,7 +75,7 @@ register_family(
         warm=True,
         false={"both-units-1e-08": 1.2e00},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-rpgs",
         constant="SICONOS_MLCP_RPGS",
         summary="projected Gauss–Seidel with ρI added, ρ = 1 by Siconos' default",
@@ -84,7 +84,7 @@ register_family(
         warm=True,
         false={"both-units-1e-08": 1.2e00, "u-unit-1e+08": 7.0e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-psor",
         constant="SICONOS_MLCP_PSOR",
         summary="projected successive over-relaxation, ω = 1.2 by Siconos' default",
@@ -104,7 +104,7 @@ register_family(
         },
         failures={"check_some_case_is_solved": "none of those that are not excused"},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-rpsor",
         constant="SICONOS_MLCP_RPSOR",
         summary="projected successive over-relaxation with ρI added, ω = 2, ρ = 0.5 by Siconos' default",
@@ -127,7 +127,7 @@ register_family(
         },
         failures={"check_some_case_is_solved": "none of those that are not excused"},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-enum",
         constant="SICONOS_MLCP_ENUM",
         summary="tries all 2ᵐ index sets",
@@ -136,7 +136,7 @@ register_family(
         enumerates=True,
         false={"both-units-1e-08": 9.6e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-mlcp-direct-enum",
         constant="SICONOS_MLCP_DIRECT_ENUM",
         summary="the last index sets that were right, then all 2ᵐ",

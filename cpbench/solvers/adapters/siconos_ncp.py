@@ -5,7 +5,7 @@ Left out, for Debian's library cannot run it: SICONOS_NCP_PATH (without PATH).
 
 from __future__ import annotations
 
-from cpbench.solvers.adapters.siconos import Row, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, register_family
 from cpbench.solvers.adapters.siconos_nonlinear import SiconosNonlinear
 from cpbench.solvers.adapters.siconos_tolerances import Bound
 
@@ -20,7 +20,7 @@ class SiconosNCP(SiconosNonlinear):
 
 register_family(
     SiconosNCP,
-    Row(
+    SiconosEntry(
         name="siconos-ncp-newton-fb",
         constant="SICONOS_NCP_NEWTON_FB_FBLSA",
         summary="semismooth Newton on the Fischer–Burmeister function, line search on its square",
@@ -30,7 +30,7 @@ register_family(
         bound=Bound.NEWTON,
         by_default=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-ncp-newton-min-fb",
         constant="SICONOS_NCP_NEWTON_MIN_FBLSA",
         summary="semismooth Newton on the minimum function, line search on Fischer–Burmeister",
@@ -39,7 +39,7 @@ register_family(
         warm=True,
         bound=Bound.NEWTON,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-ncp-pathsearch",
         constant="SICONOS_NCP_PATHSEARCH",
         summary="path search on the normal map, nonmonotone, with pivoting inside",

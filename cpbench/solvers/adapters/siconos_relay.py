@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, index_sets, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, index_sets, register_family
 
 BOOK = "Cottle, Pang and Stone, The Linear Complementarity Problem (1992)"
 
@@ -24,7 +24,7 @@ class SiconosRelay(SiconosSolver):
 
 register_family(
     SiconosRelay,
-    Row(
+    SiconosEntry(
         name="siconos-relay-lemke",
         constant="SICONOS_RELAY_LEMKE",
         summary="as an LCP of twice the size, by Lemke's method with lexicographic ratio test",
@@ -33,7 +33,7 @@ register_family(
         by_default=True,
         early={"z-unit-1e-08": 3.9e-01, "w-unit-1e-08": 3.9e-01, "w-unit-1e+08": 3.9e-01, "zero-q-small-box": 1.7e00},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-relay-avi-caoferris",
         constant="SICONOS_RELAY_AVI_CAOFERRIS",
         summary="Cao and Ferris' pivoting for affine variational inequalities, on the box",
@@ -41,7 +41,7 @@ register_family(
         citation="Cao and Ferris, A pivotal method for affine variational inequalities, MOR 21 (1996)",
         early={"z-unit-1e-08": 3.9e-01, "w-unit-1e-08": 3.9e-01, "w-unit-1e+08": 3.9e-01, "zero-q-small-box": 1.7e00},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-relay-pgs",
         constant="SICONOS_RELAY_PGS",
         summary="projected Gauss–Seidel on the box",
@@ -50,7 +50,7 @@ register_family(
         warm=True,
         false={"z-unit-1e-08": 3.5e-01, "w-unit-1e-08": 3.5e-01, "w-unit-1e+08": 3.5e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-relay-enum",
         constant="SICONOS_RELAY_ENUM",
         summary="as an LCP of twice the size, tries all 4ⁿ index sets",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, register_family
 
 ROLLING = "Acary and Bourrier, Coulomb friction with rolling resistance as a cone complementarity problem (2021)"
 
@@ -41,7 +41,7 @@ class SiconosGlobalRolling(SiconosSolver):
 
 register_family(
     SiconosRolling,
-    Row(
+    SiconosEntry(
         name="siconos-rfc3d-nsgs",
         constant="SICONOS_ROLLING_FRICTION_3D_NSGS",
         summary="Gauss–Seidel over the contacts, projections with local iterations in each",
@@ -54,7 +54,7 @@ register_family(
         early={"velocity-unit-1e-08-5": 1.3e-01, "impulse-unit-1e+08-5": 1.3e-01, "velocity-unit-1e+08-5": 1.3e-01},
         false={"length-unit-1e-08-5": 4.5e-01, "length-unit-1e+08-5": 2.8e-01},
     ),
-    Row(
+    SiconosEntry(
         name="siconos-rfc3d-admm",
         constant="SICONOS_ROLLING_FRICTION_3D_ADMM",
         summary="alternating direction method of multipliers on the rolling cone",
@@ -68,7 +68,7 @@ register_family(
             "length-unit-1e+08-5": 2.9e-01,
         },
     ),
-    Row(
+    SiconosEntry(
         name="siconos-rfc2d-nsgs",
         constant="SICONOS_ROLLING_FRICTION_2D_NSGS",
         summary="Gauss–Seidel over the contacts of the plane, projections with local iterations in each",
@@ -84,7 +84,7 @@ register_family(
 )
 register_family(
     SiconosGlobalRolling,
-    Row(
+    SiconosEntry(
         name="siconos-grfc3d-nsgs-wr",
         constant="SICONOS_GLOBAL_ROLLING_FRICTION_3D_NSGS_WR",
         summary="condensed; Gauss–Seidel over the contacts",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cpbench.product_cones import Cone
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, register_family
 
 ROWS = 3
 """Rows of every cone: soclcp_compute_error ends the process on others."""
@@ -25,7 +25,7 @@ class SiconosSOCLCP(SiconosSolver):
 
 register_family(
     SiconosSOCLCP,
-    Row(
+    SiconosEntry(
         name="siconos-soclcp-nsgs",
         constant="SICONOS_SOCLCP_NSGS",
         summary="Gauss–Seidel over the cones, projection with local iterations in each",
@@ -34,7 +34,7 @@ register_family(
         warm=True,
         by_default=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-soclcp-vi-fpp",
         constant="SICONOS_SOCLCP_VI_FPP",
         summary="fixed point of the projection, step size by itself",
@@ -42,7 +42,7 @@ register_family(
         citation="Facchinei and Pang, Finite-Dimensional Variational Inequalities (2003), section 12.1",
         warm=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-soclcp-vi-eg",
         constant="SICONOS_SOCLCP_VI_EG",
         summary="extragradient, step size by itself",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.solvers.adapters.siconos import Row, register_family
+from cpbench.solvers.adapters.siconos import SiconosEntry, register_family
 from cpbench.solvers.adapters.siconos_nonlinear import SiconosNonlinear
 from cpbench.solvers.adapters.siconos_tolerances import Bound
 
@@ -27,7 +27,7 @@ class SiconosVI(SiconosNonlinear):
 
 register_family(
     SiconosVI,
-    Row(
+    SiconosEntry(
         name="siconos-vi-eg",
         constant="SICONOS_VI_EG",
         summary="extragradient with Khobotov's step",
@@ -37,7 +37,7 @@ register_family(
         bound=Bound.SWEEPS,
         by_default=True,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-vi-fpp",
         constant="SICONOS_VI_FPP",
         summary="fixed-point projection with Khobotov's step",
@@ -46,7 +46,7 @@ register_family(
         warm=True,
         bound=Bound.SWEEPS,
     ),
-    Row(
+    SiconosEntry(
         name="siconos-vi-hp",
         constant="SICONOS_VI_HP",
         summary="hyperplane projection of Konnov, step 1",

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from cpbench.formulations.base import Problem
 from cpbench.kernel_cache import load_all
 from cpbench.solvers.base import (
-    ROOMS,
+    NODE_GROUPS,
     Budget,
     Claim,
     NoOptions,
@@ -32,7 +32,7 @@ WORTH = 1.0
 
 
 @dataclass(frozen=True)
-class Phase:
+class SolverPhase:
     """`solver` : a registered one of the node. `iterations` : the most that it may make, None for its own limit.
     `options` : those that differ from its own."""
 
@@ -47,7 +47,7 @@ class Plan:
     it does not take it; it has its `options`."""
 
     problem: Problem
-    phases: tuple[Phase, ...]
+    phases: tuple[SolverPhase, ...]
     first: Any | None = None
     options: Any = None
 
@@ -65,7 +65,7 @@ class AutomaticChoice(Solver):
     """Modules that take long to compile and that one or the other of them needs: they are compiled side by side."""
 
     @abstractmethod
-    def phases(self, problem: Any) -> Sequence[Phase]:
+    def phases(self, problem: Any) -> Sequence[SolverPhase]:
         """Who is asked, in this order; from facts that cost less than solving. Pure: the same for the same problem."""
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
@@ -100,8 +100,8 @@ class AutomaticChoice(Solver):
 class InOrder(AutomaticChoice):
     """The same order for every problem."""
 
-    def phases(self, problem: Any) -> Sequence[Phase]:
-        return [Phase(name) for name in self.members]
+    def phases(self, problem: Any) -> Sequence[SolverPhase]:
+        return [SolverPhase(name) for name in self.members]
 
 
 def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
@@ -114,10 +114,10 @@ def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
 def automatic_solvers() -> dict[str, str]:
     """Return the automatic choice of each node that has one, by node; modules of other solvers are not imported."""
     found: dict[str, str] = {}
-    for room in ROOMS:
-        package = importlib.import_module(f"cpbench.solvers.native.{room}")
+    for group in NODE_GROUPS:
+        package = importlib.import_module(f"cpbench.solvers.native.{group}")
         for info in pkgutil.iter_modules(package.__path__):
-            if info.name.startswith("auto_"):
+            if info.name.split("_")[0] == "auto":
                 module = importlib.import_module(f"{package.__name__}.{info.name}")
                 own = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
                 found |= {c.spec.node: c.spec.name for c in own if issubclass(c, Solver)}
@@ -151,7 +151,7 @@ class _Run:
         spent = budget.iterations is not None and self._iterations >= budget.iterations
         return self._ended is not None or spent or time.monotonic() > self._deadline
 
-    def ask(self, phase: Phase) -> None:
+    def ask(self, phase: SolverPhase) -> None:
         """One solver, as far as its phase and the budget allow."""
         solver, share = solvers.get(phase.solver), self._share(phase)
         takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
@@ -188,7 +188,7 @@ class _Run:
         told = "; ".join([*self._told, f"best error {self._error:.1e}"])
         return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=told)
 
-    def _share(self, phase: Phase) -> Budget:
+    def _share(self, phase: SolverPhase) -> Budget:
         budget, most = self._budget, phase.iterations
         if budget.iterations is not None:
             left = budget.iterations - self._iterations

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from cpbench.formulations.relay import Relay
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.automatic import AutomaticChoice, InOrder, Phase, automatic_spec
+from cpbench.solvers.native.automatic import AutomaticChoice, InOrder, SolverPhase, automatic_spec
 
 LARGE = 1000
 """Unknowns beyond which a tableau is asked last."""
@@ -28,8 +28,8 @@ class AutoRelay(AutomaticChoice):
     spec: ClassVar[SolverSpec] = automatic_spec("relay", "auto-relay", "pivoting or Newton by size, then projections")
     members: ClassVar[tuple[str, ...]] = ("lemke-relay", "newton-relay", "extragradient-relay")
 
-    def phases(self, problem: Relay) -> Sequence[Phase]:
+    def phases(self, problem: Relay) -> Sequence[SolverPhase]:
         first = list(self.members[:2])
         if problem.q.size > LARGE:
             first.reverse()
-        return [Phase(name) for name in (*first, self.members[2])]
+        return [SolverPhase(name) for name in (*first, self.members[2])]

@@ -24,13 +24,13 @@ from cpbench.matrices import Dense, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
-from cpbench.solvers.native.avi.polyhedron_vertex import ACTIVE, Polyhedron
+from cpbench.solvers.native.avi.polyhedron_vertex import ACTIVE, ScaledPolyhedron
 from cpbench.solvers.native.lcp.claims import CLOSE, DENSE_BYTES
 from cpbench.solvers.native.nonlinear.natural_map import congruent, equilibrate
 
 
 @dataclass(frozen=True)
-class Conditions:
+class MultiplierBox:
     """Kx + r over a box with x = (z, λ, μ) = unit·x̂, x̂ the scaled unknowns of `box` where lb < ub, else lb."""
 
     problem: Any
@@ -41,7 +41,7 @@ class Conditions:
     sizes: tuple[int, int, int]
 
     @classmethod
-    def of(cls, problem: AVI | Relay) -> Conditions:
+    def of(cls, problem: AVI | Relay) -> MultiplierBox:
         A, b, C, d = (problem.A, problem.b, problem.C, problem.d) if isinstance(problem, AVI) else _no_rows(problem)
         n, m, k = problem.q.size, b.size, d.size
         zero = np.zeros((m + k, m + k))
@@ -81,10 +81,10 @@ class Conditions:
         x = np.concatenate(list(point.arrays().values()))[self.moving] / self.unit
         return np.clip(x, self.box.lb, self.box.ub)
 
-    def polyhedron(self) -> Polyhedron:
+    def polyhedron(self) -> ScaledPolyhedron:
         z, lam, mu = self.parts
         K, r = self.box.K, self.box.r
-        return Polyhedron(K[lam, z], -r[lam], K[mu, z], -r[mu], self.box.lb[z], self.box.ub[z])
+        return ScaledPolyhedron(K[lam, z], -r[lam], K[mu, z], -r[mu], self.box.lb[z], self.box.ub[z])
 
 
 class _Pivoting(Solver):
@@ -96,12 +96,12 @@ class _Pivoting(Solver):
             return None
         return f"needs dense {size}x{size} matrices (at most {DENSE_BYTES / 1e9:.0f} GB): use a Newton method"
 
-    def setup(self, problem: AVI | Relay, budget: Budget, options: PivotOptions) -> Conditions:
-        return Conditions.of(problem)
+    def setup(self, problem: AVI | Relay, budget: Budget, options: PivotOptions) -> MultiplierBox:
+        return MultiplierBox.of(problem)
 
     def solve(
         self,
-        prepared: Conditions,
+        prepared: MultiplierBox,
         budget: Budget,
         options: PivotOptions,
         start: Any | None = None,
@@ -133,10 +133,10 @@ class _Pivoting(Solver):
         return _concluded(prepared, walk, budget, counters)
 
 
-Begin = Callable[[Conditions, Any], "tuple[NDArray[np.bool_], Vector] | str"]
+Begin = Callable[[MultiplierBox, Any], "tuple[NDArray[np.bool_], Vector] | str"]
 
 
-def _from_vertex(prepared: Conditions, start: Any) -> tuple[NDArray[np.bool_], Vector] | str:
+def _from_vertex(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector] | str:
     """The basis of a vertex where the forces at rest are least."""
     z, lam, mu = prepared.parts
     box, found = prepared.box, prepared.polyhedron()
@@ -149,7 +149,7 @@ def _from_vertex(prepared: Conditions, start: Any) -> tuple[NDArray[np.bool_], V
     return inside, near
 
 
-def _from_start(prepared: Conditions, start: Any) -> tuple[NDArray[np.bool_], Vector]:
+def _from_start(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector]:
     """The unknowns between their bounds and the rows with a force at the start, as far as they are independent."""
     z, lam, mu = prepared.parts
     x, found = prepared.unknowns(start), prepared.polyhedron()
@@ -162,7 +162,7 @@ def _from_start(prepared: Conditions, start: Any) -> tuple[NDArray[np.bool_], Ve
     return inside, x
 
 
-def _concluded(prepared: Conditions, walk: Walk, budget: Budget, counters: dict[str, int]) -> SolverOutput:
+def _concluded(prepared: MultiplierBox, walk: Walk, budget: Budget, counters: dict[str, int]) -> SolverOutput:
     problem, tolerance = prepared.problem, budget.tolerance
     point = prepared.point(walk.x)
     error = problem.residuals(point, tolerance).error if point.finite else np.inf

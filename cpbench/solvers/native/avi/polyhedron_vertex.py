@@ -29,7 +29,7 @@ RANK = 1e-10
 
 
 @dataclass(frozen=True)
-class Polyhedron:
+class ScaledPolyhedron:
     """{z : Az ≥ b, Cz = d, lb ≤ z ≤ ub} with lb < ub, dense, rows and unknowns scaled to size one."""
 
     A: Dense

@@ -47,7 +47,7 @@ class ADMMOptions:
     max_iterations: int = fixed(20_000)
 
 
-class Splitting:
+class ConeSplitting:
     """The iterates of one run."""
 
     def __init__(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: ADMMOptions) -> None:
@@ -118,7 +118,7 @@ class _ADMM(ConicSolver):
     """What the solvers of the two nodes share: everything but the node."""
 
     def begin(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: ADMMOptions) -> Iterates:
-        return Splitting(form, start, options)
+        return ConeSplitting(form, start, options)
 
 
 _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
@@ -129,7 +129,7 @@ class ADMMCone(_ADMM):
     """Converges for every Q ⪰ 0, with A and K of any kind, linearly in the end where the solution is not degenerate."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="admm-cone",
+        name="admm-coneqp",
         node="coneqp",
         summary="ADMM, one factorization for each of few penalties, over-relaxed",
         method="operator splitting",

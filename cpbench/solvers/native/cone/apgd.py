@@ -80,7 +80,7 @@ class APGD(Solver):
     def obstacle(self, problem: ConeQP) -> str | None:
         if not problem.plain:
             m, n = problem.A.shape
-            return f"needs x itself in K (A = I, b = 0), A is {m}x{n}: use clarabel-cone"
+            return f"needs x itself in K (A = I, b = 0), A is {m}x{n}: use clarabel-coneqp"
         if not problem.convex:
             least = matrices.least_eigenvalue(problem.Q)
             return f"not convex: Q has, at unit diagonal, the eigenvalue {least:.1e} or less"

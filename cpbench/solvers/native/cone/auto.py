@@ -12,8 +12,8 @@ from cpbench.solvers.native.automatic import InOrder, automatic_spec
 class AutoConeQP(InOrder):
     """The interior point, which is done after a few factorizations; ADMM, which needs one, where it has stopped."""
 
-    spec: ClassVar[SolverSpec] = automatic_spec("coneqp", "auto-cone", "interior point, then ADMM, then gradients")
-    members: ClassVar[tuple[str, ...]] = ("ipm-cone", "admm-cone", "apgd")
+    spec: ClassVar[SolverSpec] = automatic_spec("coneqp", "auto-coneqp", "interior point, then ADMM, then gradients")
+    members: ClassVar[tuple[str, ...]] = ("interior-point-coneqp", "admm-coneqp", "apgd")
 
 
 @register
@@ -21,4 +21,4 @@ class AutoSOCLCP(InOrder):
     """Newton's method on the natural map; the interior point, for monotone problems; ADMM."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("soclcp", "auto-soclcp", "Newton, then interior point, then ADMM")
-    members: ClassVar[tuple[str, ...]] = ("newton-cone", "ipm-soclcp", "admm-soclcp")
+    members: ClassVar[tuple[str, ...]] = ("newton-soclcp", "interior-point-soclcp", "admm-soclcp")

@@ -25,7 +25,7 @@ from cpbench.formulations.soclcp import SOCLCP
 from cpbench.matrices import Matrix, Vector, least_eigenvalue, max_abs
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.cone.lorentz_rows import lorentz_rows
-from cpbench.solvers.native.cone.lorentz_scaling import LorentzCones, Scaling
+from cpbench.solvers.native.cone.lorentz_scaling import GroupScaling, LorentzCones
 from cpbench.solvers.native.cone.polish import polish
 from cpbench.solvers.native.cone.run import ConicSolver, Iterates
 from cpbench.solvers.native.cone.scaled_form import ConicForm
@@ -44,17 +44,17 @@ NEAR, NEWTON_STEPS = 1e-2, 15
 
 
 @dataclass(frozen=True)
-class InteriorPointOptions:
+class ConeInteriorPointOptions:
     """`correction` : the exponent in μ⁺ = (1 − α)^correction μ, α the length of the prediction."""
 
     correction: float = searched(3.0, low=1.0, high=4.0)
     max_iterations: int = fixed(100)
 
 
-class Path:
+class CentralPath:
     """The iterates of one run; x, s and y are those of `ConicForm`, others those of the Lorentz cones."""
 
-    def __init__(self, form: ConicForm, options: InteriorPointOptions) -> None:
+    def __init__(self, form: ConicForm, options: ConeInteriorPointOptions) -> None:
         self._form, self._options = form, options
         named, self._T, U, c = lorentz_rows(form.K)
         self._cones = LorentzCones.of(named)
@@ -113,7 +113,7 @@ class Path:
 
     def _step(self) -> str | None:
         cones, s, y = self._cones, self._s, self._y
-        scaling = Scaling.of(cones, s, y)
+        scaling = GroupScaling.of(cones, s, y)
         lam = scaling.lam
         solve = self._solver(scaling.squared())
         if solve is None:
@@ -149,7 +149,7 @@ class Path:
         self._s = s + alpha * scaling.times(ds)
         return None
 
-    def _length(self, scaling: Scaling, ds: Vector, dy: Vector, share: float) -> float:
+    def _length(self, scaling: GroupScaling, ds: Vector, dy: Vector, share: float) -> float:
         """Of the step, in the scaled space, where both parts are λ."""
         longest = min(self._cones.longest(scaling.lam, d) for d in (ds, dy))
         return min(1.0, share * longest)
@@ -183,8 +183,10 @@ class _InteriorPoint(ConicSolver):
     window = 15
     every = True
 
-    def begin(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: InteriorPointOptions) -> Iterates:
-        return Path(form, options)
+    def begin(
+        self, form: ConicForm, start: tuple[Vector, Vector] | None, options: ConeInteriorPointOptions
+    ) -> Iterates:
+        return CentralPath(form, options)
 
     def finish(
         self, form: ConicForm, best: Any, error: float, tolerance: float, counters: dict[str, int]
@@ -196,7 +198,7 @@ class _InteriorPoint(ConicSolver):
             best, error, steps = polish(form.problem, best, tolerance, NEWTON_STEPS)
         else:
             budget = Budget(tolerance=tolerance, iterations=NEWTON_STEPS)
-            ended = solvers.get("newton-cone").run(form.problem, budget, start=best)
+            ended = solvers.get("newton-soclcp").run(form.problem, budget, start=best)
             steps, reached = ended.counters["iterations"], form.error(ended.point)
             best, error = (ended.point, reached) if reached < error else (best, error)
         counters["polishing_steps"] = steps
@@ -212,14 +214,14 @@ class InteriorPointCone(_InteriorPoint):
     the natural map."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="ipm-cone",
+        name="interior-point-coneqp",
         node="coneqp",
         summary="primal-dual interior point, Nesterov-Todd scaling, predictor-corrector",
         method="interior point",
         citation="Nesterov and Todd 1997, Math. Oper. Res. 22:1; Mehrotra 1992, SIAM J. Optim. 2:575; "
         "Vandenberghe 2010, The CVXOPT linear and quadratic cone program solvers",
         traits=_TRAITS,
-        options=InteriorPointOptions,
+        options=ConeInteriorPointOptions,
     )
 
 
@@ -228,17 +230,17 @@ class InteriorPointSOCLCP(_InteriorPoint):
     """The same for monotone M, symmetric or not."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="ipm-soclcp",
+        name="interior-point-soclcp",
         node="soclcp",
         summary="primal-dual interior point, Nesterov-Todd scaling, for monotone maps",
         method="interior point",
         citation="Nesterov and Todd 1997, Math. Oper. Res. 22:1; Yoshise 2006, SIAM J. Optim. 17:1129",
         traits=_TRAITS,
-        options=InteriorPointOptions,
+        options=ConeInteriorPointOptions,
     )
 
     def obstacle(self, problem: ConeQP | SOCLCP) -> str | None:
         if isinstance(problem, SOCLCP) and not problem.monotone:
             least = least_eigenvalue(problem.M)
-            return f"not monotone: M + Mᵀ has, at unit diagonal, the eigenvalue {least:.1e}: use newton-cone"
+            return f"not monotone: M + Mᵀ has, at unit diagonal, the eigenvalue {least:.1e}: use newton-soclcp"
         return super().obstacle(problem)

@@ -20,7 +20,7 @@ from cpbench.cones import Law
 from cpbench.errors import ProblemError
 from cpbench.matrices import Dense, Vector, norm
 from cpbench.solvers.base import Budget
-from cpbench.solvers.native.contact.run import Method, MethodOptions
+from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions
 from cpbench.solvers.options import fixed, searched
 
 FIRST_REST, LONGER = 20, 1.5
@@ -68,7 +68,7 @@ class Delassus(ABC):
         """Wx + q."""
 
 
-class ConicADMM(Method):
+class ConicADMM(ContactMethod):
     """The iterates. counters : factorizations, and projections on all cones."""
 
     pieces: ClassVar[bool] = True

@@ -14,7 +14,7 @@ SMALLEST = 1e-30
 """Of a determinant of a point inside the cone."""
 
 
-class Scaling:
+class RowScaling:
     """Nesterov and Todd's: P(p)w = y. theta : P(p)⁻¹, shape (nc, d, d)."""
 
     def __init__(self, y: Dense, w: Dense) -> None:

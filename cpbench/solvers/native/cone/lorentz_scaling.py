@@ -101,7 +101,7 @@ class LorentzCones:
 
 
 @dataclass(frozen=True)
-class Scaling:
+class GroupScaling:
     """W of one pair (s, y): the w and η of every group, and λ."""
 
     cones: LorentzCones
@@ -110,7 +110,7 @@ class Scaling:
     lam: Vector
 
     @classmethod
-    def of(cls, cones: LorentzCones, s: Vector, y: Vector) -> Scaling:
+    def of(cls, cones: LorentzCones, s: Vector, y: Vector) -> GroupScaling:
         """s and y inside their cones."""
         points: list[Dense] = []
         etas: list[Vector] = []

@@ -33,7 +33,7 @@ class NewtonCone(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="newton-cone",
+        name="newton-soclcp",
         node="soclcp",
         summary="semismooth Newton on the natural map of a cone, safeguarded by projection and contraction",
         method="semismooth Newton",

@@ -53,7 +53,7 @@ class ADMMContact(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="admm-contact",
+        name="admm-fc",
         node="fc",
         summary="ADMM with self-adapting penalty on the De Saxcé-shifted cone problem",
         method="operator splitting",
@@ -82,7 +82,7 @@ class ADMMContact(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         problem = prepared.rows.problem
-        run = Splitting(prepared, options, None if start is None else start.r)
+        run = ContactSplitting(prepared, options, None if start is None else start.r)
         limit = budget.iterations or options.max_iterations
         deadline, progress = time.monotonic() + budget.seconds, Progress(options.stall_window)
         best, least = run.r, prepared.rows.judged(run.r)
@@ -114,7 +114,7 @@ class ADMMContact(Solver):
         return conclude(problem, best, least, budget, claim, message, counters)
 
 
-class Splitting:
+class ContactSplitting:
     """The iterates of one run; `step` may be called for as long as one likes."""
 
     def __init__(self, contacts: ScaledContacts, options: ADMMContactOptions, start: Vector | None) -> None:

@@ -131,7 +131,7 @@ class ADMMGlobal(GlobalADMM):
     """Coulomb friction on the dynamics themselves, without condensation."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "admm-global", "gfc", "ADMM with self-adapting penalty on the dynamics, without condensation"
+        "admm-gfc", "gfc", "ADMM with self-adapting penalty on the dynamics, without condensation"
     )
 
 
@@ -140,5 +140,5 @@ class ADMMGlobalRolling(GlobalADMM):
     """Rolling friction on the dynamics themselves, without condensation."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "admm-global-rolling", "grfc", "ADMM with self-adapting penalty on the dynamics with rolling friction"
+        "admm-grfc", "grfc", "ADMM with self-adapting penalty on the dynamics with rolling friction"
     )

@@ -40,7 +40,7 @@ class RollingADMM(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="admm-rolling",
+        name="admm-rfc",
         node="rfc",
         summary="ADMM with self-adapting penalty on rolling friction",
         method="operator splitting",

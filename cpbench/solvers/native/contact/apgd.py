@@ -15,7 +15,7 @@ import numpy as np
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.frozen_law import block_csr
-from cpbench.solvers.native.contact.run import ContactSolver, Method, MethodOptions, contact_spec
+from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
 from cpbench.solvers.options import fixed, searched
 
@@ -34,7 +34,7 @@ class APGDContactOptions(MethodOptions):
     stall_window: int = fixed(50_000)
 
 
-class _Accelerated(Method):
+class _Accelerated(ContactMethod):
     pieces: ClassVar[bool] = True
 
     def __init__(self, contacts: ScaledContacts, options: APGDContactOptions, start: Vector, budget: Budget) -> None:
@@ -76,7 +76,7 @@ class APGDContact(ContactSolver):
     """Nesterov's method over the friction cones, the load q + μ‖u_T‖e_N set anew every few iterations."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "apgd-contact",
+        "apgd-fc",
         "accelerated projected gradient descent with restart, De Saxcé's term following",
         "first order",
         "Mazhar, Heyn, Negrut and Tasora 2015, ACM Trans. Graph. 34:32; De Saxcé and Feng 1998; "

@@ -43,7 +43,7 @@ class AutoContact(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="auto-contact",
+        name="auto-fc",
         node="fc",
         summary="Gauss-Seidel with acceleration, Newton or ADMM, whichever promises to be done first",
         method="automatic choice",

@@ -11,12 +11,12 @@ from cpbench.solvers.native.contact.semismooth_newton import TRAITS, ContactNewt
 
 @register
 class NaturalMapContact(ContactNewton):
-    """As alart-curnier-newton, on r − P_K(r − ϱû): û has a kink where a contact begins to slide, the derivative there
+    """As newton-alart-curnier, on r − P_K(r − ϱû): û has a kink where a contact begins to slide, the derivative there
     is that without the shift."""
 
     function = ContactFunction.NATURAL_MAP
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="natural-map-contact",
+        name="newton-natural-map",
         node="fc",
         summary="semismooth Newton on the natural map of the friction cone, from a start by Gauss-Seidel",
         method="semismooth Newton",
@@ -29,12 +29,12 @@ class NaturalMapContact(ContactNewton):
 
 @register
 class FischerBurmeisterContact(ContactNewton):
-    """As alart-curnier-newton, on a + b − (a∘a + b∘b)^½ in the Jordan algebra of the second-order cone, of reactions
+    """As newton-alart-curnier, on a + b − (a∘a + b∘b)^½ in the Jordan algebra of the second-order cone, of reactions
     a = (μr_N, r_T) and velocities b = ϱ(û_N, μu_T); a contact without friction has the function of Fischer."""
 
     function = ContactFunction.FISCHER_BURMEISTER
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="fischer-burmeister-contact",
+        name="newton-fb-fc",
         node="fc",
         summary="semismooth Newton on the Fischer-Burmeister function of the second-order cone, after Gauss-Seidel",
         method="semismooth Newton",

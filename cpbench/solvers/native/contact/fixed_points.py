@@ -20,7 +20,7 @@ import numpy as np
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.frozen_law import Frozen
-from cpbench.solvers.native.contact.run import ContactSolver, Method, MethodOptions, contact_spec
+from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
 from cpbench.solvers.options import fixed, searched
 
@@ -31,7 +31,7 @@ FINER, FINEST, SHORTER, SHORTEST = 0.1, 1e-3, 0.7, 0.02
 
 
 @dataclass(frozen=True)
-class FixedPointOptions(MethodOptions):
+class FrozenLawOptions(MethodOptions):
     """`share` : a convex problem is solved to this times the present error. `momentum` : projected gradients with
     Nesterov's momentum (symmetric W), else projected Gauss–Seidel. `inner_iterations` : at most, of a convex problem.
     `relaxation` : of what is frozen, 1 sets it wholly anew; reduced where errors do not fall.
@@ -45,10 +45,10 @@ class FixedPointOptions(MethodOptions):
     stall_window: int = fixed(300)
 
 
-class _FixedPoint(Method):
+class _FixedPoint(ContactMethod):
     """Freeze, solve, set anew."""
 
-    def __init__(self, contacts: ScaledContacts, options: FixedPointOptions, start: Vector, budget: Budget) -> None:
+    def __init__(self, contacts: ScaledContacts, options: FrozenLawOptions, start: Vector, budget: Budget) -> None:
         self._s, self._options, self._wanted = contacts.s, options, budget.tolerance
         self._frozen = Frozen(contacts, start / contacts.s, momentum=options.momentum)
         self._zero = np.zeros(contacts.rows.problem.nc)
@@ -118,7 +118,7 @@ class TrescaFixedPoint(ContactSolver):
         "friction thresholds frozen, convex problems on cylinders",
         "fixed point",
         "Haslinger 1983, Math. Methods Appl. Sci. 5:422; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        FixedPointOptions,
+        FrozenLawOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Tresca
@@ -133,7 +133,7 @@ class PanagiotopoulosFixedPoint(ContactSolver):
         "normal contact and friction in turns, both convex",
         "fixed point",
         "Panagiotopoulos 1975, Ing.-Arch. 44:421",
-        FixedPointOptions,
+        FrozenLawOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Panagiotopoulos
@@ -148,6 +148,6 @@ class ACLMFixedPoint(ContactSolver):
         "De Saxcé's term frozen, second-order cone programs",
         "fixed point",
         "Acary, Cadoux, Lemaréchal and Malick 2011, ZAMM 91:155",
-        FixedPointOptions,
+        FrozenLawOptions,
     )
     method: ClassVar[Any] = _ACLM

@@ -28,8 +28,8 @@ from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint, contact_residuals
 from cpbench.matrices import Dense, Matrix, Vector, max_abs, scaled_both
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
-from cpbench.solvers.native.cone.lorentz import Scaling, longest
-from cpbench.solvers.native.contact.run import ContactSolver, Method, contact_spec, finish, iterate
+from cpbench.solvers.native.cone.lorentz import RowScaling, longest
+from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, contact_spec, finish, iterate
 from cpbench.solvers.native.contact.sweeps import ScaledContacts
 from cpbench.solvers.options import fixed, searched
 
@@ -38,7 +38,7 @@ SHORTEST = 1e-8
 
 
 @dataclass(frozen=True)
-class InteriorPointOptions:
+class ContactInteriorPointOptions:
     """`boundary` : share of the way to the boundary that a step goes. `smoothing` : ε, in units of max|q|, over yᵀw/nc
     in those of its square. `max_iterations`."""
 
@@ -48,12 +48,14 @@ class InteriorPointOptions:
     stall_window: int = fixed(30)
 
 
-class _InteriorPoint(Method):
+class _InteriorPoint(ContactMethod):
     """`shifted` : whether De Saxcé's term is there."""
 
     shifted: ClassVar[bool] = True
 
-    def __init__(self, contacts: ScaledContacts, options: InteriorPointOptions, start: Vector, budget: Budget) -> None:
+    def __init__(
+        self, contacts: ScaledContacts, options: ContactInteriorPointOptions, start: Vector, budget: Budget
+    ) -> None:
         problem = contacts.rows.problem
         self._options, self._d, self._nc = options, problem.dimension, problem.nc
         T = np.ones((problem.nc, self._d))
@@ -80,7 +82,7 @@ class _InteriorPoint(Method):
         phi, slope = self._term(w, epsilon)
         residual = (self._W @ y.ravel()).reshape(y.shape) + self._q - w
         residual[:, 0] += phi
-        scaling = Scaling(y, w)
+        scaling = RowScaling(y, w)
         # (I − e_N φ′)Θ: the first row less a combination of the others
         theta = scaling.theta
         blocks = theta.copy()
@@ -151,11 +153,11 @@ class InteriorPointContact(ContactSolver):
     and otherwise not used: the middle of the cones is a better place to begin."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "interior-point-contact",
+        "interior-point-fc",
         "nonconvex primal-dual interior point with De Saxcé's term",
         "interior point",
         "Acary, Armand, Nguyen and Shpakovych 2024; Nesterov and Todd 1998; Mehrotra 1992",
-        InteriorPointOptions,
+        ContactInteriorPointOptions,
     )
     method: ClassVar[Any] = _InteriorPoint
 
@@ -169,7 +171,7 @@ class InteriorPointRelaxation(ContactSolver):
         "primal-dual interior point on the convex relaxation",
         "interior point",
         "Anitescu and Tasora 2010, Comput. Optim. Appl. 47:207; Nesterov and Todd 1998; Mehrotra 1992",
-        InteriorPointOptions,
+        ContactInteriorPointOptions,
         kind=Kind.RELAXATION,
         by_default=False,
     )
@@ -179,7 +181,7 @@ class InteriorPointRelaxation(ContactSolver):
         self,
         prepared: ScaledContacts,
         budget: Budget,
-        options: InteriorPointOptions,
+        options: ContactInteriorPointOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:

@@ -31,7 +31,7 @@ class ContactFunction(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class At:
+class NewtonPoint:
     """x with Φ there. x, phi : (nc·d,). A, B : (nc, d, d), ∂φ/∂x and ∂φ/∂v of every contact. moves : (nc,) whether φ is
     more than x. size : ‖Φ‖."""
 
@@ -79,7 +79,7 @@ class ContactEquation:
         other._alpha, other._centre = alpha, centre
         return other
 
-    def at(self, x: Vector) -> At:
+    def at(self, x: Vector) -> NewtonPoint:
         nc, d = self._shape
         phi, moves = np.empty(nc * d), np.empty(nc, dtype=bool)
         A, B = np.empty((nc, d, d)), np.empty((nc, d, d))
@@ -89,9 +89,9 @@ class ContactEquation:
         self._kernel.evaluate(self._function, x, v, self._mu, self._rho, phi, A, B, moves)
         if self._alpha > 0.0:  # ∂v/∂x is W′ + αI; the directions then only need to know of W′
             A += self._alpha * B
-        return At(x, phi, A, B, moves, norm(phi))
+        return NewtonPoint(x, phi, A, B, moves, norm(phi))
 
-    def jacobian(self, at: At, tau: float, contacts: NDArray[np.int64]) -> Dense | sp.csc_array:
+    def jacobian(self, at: NewtonPoint, tau: float, contacts: NDArray[np.int64]) -> Dense | sp.csc_array:
         """An element of ∂Φ over some contacts, of W′ + τϱ⁻¹ in place of W′; dense or by compressed columns."""
         d, k = self._shape[1], contacts.size
         A = at.A + (tau * self._mobility)[:, None, :] * at.B
@@ -107,13 +107,13 @@ class ContactEquation:
         entries = self._kernel.sparse_jacobian(self._first, self._row, self._blocks, A, at.B, *place)
         return sp.csc_array((value[:entries], index[:entries], start), shape=(d * k, d * k))
 
-    def slope(self, at: At, d: Vector) -> float:
+    def slope(self, at: NewtonPoint, d: Vector) -> float:
         """Of ½‖Φ‖² along d, by the element of ∂Φ that `at` has."""
         step, velocity = d.reshape(self._shape), (self._W @ d).reshape(self._shape)
         change = np.einsum("cij,cj->ci", at.A, step) + np.einsum("cij,cj->ci", at.B, velocity)
         return float(at.phi @ change.ravel())
 
-    def direction(self, at: At, tau: float, *, damped: bool) -> Vector | None:
+    def direction(self, at: NewtonPoint, tau: float, *, damped: bool) -> Vector | None:
         """−J⁻¹Φ of W′ + τϱ⁻¹, or `damped` argmin ‖Jd + Φ‖² + τ²‖d‖²; None where the system is exactly singular.
 
         Contacts with φ = x have d = −x; the system is about the others.

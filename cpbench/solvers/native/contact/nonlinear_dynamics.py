@@ -56,7 +56,7 @@ class NewtonContact(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="newton-contact",
+        name="newton-nfc",
         node="nfc",
         summary="Newton's method on the dynamics, contact problems by a registered fc or gfc solver",
         method="Josephy-Newton",

@@ -23,7 +23,7 @@ from cpbench.solvers.native.contact.sweeps import (
     ROUNDED,
     AcceleratedSweeps,
     BlockRows,
-    Iterate,
+    SweepState,
     conclude,
     kernel,
     work,
@@ -89,7 +89,7 @@ class NSGS(Relaxation):
         at.state[LOGGED] = 0
         return self.swept(prepared, budget, options, at, np.inf, None)
 
-    def advance(self, prepared: BlockRows, options: NSGSOptions, at: Iterate) -> Advance:
+    def advance(self, prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
         if _fast(options):
             return _exact(prepared, options, at)
         shape = Shape(options.local, options.omega, shuffle=options.shuffle, symmetric=options.symmetric)
@@ -106,7 +106,7 @@ def _plain(options: NSGSOptions) -> bool:
     return _fast(options) and options.omega == 1.0 and not options.shuffle
 
 
-def _exact(prepared: BlockRows, options: NSGSOptions, at: Iterate) -> Advance:
+def _exact(prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
     """The fast sweeps."""
     problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
     sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)

@@ -21,7 +21,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.native.contact.relaxation import TRAITS
-from cpbench.solvers.native.contact.run import Method, MethodOptions, iterate
+from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate
 from cpbench.solvers.native.contact.sweeps import block_rows, conclude, kernel
 from cpbench.solvers.options import fixed
 
@@ -91,7 +91,7 @@ class Coloured:
         return shares
 
 
-class ColouredSweeps(Method):
+class ColouredSweeps(ContactMethod):
     """Sweeps over the colours; a share of each is for the calling thread."""
 
     pieces: ClassVar[bool] = True

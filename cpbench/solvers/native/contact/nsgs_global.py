@@ -17,7 +17,7 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.matrices import Dense, Sparse, Vector, freeze, sparse
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.run import Method, MethodOptions, iterate_on
+from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate_on
 from cpbench.solvers.native.contact.sweeps import kernel
 
 LARGEST = 256
@@ -67,7 +67,7 @@ class Bodies:
         return GFCPoint(v=np.asarray(problem.factorization.solve(problem.f + problem.H @ r)), r=r)
 
 
-class VelocitySweeps(Method):
+class VelocitySweeps(ContactMethod):
     """Sweeps in pieces, every one from the velocities that belong to its reactions."""
 
     pieces: ClassVar[bool] = True
@@ -101,7 +101,7 @@ class NSGSGlobal(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="nsgs-global",
+        name="nsgs-gfc",
         node="gfc",
         summary="nonsmooth Gauss-Seidel on the velocities of the bodies, without condensation",
         method="splitting",

@@ -54,7 +54,7 @@ class NSGSRolling(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="nsgs-rolling",
+        name="nsgs-rfc",
         node="rfc",
         summary="nonsmooth Gauss-Seidel, exact one-contact solves with rolling friction",
         method="splitting",

@@ -14,7 +14,7 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record
-from cpbench.solvers.native.contact.admm import ADMMContactOptions, Splitting
+from cpbench.solvers.native.contact.admm import ADMMContactOptions, ContactSplitting
 from cpbench.solvers.native.contact.policy import (
     HARDER,
     ITERATION,
@@ -22,8 +22,8 @@ from cpbench.solvers.native.contact.policy import (
     PER_FACTOR_ENTRY,
     SOLVE_SHARE,
     STEPS,
-    Method,
-    Standing,
+    NextMethod,
+    PolicyState,
     policy,
     step_work,
     sweep_work,
@@ -68,15 +68,15 @@ class Phases:
         self._drifted: Vector | None = None
         self._mark = self.error
         step = step_work(contacts.rows.problem.W)
-        self._standing = Standing(self.error, sweeps.done, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
+        self._standing = PolicyState(self.error, sweeps.done, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
 
     def phase(self) -> None:
         """What the policy says, until it is done or has had what was expected of it."""
         before, method = self.error, policy(self._standing, self._budget.tolerance)
         match method:
-            case Method.SWEEPS:
+            case NextMethod.SWEEPS:
                 done, unit = self._sweep(), "sweeps"
-            case Method.NEWTON:
+            case NextMethod.NEWTON:
                 done, unit = self._proximal_points(), "Newton steps to proximal points"
             case _:
                 done, unit = self._admm(), "ADMM iterations"
@@ -85,17 +85,19 @@ class Phases:
             return
         failed = not self.error <= GAINED * before
         nearer = self.error <= GAINED * self._mark
-        if method is not Method.SWEEPS:  # sweeps stood still before: others go on, or the same ones from much nearer
+        if (
+            method is not NextMethod.SWEEPS
+        ):  # sweeps stood still before: others go on, or the same ones from much nearer
             self._sweeps, self._starts = None, self._starts + 1 if failed else 0
         now = replace(self._standing, error=self.error, sweeps=self.counters["sweeps"])
         if nearer:  # from so much nearer, what failed may not
             self._mark = self.error
-            if method is not Method.SWEEPS:
+            if method is not NextMethod.SWEEPS:
                 self._count = max(self._count // SHORTER, self._first)
             self._standing = replace(now, newton_failures=0, admm_failures=0, idle_sweeps=0)
-        elif method is Method.NEWTON:
+        elif method is NextMethod.NEWTON:
             self._standing = replace(now, newton_failures=now.newton_failures + 1)
-        elif method is Method.ADMM:
+        elif method is NextMethod.ADMM:
             self._standing = replace(now, admm_failures=now.admm_failures + 1)
         else:  # sweeps gain in jumps: only who gained nothing has failed
             idle = now.idle_sweeps + done if self.error == before else 0
@@ -151,7 +153,7 @@ class Phases:
         return proximal.newton_steps - steps
 
     def _admm(self) -> int:
-        splitting = Splitting(self._contacts, ADMMContactOptions(), self.best)
+        splitting = ContactSplitting(self._contacts, ADMMContactOptions(), self.best)
         most = int(ITERATIONS * HARDER**self._standing.admm_failures)
         while splitting.iterations < most and self.iterations < self.limit and time.monotonic() < self.deadline:
             if not splitting.step():

@@ -29,7 +29,7 @@ measured, Newton steps and iterations of ADMM to one of 3.5, either way.
 """
 
 
-class Method(StrEnum):
+class NextMethod(StrEnum):
     """What may be tried next."""
 
     SWEEPS = "sweeps"
@@ -38,7 +38,7 @@ class Method(StrEnum):
 
 
 @dataclass(frozen=True)
-class Standing:
+class PolicyState:
     """What a decision is made from: the error now, how many sweeps were made in all, the nanoseconds of a sweep, a
     Newton step and an iteration of ADMM, how often the last two have failed, and the sweeps since one has gained."""
 
@@ -52,7 +52,7 @@ class Standing:
     idle_sweeps: int = 0
 
 
-def policy(standing: Standing, tolerance: float) -> Method:
+def policy(standing: PolicyState, tolerance: float) -> NextMethod:
     """The method that is expected to be done first; the sweeps to start with.
 
     Accelerated sweeps stand still for long and then gain a lot: they are expected to go on at the rate that they had on
@@ -67,14 +67,14 @@ def policy(standing: Standing, tolerance: float) -> Method:
     <Method.NEWTON: 'newton'>
     """
     if standing.sweeps == 0:
-        return Method.SWEEPS
+        return NextMethod.SWEEPS
     gained = -math.log(standing.error) if 0 < standing.error < 1 else 0.0
     left = standing.sweeps * (-math.log(tolerance) / gained - 1.0) if gained > 0 else math.inf
     left = max(left, standing.idle_sweeps)
     work = {
-        Method.SWEEPS: left * standing.sweep,
-        Method.NEWTON: STEPS * standing.step * HARDER**standing.newton_failures,
-        Method.ADMM: ITERATIONS * standing.iteration * HARDER**standing.admm_failures,
+        NextMethod.SWEEPS: left * standing.sweep,
+        NextMethod.NEWTON: STEPS * standing.step * HARDER**standing.newton_failures,
+        NextMethod.ADMM: ITERATIONS * standing.iteration * HARDER**standing.admm_failures,
     }
     return min(work, key=work.__getitem__)
 

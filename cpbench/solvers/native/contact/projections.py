@@ -15,13 +15,13 @@ import numpy as np
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.frozen_law import block_csr
-from cpbench.solvers.native.contact.run import ContactSolver, Method, MethodOptions, contact_spec
+from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
 from cpbench.solvers.options import fixed, searched
 
 
 @dataclass(frozen=True)
-class ProjectionOptions(MethodOptions):
+class ContactProjectionOptions(MethodOptions):
     """`rho` : the first step length. `max_iterations` : projections of a trial."""
 
     rho: float = searched(1.0, low=1e-2, high=10.0, log=True)
@@ -29,13 +29,15 @@ class ProjectionOptions(MethodOptions):
     stall_window: int = fixed(10_000)
 
 
-class _Projection(Method):
+class _Projection(ContactMethod):
     """`code` : name of the kernel's method."""
 
     pieces: ClassVar[bool] = True
     code: ClassVar[str]
 
-    def __init__(self, contacts: ScaledContacts, options: ProjectionOptions, start: Vector, budget: Budget) -> None:
+    def __init__(
+        self, contacts: ScaledContacts, options: ContactProjectionOptions, start: Vector, budget: Budget
+    ) -> None:
         problem = contacts.rows.problem
         self._s, self._x = contacts.s, start / contacts.s
         module = kernel("contact_projection")
@@ -70,7 +72,7 @@ class DeSaxceFixedPoint(ContactSolver):
         "projection of the augmented reaction (Uzawa), self-adapting step",
         "projection",
         "De Saxcé and Feng 1998, Math. Comput. Model. 28:225; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        ProjectionOptions,
+        ContactProjectionOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _FixedPoint
@@ -81,11 +83,11 @@ class ExtragradientContact(ContactSolver):
     """y = P_K(r − ρû(r)), r ← P_K(r − ρû(y))."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "extragradient-contact",
+        "extragradient-fc",
         "extragradient on the De Saxcé-shifted velocity, self-adapting step",
         "projection",
         "Korpelevich 1976; Khobotov 1987; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        ProjectionOptions,
+        ContactProjectionOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Extragradient

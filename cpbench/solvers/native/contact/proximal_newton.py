@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
-from cpbench.solvers.native.contact.run import ContactSolver, Method, MethodOptions, contact_spec
+from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
 from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts
 from cpbench.solvers.options import fixed, searched
@@ -99,7 +99,7 @@ class ProximalSteps:
         return True
 
 
-class _ProximalNewton(Method):
+class _ProximalNewton(ContactMethod):
     def __init__(self, contacts: ScaledContacts, options: ProximalNewtonOptions, start: Vector, budget: Budget) -> None:
         self._contacts, self._options, self._tolerance = contacts, options, budget.tolerance
         self._r = start

@@ -21,7 +21,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverSpec, register, solvers
-from cpbench.solvers.native.contact.run import ContactSolver, Method, MethodOptions, contact_spec
+from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts
 from cpbench.solvers.options import fixed, searched
 
@@ -47,7 +47,7 @@ class ProximalNSGSOptions(MethodOptions):
     stall_window: int = fixed(200)
 
 
-class _Proximal(Method):
+class _Proximal(ContactMethod):
     def __init__(self, contacts: ScaledContacts, options: ProximalNSGSOptions, start: Vector, budget: Budget) -> None:
         self._problem, self._options, self._budget = contacts.rows.problem, options, budget
         self._judged = contacts.rows.judged

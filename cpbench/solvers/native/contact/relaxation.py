@@ -25,7 +25,7 @@ from cpbench.solvers.native.contact.sweeps import (
     ROUNDED,
     SEEN,
     BlockRows,
-    Iterate,
+    SweepState,
     block_rows,
     conclude,
     kernel,
@@ -65,7 +65,7 @@ class Shape:
     simultaneous: bool = False
 
 
-def general(prepared: BlockRows, shape: Shape, at: Iterate) -> Advance:
+def general(prepared: BlockRows, shape: Shape, at: SweepState) -> Advance:
     """Sweeps of any shape, in place."""
     problem, relax = prepared.problem, compiled(kernel("contact_relaxation").relax)
     iterate = (at.r, at.lam, _lengths(problem), np.arange(problem.nc), np.array([shape.omega, 0.0]))
@@ -86,7 +86,7 @@ class Relaxation(Solver):
     """Sweeps until the judged error is small, or falls no longer; its options have `max_iterations`, `stall_window`."""
 
     @abstractmethod
-    def advance(self, prepared: BlockRows, options: Any, at: Iterate) -> Advance:
+    def advance(self, prepared: BlockRows, options: Any, at: SweepState) -> Advance:
         """The sweeps of one solve, in place."""
 
     def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> BlockRows:
@@ -110,7 +110,7 @@ class Relaxation(Solver):
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
-        at = Iterate.at(r, problem.nc, budget.seed)
+        at = SweepState.at(r, problem.nc, budget.seed)
         if start is None:
             error = np.inf if (problem.q[:: problem.dimension] < 0.0).any() else 0.0
         else:
@@ -122,7 +122,7 @@ class Relaxation(Solver):
         return self.swept(prepared, budget, options, at, error, record)
 
     def swept(
-        self, prepared: BlockRows, budget: Budget, options: Any, at: Iterate, error: float, record: Record | None
+        self, prepared: BlockRows, budget: Budget, options: Any, at: SweepState, error: float, record: Record | None
     ) -> SolverOutput:
         """Sweeps from where `at` is, whose error was measured or is not known (∞)."""
         problem, r, state = prepared.problem, at.r, at.state

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.contact.relaxation import TRAITS, Advance, Local, Relaxation, Shape, general
-from cpbench.solvers.native.contact.sweeps import BlockRows, Iterate
+from cpbench.solvers.native.contact.sweeps import BlockRows, SweepState
 from cpbench.solvers.options import fixed, searched
 
 
@@ -32,7 +32,7 @@ class PSORContact(Relaxation):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="psor-contact",
+        name="psor-fc",
         node="fc",
         summary="projected successive over-relaxation: one projection of every contact a sweep",
         method="splitting",
@@ -42,7 +42,7 @@ class PSORContact(Relaxation):
         by_default=False,
     )
 
-    def advance(self, prepared: BlockRows, options: PSORContactOptions, at: Iterate) -> Advance:
+    def advance(self, prepared: BlockRows, options: PSORContactOptions, at: SweepState) -> Advance:
         shape = Shape(Local.PROJECTION, options.omega, shuffle=options.shuffle, symmetric=options.symmetric)
         return general(prepared, shape, at)
 
@@ -67,7 +67,7 @@ class JacobiContact(Relaxation):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="jacobi-contact",
+        name="jacobi-fc",
         node="fc",
         summary="block Jacobi with exact one-contact solves and a relaxation that adapts",
         method="splitting",
@@ -77,5 +77,5 @@ class JacobiContact(Relaxation):
         by_default=False,
     )
 
-    def advance(self, prepared: BlockRows, options: JacobiContactOptions, at: Iterate) -> Advance:
+    def advance(self, prepared: BlockRows, options: JacobiContactOptions, at: SweepState) -> Advance:
         return general(prepared, Shape(options.local, options.omega, simultaneous=True), at)

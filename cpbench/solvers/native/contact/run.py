@@ -23,7 +23,7 @@ from cpbench.solvers.native.progress import SHARE, Progress
 from cpbench.solvers.options import fixed
 
 
-class Method(ABC):
+class ContactMethod(ABC):
     """The iterates of one run. counters : what it counts beside iterations. `pieces` : whether an iteration costs as
     little as a measurement, so that several are made between two of them."""
 
@@ -44,7 +44,7 @@ class Method(ABC):
 
 
 @dataclass(frozen=True)
-class Ending:
+class ContactResult:
     """The best reactions, their error, and what to say where that is not small enough."""
 
     r: Vector
@@ -55,14 +55,14 @@ class Ending:
 
 
 def iterate(
-    method: Method,
+    method: ContactMethod,
     judged: Callable[[Vector], float],
     answer: Callable[[Vector], Any],
     budget: Budget,
     limit: int,
     window: int,
     record: Record | None,
-) -> Ending:
+) -> ContactResult:
     """Steps until the judged error is at most the tolerance, the limits are reached, or nothing gains.
 
     Parameters
@@ -94,10 +94,10 @@ def iterate(
         if why is not None:
             claim, message = Claim.FAILED, why
             break
-    return Ending(best, least, claim, message, {"iterations": done, **method.counters})
+    return ContactResult(best, least, claim, message, {"iterations": done, **method.counters})
 
 
-def finish(end: Ending, answer: Callable[[Vector], Any], budget: Budget) -> SolverOutput:
+def finish(end: ContactResult, answer: Callable[[Vector], Any], budget: Budget) -> SolverOutput:
     """Solved exactly when the judged error is at most the tolerance."""
     if not np.isfinite(end.r).all():
         return SolverOutput(claim=Claim.FAILED, counters=end.counters, message=end.message)
@@ -119,7 +119,7 @@ class MethodOptions:
 def iterate_on(
     problem: Problem,
     answer: Callable[[Vector], Any],
-    method: Method,
+    method: ContactMethod,
     budget: Budget,
     options: MethodOptions,
     record: Record | None,
@@ -136,7 +136,7 @@ def iterate_on(
 class ContactSolver(Solver):
     """A method on the local problem. `method` makes one from the scaled data, options and reactions to start from."""
 
-    method: ClassVar[Callable[[ScaledContacts, Any, Vector, Budget], Method]]
+    method: ClassVar[Callable[[ScaledContacts, Any, Vector, Budget], ContactMethod]]
 
     def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> ScaledContacts:
         return scaled_contacts(problem)

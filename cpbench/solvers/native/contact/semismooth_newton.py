@@ -20,7 +20,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
-from cpbench.solvers.native.contact.newton_equation import At, ContactEquation, ContactFunction
+from cpbench.solvers.native.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, Sweeps, conclude, scaled_contacts
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
@@ -39,7 +39,7 @@ STALL = 5_000
 TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 
-class Search(StrEnum):
+class LineSearch(StrEnum):
     """What a step must do to ‖Φ‖: fall (Armijo), fall below the largest of the last ones (Grippo, Lampariello and
     Lucidi), or fall neither too little nor by a step too short (Goldstein and Price)."""
 
@@ -62,7 +62,7 @@ class ContactNewtonOptions:
     `max_iterations` : steps and sweeps together."""
 
     sweeps: int = searched(30, low=5, high=500, log=True)
-    search: Search = Search.NON_MONOTONE
+    search: LineSearch = LineSearch.NON_MONOTONE
     memory: int = searched(4, low=1, high=10)
     regularization: Regularization = Regularization.PROXIMAL
     max_iterations: int = fixed(50_000)
@@ -91,7 +91,7 @@ class NewtonPhase:
 
     def begin(self, r: Vector) -> None:
         self._at = self.equation.at(r / self._s)
-        memory = self._options.memory if self._options.search is Search.NON_MONOTONE else 1
+        memory = self._options.memory if self._options.search is LineSearch.NON_MONOTONE else 1
         self._recent = deque([self._at.size], maxlen=memory)
         self._level, self._idle = self._at.size, 0
         self._share = min(self._share, 1.0)
@@ -120,7 +120,7 @@ class NewtonPhase:
             self.tau = min(self._share * size, LARGEST)
             d = self.equation.direction(self._at, self.tau, damped=least_squares)
             if d is not None:
-                exact = self._options.search is Search.GOLDSTEIN_PRICE
+                exact = self._options.search is LineSearch.GOLDSTEIN_PRICE
                 found = self._goldstein_price(d) if exact else self._armijo(d)
                 if found is not None:
                     length, self._at = found
@@ -133,7 +133,7 @@ class NewtonPhase:
             raised = 1
         return False
 
-    def _armijo(self, d: Vector) -> tuple[float, At] | None:
+    def _armijo(self, d: Vector) -> tuple[float, NewtonPoint] | None:
         for halving in range(HALVINGS + 1):
             t = 0.5**halving
             trial = self.equation.at(self._at.x + t * d)
@@ -141,12 +141,12 @@ class NewtonPhase:
                 return t, trial
         return None
 
-    def _goldstein_price(self, d: Vector) -> tuple[float, At] | None:
+    def _goldstein_price(self, d: Vector) -> tuple[float, NewtonPoint] | None:
         merit, slope = 0.5 * self._at.size**2, self.equation.slope(self._at, d)
         if not slope < 0.0:
             return None
         low, high, t = 0.0, math.inf, 1.0
-        enough: tuple[float, At] | None = None
+        enough: tuple[float, NewtonPoint] | None = None
         for _ in range(TRIALS):
             trial = self.equation.at(self._at.x + t * d)
             change = 0.5 * trial.size**2 - merit

@@ -128,7 +128,7 @@ class Sweeps:
 
 
 @dataclass(frozen=True)
-class Iterate:
+class SweepState:
     """What sweeps write: reactions, multipliers of sliding, `state` and `measured`, and the best reactions."""
 
     r: Vector
@@ -138,7 +138,7 @@ class Iterate:
     best: Vector
 
     @classmethod
-    def at(cls, r: Vector, contacts: int, seed: int) -> Iterate:
+    def at(cls, r: Vector, contacts: int, seed: int) -> SweepState:
         """Before the first sweep."""
         state, measured = np.zeros(PLACES, np.int64), np.full(3, np.inf)
         state[NEXT_CHECK], state[RANDOM], measured[PACE] = FIRST, seed, 0.0
@@ -176,11 +176,11 @@ class AcceleratedSweeps:
                 break
         return status != NOT_FINITE
 
-    def iterate(self) -> Iterate:
+    def iterate(self) -> SweepState:
         """For other sweeps to go on from, in the memory of these."""
         problem = self._rows.problem
         state, measured, best, r, lam = kernel("anderson").iterate(self._work, problem.q.size, problem.nc)
-        return Iterate(r, lam, state, measured, best)
+        return SweepState(r, lam, state, measured, best)
 
 
 def work(problem: FrictionContact, done: int, seen: int) -> dict[str, int]:

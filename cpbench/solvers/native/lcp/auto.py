@@ -10,7 +10,7 @@ import numpy as np
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import is_sparse, nnz
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.automatic import AutomaticChoice, Phase, automatic_spec
+from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 
 SMALL = 200
 """Up to this many unknowns Lemke's method is done before others have factored M_FF a few times."""
@@ -40,17 +40,17 @@ class AutoLCP(AutomaticChoice):
         "newton-min",
         "newton-fb",
         "newton-pfb",
-        "lcp-enumeration",
+        "enumeration-lcp",
     )
     kernels: ClassVar[tuple[str, ...]] = ("pivoting", "lemke_judged", "mprgp", "complementary_bases")
 
-    def phases(self, problem: LCP) -> Sequence[Phase]:
+    def phases(self, problem: LCP) -> Sequence[SolverPhase]:
         n = problem.q.size
-        newton = [Phase("newton-min"), Phase("newton-fb"), Phase("newton-pfb")]
+        newton = [SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")]
         if n > LARGE and is_sparse(problem.M) and nnz(problem.M) < FEW * n * n:
-            faces = [Phase("projected-cg", STEPS)] if problem.symmetric else []
-            return [*faces, *newton, Phase("projected-cg"), Phase("bpp"), Phase("lemke")]
+            faces = [SolverPhase("projected-cg", STEPS)] if problem.symmetric else []
+            return [*faces, *newton, SolverPhase("projected-cg"), SolverPhase("bpp"), SolverPhase("lemke")]
         if n <= SMALL:
-            return [Phase("lemke"), *newton, Phase("lcp-enumeration")]
-        bordered = [Phase("bpp")] if bool(np.all(problem.M.diagonal() > 0)) else []
-        return [*bordered, Phase("newton-min"), Phase("lemke"), *newton[1:]]
+            return [SolverPhase("lemke"), *newton, SolverPhase("enumeration-lcp")]
+        bordered = [SolverPhase("bpp")] if bool(np.all(problem.M.diagonal() > 0)) else []
+        return [*bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]

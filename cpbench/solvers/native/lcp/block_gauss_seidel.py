@@ -12,7 +12,7 @@ from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import dense_obstacle
-from cpbench.solvers.native.lcp.pgs import Columns, PGSOptions, Splitting, Sweeps
+from cpbench.solvers.native.lcp.pgs import MatrixColumns, PGSOptions, SplittingSolver, Sweeps
 from cpbench.solvers.options import searched
 
 LARGEST = 64
@@ -29,7 +29,7 @@ class BlockGSOptions(PGSOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blocks(Columns):
+class DiagonalBlocks(MatrixColumns):
     """`blocks` : the diagonal blocks of `size` unknowns by rows, one after the other."""
 
     size: int
@@ -37,7 +37,7 @@ class Blocks(Columns):
 
 
 @register
-class BlockGS(Splitting):
+class BlockGS(SplittingSolver):
     """z_B ← the solution of 0 ≤ z_B ⟂ M_BB z_B + (w_B − M_BB z_B^old) ≥ 0, by Lemke's method.
 
     Converges where pgs does (symmetric positive definite, H with positive diagonal), for symmetric M in no more work
@@ -59,10 +59,10 @@ class BlockGS(Splitting):
     def obstacle(self, problem: LCP) -> str | None:
         return None if sp.issparse(problem.M) else dense_obstacle(problem)
 
-    def setup(self, problem: LCP, budget: Budget, options: BlockGSOptions) -> Blocks:
+    def setup(self, problem: LCP, budget: Budget, options: BlockGSOptions) -> DiagonalBlocks:
         size = min(max(options.block, 1), LARGEST)
         columns = super().setup(problem, budget, options)
-        return Blocks(**vars(columns), size=size, blocks=diagonal_blocks(problem, size))
+        return DiagonalBlocks(**vars(columns), size=size, blocks=diagonal_blocks(problem, size))
 
     def sweeps(self, prepared: Any, options: BlockGSOptions) -> Sweeps:
         from cpbench.kernel_cache import load

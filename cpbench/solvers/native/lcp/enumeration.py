@@ -80,7 +80,7 @@ class LCPEnumeration(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="lcp-enumeration",
+        name="enumeration-lcp",
         node="lcp",
         summary=f"all solutions of up to {LARGEST} unknowns, by the 2^n complementary bases",
         method="enumeration",

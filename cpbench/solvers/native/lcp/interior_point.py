@@ -46,7 +46,7 @@ WARM_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
-class InteriorPointOptions:
+class LCPInteriorPointOptions:
     """`max_iterations` : steps, one factorization each. `step_share` : how much of the way to the boundary is gone."""
 
     max_iterations: int = fixed(200)
@@ -129,7 +129,7 @@ def _reach(v: Vector, dv: Vector) -> float:
 def _solve(
     prepared: ScaledMLCP,
     budget: Budget,
-    options: InteriorPointOptions,
+    options: LCPInteriorPointOptions,
     start: Vector | None,
     answer: Callable[[Vector], Any],
     record: Record | None,
@@ -195,14 +195,14 @@ def _spec(name: str, node: str, summary: str) -> SolverSpec:
         method="interior point",
         citation="Mehrotra 1992, doi:10.1137/0802028; Wright 1997, Primal-Dual Interior-Point Methods, chapter 8",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=InteriorPointOptions,
+        options=LCPInteriorPointOptions,
     )
 
 
 class _InteriorPoint(Solver):
     """What the two share: an LCP is solved as the MLCP that it is."""
 
-    def setup(self, problem: LCP | MLCP, budget: Budget, options: InteriorPointOptions) -> ScaledMLCP:
+    def setup(self, problem: LCP | MLCP, budget: Budget, options: LCPInteriorPointOptions) -> ScaledMLCP:
         whole = mixed(problem)
         return scale(whole, keep_sparse=whole.a.size + whole.b.size > DENSE_LIMIT)
 
@@ -215,7 +215,7 @@ class _InteriorPoint(Solver):
         self,
         prepared: ScaledMLCP,
         budget: Budget,
-        options: InteriorPointOptions,
+        options: LCPInteriorPointOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:

@@ -17,7 +17,7 @@ from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, ended_in_basis, error_of, farkas
 from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
-from cpbench.solvers.native.lcp.lemke_columns import BLOCKS, Columns
+from cpbench.solvers.native.lcp.lemke_columns import BLOCKS, PivotingState
 from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.solvers.options import fixed, searched
 
@@ -172,7 +172,7 @@ class _Run:
             z = seen.lifted(seen.q, np.zeros_like(z))
         else:
             likely = min(max(int((seen.q < 0.0).sum()), LEAST), MOST)
-            run = Columns(self._kernel, lcp.columns, seen.q, source=seen.negated_columns, likely=likely)
+            run = PivotingState(self._kernel, lcp.columns, seen.q, source=seen.negated_columns, likely=likely)
             if self._products(run, most=z.size) != "complementary":
                 return None
             z = seen.lifted(run.w, run.z)
@@ -189,7 +189,7 @@ class _Run:
         if problem.q.min() >= 0.0:
             return conclude(problem, np.zeros_like(problem.q), budget, counters)
         p = max_abs(problem.q) or 1.0
-        run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
+        run = PivotingState(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
         outcome = self._products(run)
         return self._ended(run.z * (p / lcp.unit), outcome)
 
@@ -208,7 +208,7 @@ class _Run:
             return conclude(problem, z, budget, counters, otherwise=claim, message=message)
         return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
 
-    def _products(self, run: Columns, most: int | None = None) -> str:
+    def _products(self, run: PivotingState, most: int | None = None) -> str:
         """What lies far behind is brought by matrix products; at most `most` pivots; outcome in words."""
         kernel, options = self._kernel, self._options
         limit = self.left if most is None else min(self.left, most)

@@ -24,7 +24,7 @@ Source: TypeAlias = Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]
 """Variables z_j -> the columns of -M that belong to them, row by row."""
 
 
-class Columns:
+class PivotingState:
     """The state of `pivoting.advance` on the LCP of M and q, and what brings many columns up to date at once.
 
     Parameters

@@ -88,7 +88,7 @@ def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:
 
 
 @dataclass(frozen=True)
-class Ended:
+class MinimizationResult:
     """Where `minimize` came to: the best z that was measured, and where the objective may fall for ever."""
 
     z: Vector
@@ -108,7 +108,7 @@ def minimize(
     error_of: Callable[[Vector], float],
     point: Callable[[Vector], Any],
     record: Record | None,
-) -> Ended:
+) -> MinimizationResult:
     """Steps until the error is at most the tolerance; it is measured where the projected gradient says that it may be,
     and after every chunk."""
     from cpbench.kernel_cache import load
@@ -164,7 +164,7 @@ def minimize(
         "expansions": int(state[kernel.EXPANSIONS]),
         "releases": int(state[kernel.RELEASES]),
     }
-    return Ended(best, least, claim, message, counters, ray)
+    return MinimizationResult(best, least, claim, message, counters, ray)
 
 
 class _OnLCP(Solver):

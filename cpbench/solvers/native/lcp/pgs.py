@@ -40,7 +40,7 @@ class PSOROptions(PGSOptions):
 
 
 @dataclass(frozen=True)
-class Columns:
+class MatrixColumns:
     """M by columns. Dense: row j of `values` is column j. Sparse: values[start[j]:start[j+1]] are in `rows`."""
 
     problem: LCP
@@ -60,19 +60,19 @@ Sweeps: TypeAlias = Callable[[Vector, Vector, float, Vector], int]
 and the errors are written."""
 
 
-class Splitting(Solver):
+class SplittingSolver(Solver):
     """What the registered methods share: they differ by their sweeps."""
 
     @abstractmethod
-    def sweeps(self, prepared: Columns, options: Any) -> Sweeps:
+    def sweeps(self, prepared: MatrixColumns, options: Any) -> Sweeps:
         """The compiled sweeps on one problem."""
 
-    def setup(self, problem: LCP, budget: Budget, options: Any) -> Columns:
+    def setup(self, problem: LCP, budget: Budget, options: Any) -> MatrixColumns:
         diagonal = np.array(problem.M.diagonal())
         if sp.issparse(problem.M):
             csc = sp.csc_array(problem.M)
-            return Columns(problem, diagonal, csc.data, csc.indptr.astype(np.int64), csc.indices.astype(np.int64))
-        return Columns(problem, diagonal, np.ascontiguousarray(problem.M.T))
+            return MatrixColumns(problem, diagonal, csc.data, csc.indptr.astype(np.int64), csc.indices.astype(np.int64))
+        return MatrixColumns(problem, diagonal, np.ascontiguousarray(problem.M.T))
 
     def warmup(self) -> None:
         M, q = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, -1.0])
@@ -81,7 +81,7 @@ class Splitting(Solver):
 
     def solve(
         self,
-        prepared: Columns,
+        prepared: MatrixColumns,
         budget: Budget,
         options: PGSOptions,
         start: Any | None = None,
@@ -126,7 +126,7 @@ class Splitting(Solver):
 _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 
-class _Pointwise(Splitting):
+class _Pointwise(SplittingSolver):
     """One component after the other."""
 
     symmetric: ClassVar[bool] = False
@@ -145,7 +145,7 @@ class _Pointwise(Splitting):
             "use lemke or newton-min"
         )
 
-    def sweeps(self, prepared: Columns, options: PGSOptions) -> Sweeps:
+    def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
         from cpbench.kernel_cache import load
 
         kernel = load("cpbench.solvers.kernels.splitting")

@@ -18,7 +18,7 @@ from cpbench.matrices import Matrix, Vector, identity
 from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import ScaledLCP, dense_obstacle, error_of, scale, solve_linear
-from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, Box, run
+from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench.solvers.options import fixed
@@ -35,7 +35,7 @@ class NewtonLCPOptions(SemismoothOptions):
     restarts: int = fixed(5)
 
 
-class LCPBox(Box):
+class LCPBox(CountedBox):
     """F(z) = Mz + q of a scaled LCP on z ≥ 0; M is its own Jacobian."""
 
     def __init__(self, prepared: ScaledLCP) -> None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import is_sparse
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.automatic import AutomaticChoice, Phase, automatic_spec
+from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 
 LARGE = 2000
 """Unknowns beyond which what takes sparse matrices apart in dense storage is asked last."""
@@ -27,12 +27,12 @@ class AutoMLCP(AutomaticChoice):
         "newton-min-mlcp",
         "newton-fb-mlcp",
         "interior-point-mlcp",
-        "mlcp-enumeration",
+        "enumeration-mlcp",
     )
     kernels: ClassVar[tuple[str, ...]] = ("mlcp_pivoting", "mlcp_judged", "complementary_bases")
 
-    def phases(self, problem: MLCP) -> Sequence[Phase]:
-        newton = [Phase("newton-min-mlcp"), Phase("newton-fb-mlcp")]
+    def phases(self, problem: MLCP) -> Sequence[SolverPhase]:
+        newton = [SolverPhase("newton-min-mlcp"), SolverPhase("newton-fb-mlcp")]
         if problem.a.size + problem.b.size > LARGE and is_sparse(problem.A):
-            return [Phase("interior-point-mlcp"), *reversed(newton), Phase("lemke-mlcp")]
-        return [Phase("lemke-mlcp"), *newton, Phase("interior-point-mlcp"), Phase("mlcp-enumeration")]
+            return [SolverPhase("interior-point-mlcp"), *reversed(newton), SolverPhase("lemke-mlcp")]
+        return [SolverPhase("lemke-mlcp"), *newton, SolverPhase("interior-point-mlcp"), SolverPhase("enumeration-mlcp")]

@@ -23,7 +23,7 @@ class MLCPEnumeration(Solver):
     idle, a solution stands for all those that differ in them only."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="mlcp-enumeration",
+        name="enumeration-mlcp",
         node="mlcp",
         summary=f"all solutions of up to {LARGEST} pairs, by the 2^m complementary bases",
         method="enumeration",

@@ -11,12 +11,12 @@ from cpbench.matrices import Matrix, Vector
 from cpbench.ncp_functions import NCPFunction, fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, scale
-from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, Box, run
+from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 
 
-class LinearBox(Box):
+class LinearBox(CountedBox):
     """F(x) = Kx + k of a scaled MLCP, its first unknowns free, the others ≥ 0; K is its own Jacobian."""
 
     def __init__(self, prepared: ScaledMLCP) -> None:

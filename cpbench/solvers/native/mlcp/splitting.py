@@ -50,7 +50,7 @@ class RPGSMLCPOptions(PGSMLCPOptions):
 
 
 @dataclass(frozen=True)
-class Columns:
+class BasisColumns:
     """K by columns (dense: row j of `matrix[0]` is column j; sparse: start, rows, values) and its diagonal."""
 
     scaled: ScaledMLCP
@@ -83,13 +83,13 @@ class _Splitting(Solver):
             return None
         return "no order of the equalities has nonzero numbers on the diagonal of A: use lemke-mlcp or newton-min-mlcp"
 
-    def setup(self, problem: MLCP, budget: Budget, options: PGSMLCPOptions) -> Columns:
+    def setup(self, problem: MLCP, budget: Budget, options: PGSMLCPOptions) -> BasisColumns:
         scaled = _ordered(scale(problem, keep_sparse=True))
         diagonal = np.array(scaled.K.diagonal())
         if not matrices.is_sparse(scaled.K):
-            return Columns(scaled, (np.ascontiguousarray(scaled.K.T),), diagonal)
+            return BasisColumns(scaled, (np.ascontiguousarray(scaled.K.T),), diagonal)
         csc = sp.csc_array(scaled.K)
-        return Columns(scaled, (csc.indptr.astype(np.int64), csc.indices.astype(np.int64), csc.data), diagonal)
+        return BasisColumns(scaled, (csc.indptr.astype(np.int64), csc.indices.astype(np.int64), csc.data), diagonal)
 
     def warmup(self) -> None:
         one = np.eye(1)
@@ -99,7 +99,7 @@ class _Splitting(Solver):
 
     def solve(
         self,
-        prepared: Columns,
+        prepared: BasisColumns,
         budget: Budget,
         options: PGSMLCPOptions,
         start: Any | None = None,

@@ -20,8 +20,8 @@ class AutoMiCP(InOrder):
     )
     members: ClassVar[tuple[str, ...]] = (
         "path-search",
-        "normal-map-newton",
-        "semismooth-newton-fb",
+        "newton-normal-map",
+        "newton-fb-micp",
         "smoothing-newton",
         "josephy-newton",
     )
@@ -32,7 +32,7 @@ class AutoVI(InOrder):
     """Newton's method; then methods that need monotonicity, or less than that, and no derivative."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("vi", "auto-vi", "Newton's method, then projections")
-    members: ClassVar[tuple[str, ...]] = ("vi-newton", "vi-extragradient", "vi-solodov-svaiter")
+    members: ClassVar[tuple[str, ...]] = ("newton-vi", "extragradient-vi", "solodov-svaiter")
 
 
 @register
@@ -40,4 +40,4 @@ class AutoQVI(InOrder):
     """Newton's method, then projections on the moving set."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("qvi", "auto-qvi", "Newton's method, then projections")
-    members: ClassVar[tuple[str, ...]] = ("qvi-newton", "qvi-projection")
+    members: ClassVar[tuple[str, ...]] = ("newton-qvi", "projection-qvi")

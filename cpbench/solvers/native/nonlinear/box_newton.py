@@ -38,7 +38,7 @@ SPREAD = (-1.0, 1.0)
 DRAWS = 30
 
 
-class Box:
+class CountedBox:
     """F and F′ of a problem on its bounds, counted.
 
     Attributes
@@ -96,7 +96,7 @@ class Box:
         return x if np.isfinite(x).all() else None
 
 
-class Method(ABC):
+class BoxMethod(ABC):
     """A way from one iterate to the next. `z` and `F` = F(z) are the present ones; both are there after `begin`."""
 
     z: Vector
@@ -104,7 +104,7 @@ class Method(ABC):
     strategies: int = 1
     """How many ways `begin` knows to go on from one point."""
 
-    def __init__(self, box: Box) -> None:
+    def __init__(self, box: CountedBox) -> None:
         self.box = box
 
     @abstractmethod
@@ -117,10 +117,10 @@ class Method(ABC):
 
 
 class BoxNewton(Solver):
-    """A solver of mixed complementarity problems by a `Method`; its options have `max_iterations` and `restarts`."""
+    """A solver of mixed complementarity problems by a `BoxMethod`; its options have `max_iterations` and `restarts`."""
 
     @abstractmethod
-    def method(self, box: Box, options: Any, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: Any, budget: Budget) -> BoxMethod:
         """The method for one solve."""
 
     def setup(self, problem: MiCP, budget: Budget, options: Any) -> MiCP:
@@ -133,7 +133,7 @@ class BoxNewton(Solver):
     def solve(
         self, prepared: MiCP, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        method = self.method(Box(prepared), options, budget)
+        method = self.method(CountedBox(prepared), options, budget)
         limit = budget.iterations or options.max_iterations
         return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
 
@@ -145,7 +145,7 @@ class _Best:
 
 
 def run(
-    method: Method, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
+    method: BoxMethod, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
 ) -> SolverOutput:
     """Steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
     box = method.box
@@ -202,7 +202,7 @@ def run(
     return SolverOutput(claim=claim, point=box.point(best.z), counters=dict(counters), message=message)
 
 
-def _drawn(box: Box, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
+def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
     """A point within the bounds where F is finite, and F there; around the first start and around P(0) in turn."""
     centre = box.project(np.zeros(box.n)) if number % 2 else first
     for draw in range(DRAWS):

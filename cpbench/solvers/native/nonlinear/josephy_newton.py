@@ -15,8 +15,8 @@ from cpbench.matrices import Matrix, Vector, norm
 from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.lcp.box_linear import NODES, BoxLinear
-from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, Box, BoxNewton, Method
-from cpbench.solvers.native.nonlinear.merit_search import At, Descent, fall_back
+from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, BoxMethod, BoxNewton, CountedBox
+from cpbench.solvers.native.nonlinear.merit_search import Descent, MeritPoint, fall_back
 from cpbench.solvers.options import fixed, searched
 
 SMALL_ENOUGH = 0.5
@@ -58,7 +58,7 @@ class JosephyNewton(BoxNewton):
         options=JosephyNewtonOptions,
     )
 
-    def method(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: JosephyNewtonOptions, budget: Budget) -> BoxMethod:
         return _JosephyNewton(box, options, budget)
 
     def warmup(self) -> None:
@@ -77,8 +77,8 @@ def _inner(names: str) -> list[Solver]:
     return chosen
 
 
-class _JosephyNewton(Method):
-    def __init__(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> None:
+class _JosephyNewton(BoxMethod):
+    def __init__(self, box: CountedBox, options: JosephyNewtonOptions, budget: Budget) -> None:
         super().__init__(box)
         self._inner = _inner(options.inner)
         if box.n > DENSE_LIMIT:
@@ -95,7 +95,7 @@ class _JosephyNewton(Method):
         self._stand(self._descent.at(z, F))
         self._descent.begin(self._at)
 
-    def _stand(self, at: At) -> None:
+    def _stand(self, at: MeritPoint) -> None:
         self._at, self.z, self.F = at, at.z, at.F
 
     def step(self) -> bool:

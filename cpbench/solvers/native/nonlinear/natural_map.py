@@ -73,7 +73,7 @@ class AffineVI:
 
 
 @dataclass(frozen=True)
-class Ending:
+class NaturalMapResult:
     """The best iterate, its judged error, and what to say of it when that is not small enough."""
 
     x: Vector
@@ -111,7 +111,7 @@ def congruent(M: Matrix, d: Vector) -> Matrix:
     return sp.csr_array(sp.diags_array(d) @ M @ sp.diags_array(d)) if sp.issparse(M) else M * d[:, None] * d
 
 
-def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record | None) -> Ending:
+def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record | None) -> NaturalMapResult:
     """Steps until the judged error is at most the tolerance, or nothing gains, or the limits are reached."""
     counters = {"iterations": 0, "factorizations": 0, "projections": 0}
     x, F = start, _natural(vi, start, counters)
@@ -125,13 +125,13 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
     while True:
         done = counters["iterations"]
         if error <= budget.tolerance:
-            return Ending(best, error, Claim.SOLVED, "", counters)
+            return NaturalMapResult(best, error, Claim.SOLVED, "", counters)
         if norm(F) <= ROUNDING * (norm(x) + norm(vi.q)):
-            return Ending(best, error, Claim.INACCURATE, "converged up to rounding", counters)
+            return NaturalMapResult(best, error, Claim.INACCURATE, "converged up to rounding", counters)
         if done >= limit:
-            return Ending(best, error, Claim.MAX_ITER, f"{limit} iterations", counters)
+            return NaturalMapResult(best, error, Claim.MAX_ITER, f"{limit} iterations", counters)
         if time.monotonic() > deadline:
-            return Ending(best, error, Claim.FAILED, f"out of time after {done} iterations", counters)
+            return NaturalMapResult(best, error, Claim.FAILED, f"out of time after {done} iterations", counters)
         step = None
         if waiting == 0:
             step = _newton(vi, x, F, min(accepted, norm(F)), counters)
@@ -144,7 +144,9 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
                 contract = _contraction(vi, counters)
             shift = contract(F)
             if shift is None:
-                return Ending(best, error, Claim.FAILED, f"I + M is singular, after {done} iterations", counters)
+                return NaturalMapResult(
+                    best, error, Claim.FAILED, f"I + M is singular, after {done} iterations", counters
+                )
             x = x - GAMMA * shift
             step = x, _natural(vi, x, counters)
             waiting -= 1
@@ -157,7 +159,7 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
             best, error = x, reached
         why = progress.trouble(counters["iterations"], reached)
         if why is not None:
-            return Ending(best, error, Claim.FAILED, why, counters)
+            return NaturalMapResult(best, error, Claim.FAILED, why, counters)
 
 
 def _natural(vi: AffineVI, x: Vector, counters: dict[str, int]) -> Vector:

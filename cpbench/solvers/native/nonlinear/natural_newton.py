@@ -30,7 +30,7 @@ from cpbench.formulations.vi import VI
 from cpbench.matrices import Sparse, Vector, norm
 from cpbench.product_cones import Cone
 from cpbench.solvers.native.cone.jacobians import box_jacobian, projection_jacobian
-from cpbench.solvers.native.nonlinear.projection_run import Field, Method, ProjectionOptions
+from cpbench.solvers.native.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench.solvers.native.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
 from cpbench.solvers.options import fixed
 
@@ -50,14 +50,14 @@ DRAWS = 30
 
 
 @dataclass(frozen=True)
-class NaturalNewtonOptions(ProjectionOptions):
+class NaturalNewtonOptions(VIProjectionOptions):
     """`max_iterations` : steps of either kind. `restarts` : other starts that are tried where steps gain nothing."""
 
     max_iterations: int = fixed(20_000)
     restarts: int = fixed(5)
 
 
-class Conditions(Field):
+class VIConditions(Field):
     """E and S × ℝ₊ᵐ × ℝᵏ × ℝ₊ᵖ of a problem, with their derivatives."""
 
     def __init__(self, problem: VI | QVI) -> None:
@@ -186,14 +186,14 @@ def _motion(problem: QVI, x: Vector, z: Vector, lb: Vector, ub: Vector) -> Spars
     return sp.csr_array(result)
 
 
-class NaturalNewton(Method):
+class NaturalNewton(ProjectionMethod):
     """Newton while it descends, extragradient steps in between."""
 
     aim = 1e-4
-    field: Conditions
+    field: VIConditions
     options: NaturalNewtonOptions
 
-    def __init__(self, field: Conditions, options: NaturalNewtonOptions, seed: int) -> None:
+    def __init__(self, field: VIConditions, options: NaturalNewtonOptions, seed: int) -> None:
         super().__init__(field, options)
         self._rng = np.random.default_rng(seed)
         field.counters |= {"restarts": 0}

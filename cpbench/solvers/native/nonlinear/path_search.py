@@ -13,8 +13,8 @@ from cpbench.matrices import Matrix, Vector, norm
 from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import principal
-from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
-from cpbench.solvers.native.nonlinear.merit_search import ACCEPT, At, Descent, fall_back
+from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
+from cpbench.solvers.native.nonlinear.merit_search import ACCEPT, Descent, MeritPoint, fall_back
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
 from cpbench.solvers.options import fixed, searched
 
@@ -64,12 +64,12 @@ class PathSearch(BoxNewton):
         options=PathSearchOptions,
     )
 
-    def method(self, box: Box, options: PathSearchOptions, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: PathSearchOptions, budget: Budget) -> BoxMethod:
         return _PathSearch(box, options, time.monotonic() + budget.seconds)
 
 
-class _PathSearch(Method):
-    def __init__(self, box: Box, options: PathSearchOptions, deadline: float) -> None:
+class _PathSearch(BoxMethod):
+    def __init__(self, box: CountedBox, options: PathSearchOptions, deadline: float) -> None:
         super().__init__(box)
         self._options, self._deadline = options, deadline
         self._most = options.max_pivots or 10 * box.n + 200
@@ -85,7 +85,7 @@ class _PathSearch(Method):
         self._crashing = 0 if strategy or self.box.n < MANY else self._options.crash
         self._stand(at)
 
-    def _stand(self, at: At) -> None:
+    def _stand(self, at: MeritPoint) -> None:
         self._at, self.z, self.F = at, at.z, at.F
 
     def step(self) -> bool:
@@ -110,12 +110,12 @@ class _PathSearch(Method):
                     return True
         return self._from_checkpoint(at, J)
 
-    def _good(self, at: At) -> None:
+    def _good(self, at: MeritPoint) -> None:
         self._descent.accept(at)
         self._checkpoint, self._watched = at, 0
         self._stand(at)
 
-    def _crash(self, at: At, J: Matrix) -> At | None:
+    def _crash(self, at: MeritPoint, J: Matrix) -> MeritPoint | None:
         """A projected Newton step on the unknowns that are not held at a bound; None when it gains little or leaves
         the active set nearly as it was, so that a path is short."""
         box = self.box
@@ -135,7 +135,7 @@ class _PathSearch(Method):
             self._crashing = 0
         return found
 
-    def _end_of_path(self, at: At, J: Matrix, until: float) -> At | None:
+    def _end_of_path(self, at: MeritPoint, J: Matrix, until: float) -> MeritPoint | None:
         """Where the path has t = `until`; None when it does not come there."""
         box = self.box
         x = normal_point(at.z, at.F, box.lb, box.ub)
@@ -148,7 +148,7 @@ class _PathSearch(Method):
             return None
         return self._descent.at(project_box(found.x, box.lb, box.ub))
 
-    def _from_checkpoint(self, at: At, J: Matrix | None) -> bool:
+    def _from_checkpoint(self, at: MeritPoint, J: Matrix | None) -> bool:
         """Back to the last good point: along its path, along the chord of it, or downhill."""
         descent, good = self._descent, self._checkpoint
         if good is not at:
@@ -177,6 +177,6 @@ class _PathSearch(Method):
         return True
 
 
-def _held(at: At, box: Box) -> Any:
+def _held(at: MeritPoint, box: CountedBox) -> Any:
     """At a bound that F pushes against."""
     return ((at.z <= box.lb) & (at.F >= 0)) | ((at.z >= box.ub) & (at.F <= 0))

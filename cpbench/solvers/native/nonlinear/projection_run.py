@@ -2,7 +2,7 @@
 step length, and the loop that watches the natural map, records and ends.
 
 They use nothing of a problem but values of F and projections on the simple set S, so that rows and g are not for them.
-All of them converge where F is monotone and locally Lipschitz continuous (`vi-projection`: cocoercive or strongly
+All of them converge where F is monotone and locally Lipschitz continuous (`projection-vi`: cocoercive or strongly
 monotone), linearly at best; elsewhere they may cycle, and then say that they stalled.
 """
 
@@ -39,7 +39,7 @@ SHRINKS = 60
 
 
 @dataclass(frozen=True)
-class ProjectionOptions:
+class VIProjectionOptions:
     """`max_iterations` : of the method, which evaluates F once or a few times in each."""
 
     max_iterations: int = fixed(50_000)
@@ -92,7 +92,7 @@ class Field:
         return 1.0
 
 
-class Method(ABC):
+class ProjectionMethod(ABC):
     """A way from one iterate to the next. `z` and `F` = F(z) are what is measured and answered.
 
     aim : the share of the tolerance that it goes on to. Below 1 for methods that converge so fast that this costs an
@@ -118,12 +118,12 @@ class Method(ABC):
 class ProjectionSolver(Solver):
     """A projection method. Tolerance: on the judged error itself, which is measured at every iterate."""
 
-    method: ClassVar[type[Method]]
+    method: ClassVar[type[ProjectionMethod]]
 
     def obstacle(self, problem: VI | QVI) -> str | None:
         return rows_obstacle(problem)
 
-    def setup(self, problem: VI | QVI, budget: Budget, options: ProjectionOptions) -> VI | QVI:
+    def setup(self, problem: VI | QVI, budget: Budget, options: VIProjectionOptions) -> VI | QVI:
         with np.errstate(all="ignore"):
             problem.F(problem.start)  # compiles it
         return problem
@@ -136,7 +136,7 @@ class ProjectionSolver(Solver):
         self,
         prepared: VI | QVI,
         budget: Budget,
-        options: ProjectionOptions,
+        options: VIProjectionOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
@@ -161,18 +161,20 @@ def rows_obstacle(problem: VI | QVI) -> str | None:
     found = ", ".join(f"{count} of {name}" for name, count in rows.items() if count)
     if not found:
         return None
-    instead = "qvi-newton" if isinstance(problem, QVI) else "vi-newton, or the conversion vi→micp where S is a box"
+    instead = "newton-qvi" if isinstance(problem, QVI) else "newton-vi, or the conversion vi→micp where S is a box"
     return f"has rows ({found}), whose set has no projection in closed form: use {instead}"
 
 
-def run(field: Field, method: Method, budget: Budget, limit: int, start: Vector, record: Record | None) -> SolverOutput:
+def run(
+    field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
+) -> SolverOutput:
     """Steps until the natural map is at most the tolerance, or the limits are reached, or nothing gains."""
     with np.errstate(all="ignore"):
         return _run(field, method, budget, limit, start, record)
 
 
 def _run(
-    field: Field, method: Method, budget: Budget, limit: int, start: Vector, record: Record | None
+    field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
 ) -> SolverOutput:
     counters = field.counters
     deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
@@ -229,7 +231,7 @@ def lipschitz(near: Vector, F_near: Vector, z: Vector, F: Vector) -> float:
 
 
 def projection_spec(
-    name: str, summary: str, citation: str, node: str = "vi", options: type = ProjectionOptions
+    name: str, summary: str, citation: str, node: str = "vi", options: type = VIProjectionOptions
 ) -> SolverSpec:
     """What the specs of all of them share."""
     return SolverSpec(

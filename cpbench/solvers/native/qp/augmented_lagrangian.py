@@ -21,7 +21,7 @@ from cpbench.formulations.qp import QP
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
-from cpbench.solvers.native.qp.claims import Measure, convex_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KKT, DenseKKT, SparseKKT
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
@@ -51,7 +51,7 @@ class AugmentedLagrangianOptions:
 
 @dataclass(frozen=True)
 class ProximalPointOptions(AugmentedLagrangianOptions):
-    """As for qp-augmented-lagrangian, with a proximal term that counts."""
+    """As for augmented-lagrangian, with a proximal term that counts."""
 
     proximal: float = searched(1e-4, low=1e-7, high=1.0, log=True)
 
@@ -112,7 +112,7 @@ class _Multipliers(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        form, measure = scaled(prepared, keep_sparse=True), Measure(prepared, record)
+        form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record)
         n, equal = form.g.size, form.lower == form.upper
         x, y = (np.zeros(n), np.zeros(equal.size)) if start is None else form.start(start)
         counters = {"iterations": 0, "multiplier_steps": 0, "factorizations": 0}
@@ -198,7 +198,7 @@ class AugmentedLagrangian(_Multipliers):
     """Multiplier steps with a falling θ; ρ only keeps the Newton systems regular."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "qp-augmented-lagrangian",
+        "augmented-lagrangian",
         "augmented Lagrangian, semismooth Newton with exact line search, dense and sparse",
         "Hestenes 1969; Powell 1969; Hermans, Themelis and Patrinos 2019, 58th IEEE CDC",
         AugmentedLagrangianOptions,
@@ -210,7 +210,7 @@ class ProximalPoint(_Multipliers):
     """The proximal method of multipliers: ρ counts, which makes the Newton systems better conditioned."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "qp-proximal-point",
+        "proximal-point",
         "proximal method of multipliers, semismooth Newton with exact line search, dense and sparse",
         "Rockafellar 1976, Math. Oper. Res. 1:97; Bambade, El-Kazdadi, Taylor and Carpentier 2022, RSS",
         ProximalPointOptions,

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from cpbench.formulations.qp import QP
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.automatic import AutomaticChoice, Phase, automatic_spec
+from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 
 SMALL, LARGE = 100, 300
 """Unknowns up to which proximal steps over active sets are ahead of the interior point where Q is singular, and
@@ -25,20 +25,20 @@ class AutoQP(AutomaticChoice):
 
     spec: ClassVar[SolverSpec] = automatic_spec("qp", "auto-qp", "active set or interior point, by size")
     members: ClassVar[tuple[str, ...]] = (
-        "qp-dual-active-set",
-        "qp-proximal-active-set",
-        "qp-interior-point",
+        "dual-active-set",
+        "proximal-active-set",
+        "interior-point-qp",
         "mprgp-qp",
-        "qp-augmented-lagrangian",
+        "augmented-lagrangian",
     )
     kernels: ClassVar[tuple[str, ...]] = ("qp_dual", "qp_ldl", "mprgp")
 
-    def phases(self, problem: QP) -> Sequence[Phase]:
+    def phases(self, problem: QP) -> Sequence[SolverPhase]:
         n, rows = problem.p.size, problem.b.size + problem.d.size
-        active = [Phase("qp-dual-active-set"), Phase("qp-proximal-active-set")]
-        interior, last = Phase("qp-interior-point"), Phase("qp-augmented-lagrangian")
+        active = [SolverPhase("dual-active-set"), SolverPhase("proximal-active-set")]
+        interior, last = SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
         if n > LARGE:
-            return [*([] if rows else [Phase("mprgp-qp", STEPS)]), interior, last, *active]
+            return [*([] if rows else [SolverPhase("mprgp-qp", STEPS)]), interior, last, *active]
         if n > SMALL:
             active.insert(1, interior)
             return [*active, last]

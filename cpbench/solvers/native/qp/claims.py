@@ -32,7 +32,7 @@ Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 """z, λ, μ, ν of an answer."""
 
 
-class Measure:
+class ErrorMeasure:
     """The judged error of answers to one problem, compiled where its matrices are dense; it tells who records.
 
     best : the parts of the answer with the least error of those that were seen, but not merely in passing: those are
@@ -88,7 +88,7 @@ def dense_obstacle(problem: QP) -> str | None:
     size = 8.0 * n * (4 * n + 2 * rows)
     if size <= DENSE_BYTES:
         return None
-    return f"keeps dense matrices: n = {n} with {rows} rows takes {size / 1e9:.1f} GB: use qp-interior-point"
+    return f"keeps dense matrices: n = {n} with {rows} rows takes {size / 1e9:.1f} GB: use interior-point-qp"
 
 
 def convex_obstacle(problem: QP) -> str | None:
@@ -104,7 +104,7 @@ def definite_obstacle(problem: QP) -> str | None:
     """Why Q, brought to a diagonal of ones, is not positive definite beyond rounding, else None."""
     if matrices.is_definite(problem.Q):
         return None
-    return "needs Q positive definite, Q is singular: use qp-proximal-active-set or qp-interior-point"
+    return "needs Q positive definite, Q is singular: use proximal-active-set or interior-point-qp"
 
 
 def infeasibility(problem: QP, lam: Vector, mu: Vector) -> float | None:

@@ -16,7 +16,13 @@ from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import SHARE
-from cpbench.solvers.native.qp.claims import Measure, convex_obstacle, definite_obstacle, dense_obstacle, infeasible
+from cpbench.solvers.native.qp.claims import (
+    ErrorMeasure,
+    convex_obstacle,
+    definite_obstacle,
+    dense_obstacle,
+    infeasible,
+)
 from cpbench.solvers.native.qp.scaling import stacked
 from cpbench.solvers.options import fixed, searched
 
@@ -135,7 +141,7 @@ class DualActiveSet(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="qp-dual-active-set",
+        name="dual-active-set",
         node="qp",
         summary="dual active set with factor updates, dense, Q positive definite",
         method="dual active set",
@@ -158,14 +164,14 @@ class DualActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        problem, measure = prepared, Measure(prepared, record)
+        problem, measure = prepared, ErrorMeasure(prepared, record)
         n, m, k = problem.p.size, problem.b.size, problem.d.size
         lower, upper, G = stacked(problem)
         try:
             method = ActiveSet(matrices.dense(problem.Q), G, lower, upper, options.feasibility_tolerance)
         except np.linalg.LinAlgError as cause:
             measure.see(0, (np.zeros(n), np.zeros(m), np.zeros(k), np.zeros(n)))
-            return measure.conclude(budget, {"iterations": 0}, Claim.FAILED, f"Q: {cause}: use qp-proximal-active-set")
+            return measure.conclude(budget, {"iterations": 0}, Claim.FAILED, f"Q: {cause}: use proximal-active-set")
 
         def look(passing: bool = True) -> float:
             y = method.multipliers()

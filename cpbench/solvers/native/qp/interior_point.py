@@ -14,7 +14,7 @@ from cpbench.formulations.qp import QP
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
-from cpbench.solvers.native.qp.claims import Measure, convex_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KKT, DenseKKT, SparseKKT
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
@@ -36,7 +36,7 @@ SMALL = 64
 
 
 @dataclass(frozen=True)
-class InteriorPointOptions:
+class QPInteriorPointOptions:
     """`regularization` : of the linear systems, data scaled to size one. `to_boundary` : share of the step to the
     boundary. `max_iterations` : predictor and corrector count once."""
 
@@ -48,7 +48,7 @@ class InteriorPointOptions:
 Solve: TypeAlias = Callable[[Vector, Vector], tuple[Vector, Vector]]
 
 
-class Iterate:
+class SlackIterate:
     """x, slacks t and multipliers z of the finite sides of s = (x, Gx), y of all: y = z at lower less z at upper.
 
     Sides: index `at` into s, `sign` 1 lower, -1 upper; t = sign (s − bound) in the end. Only unknowns have two of them,
@@ -157,13 +157,13 @@ class InteriorPoint(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="qp-interior-point",
+        name="interior-point-qp",
         node="qp",
         summary="Mehrotra predictor-corrector, regularized and refined, dense and sparse",
         method="interior point",
         citation="Mehrotra 1992, SIAM J. Optim. 2:575; Vanderbei 1995, SIAM J. Optim. 5:100",
         traits=frozenset({Trait.SPARSE, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=InteriorPointOptions,
+        options=QPInteriorPointOptions,
     )
 
     def obstacle(self, problem: QP) -> str | None:
@@ -178,7 +178,7 @@ class InteriorPoint(Solver):
         self,
         prepared: QP,
         budget: Budget,
-        options: InteriorPointOptions,
+        options: QPInteriorPointOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
@@ -189,7 +189,7 @@ class InteriorPoint(Solver):
         else:
             equal = (form.lower == form.upper)[n:]
             kkt = DenseKKT(matrices.dense(form.H), matrices.dense(form.G), equal, options.regularization)
-        measure, iterate = Measure(prepared, record), Iterate(form, kkt)
+        measure, iterate = ErrorMeasure(prepared, record), SlackIterate(form, kkt)
         deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
         limit = budget.iterations or options.max_iterations
         going, done, before = iterate.begin(), 0, (np.zeros(n), np.zeros(form.lower.size))
@@ -228,7 +228,7 @@ class InteriorPoint(Solver):
 
 
 def _proved(
-    problem: QP, form: ScaledQP, iterate: Iterate, before: tuple[Vector, Vector], counters: dict[str, int]
+    problem: QP, form: ScaledQP, iterate: SlackIterate, before: tuple[Vector, Vector], counters: dict[str, int]
 ) -> SolverOutput | None:
     """What the iterate, or its last step, proves when it goes along a ray for ever."""
     n, m = form.g.size, problem.b.size

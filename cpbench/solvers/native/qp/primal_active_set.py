@@ -14,7 +14,7 @@ from cpbench import matrices
 from cpbench.formulations.qp import QP
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.qp.claims import Measure, convex_obstacle, dense_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
@@ -94,7 +94,7 @@ class PrimalActiveSet(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="qp-primal-active-set",
+        name="primal-active-set",
         node="qp",
         summary="primal active set in the null space, feasible iterates, dense, Q semidefinite",
         method="primal active set",
@@ -118,7 +118,7 @@ class PrimalActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        measure, form = Measure(prepared, record), scaled(prepared)
+        measure, form = ErrorMeasure(prepared, record), scaled(prepared)
         n, m = form.g.size, prepared.b.size
         H, limit = matrices.dense(form.H), budget.iterations or options.max_iterations or 50 * form.lower.size + 50
         deadline = time.monotonic() + budget.seconds
@@ -151,7 +151,7 @@ class PrimalActiveSet(Solver):
         H: Vector,
         x: Vector,
         working: WorkingSet,
-        measure: Measure,
+        measure: ErrorMeasure,
         budget: Budget,
         shift: float,
         limit: int,

@@ -20,7 +20,7 @@ from cpbench.formulations.qp import QP
 from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
-from cpbench.solvers.native.qp.claims import Measure, convex_obstacle, definite_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, definite_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KKT, DenseKKT, SparseKKT
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
@@ -46,7 +46,7 @@ class ProjectedOptions:
     max_iterations: int = fixed(10_000)
 
 
-class Side(ABC):
+class ProjectedSide(ABC):
     """A smooth concave or convex function of u and a projection. `L` : the Lipschitz constant of its gradient."""
 
     def __init__(self, form: ScaledQP) -> None:
@@ -77,7 +77,7 @@ class Side(ABC):
         """The Hessian times u."""
 
 
-class Box(Side):
+class PrimalBox(ProjectedSide):
     """f itself on lower ≤ x ≤ upper."""
 
     def first(self, x: Vector, y: Vector) -> Vector:
@@ -94,7 +94,7 @@ class Box(Side):
         return u, np.where(slope > 0.0, slope * (u <= self.form.lower), slope * (u >= self.form.upper))
 
 
-class Dual(Side):
+class Dual(ProjectedSide):
     """The dual function of y; Q is factorized once."""
 
     def __init__(self, form: ScaledQP) -> None:
@@ -159,14 +159,14 @@ class _Projected(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        form, measure = scaled(prepared, keep_sparse=True), Measure(prepared, record)
+        form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record)
         x, y = (np.zeros(form.g.size), np.zeros(form.lower.size)) if start is None else form.start(start)
         deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
         limit = budget.iterations or options.max_iterations
-        side: Side = Dual(form) if form.E.size else Box(form)
+        side: ProjectedSide = Dual(form) if form.E.size else PrimalBox(form)
         if isinstance(side, Dual) and not side.regular:
             measure.see(0, form.parts(x, y))
-            message = "Q is singular to rounding: the dual function has no gradient; use qp-interior-point"
+            message = "Q is singular to rounding: the dual function has no gradient; use interior-point-qp"
             return measure.conclude(budget, {"iterations": 0}, Claim.FAILED, message)
         u = side.first(x, y)
         length = options.step / side.lipschitz(u.size)
@@ -222,7 +222,7 @@ class ProjectedGradient(_Projected):
 
     momentum = False
     spec: ClassVar[SolverSpec] = _spec(
-        "qp-projected-gradient",
+        "projected-gradient",
         "projected gradient on the box, Uzawa's method on the dual where there are rows",
         "Goldstein 1964; Levitin and Polyak 1966; Uzawa 1958",
         by_default=False,
@@ -235,7 +235,7 @@ class Nesterov(_Projected):
 
     momentum = True
     spec: ClassVar[SolverSpec] = _spec(
-        "qp-nesterov",
+        "nesterov-qp",
         "accelerated projected gradient with restart, on the box or on the dual where there are rows",
         "Nesterov 1983; Beck and Teboulle 2009, SIAM J. Imaging Sci. 2:183; O'Donoghue and Candès 2015",
     )

@@ -13,7 +13,7 @@ from cpbench.formulations.qp import QP
 from cpbench.matrices import max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
-from cpbench.solvers.native.qp.claims import Measure, convex_obstacle, dense_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.scaling import scaled
 from cpbench.solvers.options import fixed, searched
@@ -26,7 +26,7 @@ LEAST = 0.1
 
 @dataclass(frozen=True)
 class ProximalActiveSetOptions:
-    """`proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in qp-dual-active-set. `max_iterations` :
+    """`proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in dual-active-set. `max_iterations` :
     proximal steps and passes together, 0 stands for 50(n + rows) + 1000."""
 
     proximal: float = searched(1e-5, low=1e-9, high=1e-2, log=True)
@@ -44,7 +44,7 @@ class ProximalActiveSet(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="qp-proximal-active-set",
+        name="proximal-active-set",
         node="qp",
         summary="proximal-point steps over the dual active set, dense, Q semidefinite",
         method="dual active set",
@@ -67,7 +67,7 @@ class ProximalActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        measure, form = Measure(prepared, record), scaled(prepared)
+        measure, form = ErrorMeasure(prepared, record), scaled(prepared)
         n, rows = form.g.size, form.E.size
         epsilon = options.proximal * max(max_abs(form.H), LEAST)
         H, G = matrices.dense(form.H), matrices.dense(form.G)
