@@ -159,7 +159,7 @@ class Registry(Generic[T]):
             raise UnknownName(self.kind, name, self._items) from None
 
     def _seek(self, name: str) -> None:
-        """Import the modules in which `name` stands as a string until one registers it, and the installed plugins.
+        """Import the modules in which `name` stands as a string, or in their tables, until one registers it.
 
         One solver is asked for more often than all: to import every module takes longer than most problems.
         """
@@ -169,7 +169,8 @@ class Registry(Generic[T]):
             folders = list(place.submodule_search_locations or ()) if place else []
             files = [file for folder in folders for file in Path(folder).glob("*.py")]
             for file in sorted(files, key=lambda file: (not likely.startswith(file.stem), file.stem)):
-                if quoted in file.read_text("utf-8"):
+                texts = [path for path in (file, file.with_suffix(TABLES)) if path.exists()]
+                if any(quoted in path.read_text("utf-8") for path in texts):
                     importlib.import_module(f"{package}.{file.stem}")
                     if name in self._items:
                         load_plugins()

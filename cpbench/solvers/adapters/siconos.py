@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 import cpbench.solvers.guests
 from cpbench.formulations.base import Kind
 from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
-from cpbench.solvers.base import Availability, Budget, Record, SolverOutput, SolverSpec, Trait, solvers
+from cpbench.solvers.base import Availability, Budget, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import HandedOver, ServedSolver
 
 PYTHON = "CPBENCH_SICONOS_PYTHON"
@@ -143,26 +143,21 @@ class SiconosSolver(ServedSolver):
 
 
 def index_sets(n: int) -> str | None:
-    """The obstacle of enumeration."""
+    """Return the obstacle of enumeration."""
     return f"2^{n} index sets to try, at most 2^{MOST_INDEX_SETS} are" if n > MOST_INDEX_SETS else None
-
-
-def register_family(cls: type[SiconosSolver], *rows: SiconosEntry) -> None:
-    """Put a solver for every row into the registry."""
-    for row in rows:
-        solvers.add(row.name, cls(row))
 
 
 @cache
 def interpreter() -> str:
-    """The Python that runs Siconos."""
+    """Return the Python that runs Siconos."""
     own = sys.executable if importlib.util.find_spec("siconos") else "/usr/bin/python3"
     return os.environ.get(PYTHON) or own
 
 
 @cache
 def about(python: str) -> Mapping[str, Any]:
-    """Version and constants of the Siconos that a Python has, or state and detail; asked once for the whole family."""
+    """Return version and constants of the Siconos that a Python has, or state and detail; asked once for the whole
+    family."""
     try:
         asked = subprocess.run([python, str(GUEST)], capture_output=True, text=True, timeout=PATIENCE, check=False)
     except FileNotFoundError:
