@@ -170,7 +170,7 @@ class Solver(ABC):
     spec: ClassVar[SolverSpec]
 
     def obstacle(self, problem: Any) -> str | None:
-        """Why this problem is not for this solver (cheap to tell), else None."""
+        """Return why this problem is not for this solver (cheap to tell), else None."""
         return None
 
     def hand_over(self, problem: Any) -> Any:
@@ -179,7 +179,7 @@ class Solver(ABC):
         return problem
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
-        """What is done once a problem (change of storage, a model): timed as `setup`, passed to `solve`."""
+        """Do what is done once a problem (change of storage, a model): timed as `setup`, passed to `solve`."""
         return problem
 
     @abstractmethod
@@ -201,7 +201,7 @@ class Solver(ABC):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        """All steps in one go, with default budget and options (scripts, tests)."""
+        """Run all steps in one go, with default budget and options (scripts, tests)."""
         budget = budget or Budget()
         options = self.spec.options() if options is None else options
         prepared = self.setup(self.hand_over(problem), budget, options)
@@ -211,7 +211,7 @@ class Solver(ABC):
         """Load and compile whatever the first solve would: called once a process, never timed."""
 
     def version(self) -> str:
-        """Version of the guest package, of cpbench for its own solvers, '' for others that need no package."""
+        """Return version of the guest package, of cpbench for its own solvers, '' for others that need no package."""
         if self.spec.requires:
             return package_version(self.spec.requires[0])
         return __version__ if type(self).__module__.startswith("cpbench.") else ""
@@ -221,7 +221,7 @@ class Solver(ABC):
 
 
 def missing(spec: SolverSpec) -> str:
-    """How to install a solver whose packages are not there, '' where they are; nothing is imported.
+    """Return how to install a solver whose packages are not there, '' where they are; nothing is imported.
 
     >>> missing(SolverSpec(name="s", node="lcp", summary="", method="", requires=("numpy", "no_such_package")))
     'pip install no_such_package'
@@ -245,7 +245,7 @@ def probe(requires: tuple[str, ...], install: str) -> Availability:
 
 
 def package_version(import_name: str) -> str:
-    """Version of the distribution that provides `import_name`, else what the imported module says, else ''."""
+    """Return version of the distribution that provides `import_name`, else what the imported module says, else ''."""
     from importlib.metadata import PackageNotFoundError, version
 
     for distribution in _distributions().get(import_name, [import_name]):
@@ -258,14 +258,14 @@ def package_version(import_name: str) -> str:
 
 @cache
 def _distributions() -> Mapping[str, list[str]]:
-    """Distributions by import name: a walk through all that is installed, which takes a third of a second."""
+    """Return distributions by import name: a walk through all that is installed, which takes a third of a second."""
     from importlib.metadata import packages_distributions
 
     return packages_distributions()
 
 
 def parse_options(spec: SolverSpec, text: Mapping[str, str]) -> Any:
-    """Options dataclass from strings (`omega=1.2`); raises UnknownName with the field named."""
+    """Return options dataclass from strings (`omega=1.2`); raises UnknownName with the field named."""
     known = {f.name: f for f in dataclasses.fields(spec.options)}
     values: dict[str, Any] = {}
     for key, raw in text.items():
@@ -295,7 +295,7 @@ solvers: Registry[Solver] = Registry(
 
 
 def register(cls: type[Solver]) -> type[Solver]:
-    """Class decorator: put one instance of the solver into the registry."""
+    """Return class decorator: put one instance of the solver into the registry."""
     solvers.add(cls.spec.name, cls())
     return cls
 

@@ -48,7 +48,7 @@ class CasadiNLP(Solver):
 
     @abstractmethod
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
-        """Of the guest."""
+        """Return the options of CasADi's solver."""
 
     def obstacle(self, problem: NLP) -> str | None:
         n = problem.start.size

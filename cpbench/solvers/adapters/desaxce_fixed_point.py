@@ -73,7 +73,7 @@ class ScaledContact:
     size: Vector
 
     def shift(self, x: Vector) -> Vector:
-        """What is frozen, s e_N + skew x; shape (n,)."""
+        """Return the frozen term, s e_N + skew x; shape (n,)."""
         rest = self.skew @ x
         U = (self.P @ x + rest + self.q).reshape(self.problem.nc, -1)
         return rest + (self.law.shift(U) - U).ravel()
@@ -84,7 +84,7 @@ class ConicFixedPoint(Solver):
 
     @abstractmethod
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
-        """The conic solver's model of the program with s = 0."""
+        """Return the conic solver's model of the program with s = 0."""
 
     def obstacle(self, problem: LocalContact) -> str | None:
         asymmetry = matrices.asymmetry(problem.W)

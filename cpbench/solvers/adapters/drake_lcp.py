@@ -25,7 +25,7 @@ class DrakeLCP(Solver):
 
     @abstractmethod
     def guest(self) -> Any:
-        """Drake's solver object."""
+        """Return Drake's solver object."""
 
     def obstacle(self, problem: LCP) -> str | None:
         if problem.q.size == 0:

@@ -20,7 +20,7 @@ PUBLISHING = (
 
 
 def refusal() -> tuple[int, str]:
-    """GAMS' return code and complaints when it is started on an empty file (20 ms); (0, '') when all is well."""
+    """Return GAMS' return code and complaints when it is started on an empty file (20 ms); (0, '') when all is well."""
     with tempfile.TemporaryDirectory(prefix="gams-") as folder:
         empty = Path(folder) / "empty.gms"
         empty.touch()
@@ -33,14 +33,14 @@ def refusal() -> tuple[int, str]:
 
 
 def system_directory() -> Path:
-    """Where gamspy takes GAMS from."""
+    """Return where gamspy takes GAMS from."""
     import gamspy
 
     return Path(gamspy.get_option("GAMS_SYSDIR"))
 
 
 def licence_file() -> Path:
-    """The licence that gamspy uses: GAMSPY_LICENSE_PATH, an installed one, the demo licence in the package."""
+    """Return the licence that gamspy uses: GAMSPY_LICENSE_PATH, an installed one, the demo licence in the package."""
     from gamspy.utils import _get_license_path
 
     return Path(_get_license_path(os.fspath(system_directory())))
@@ -48,7 +48,7 @@ def licence_file() -> Path:
 
 @cache
 def most_rows() -> int | None:
-    """Rows and columns that the licence allows, None for a licence without that limit."""
+    """Return rows and columns that the licence allows, None for a licence without that limit."""
     try:
         text = licence_file().read_text(errors="replace")
     except (ImportError, OSError):

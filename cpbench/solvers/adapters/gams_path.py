@@ -15,7 +15,8 @@ class GamsPath(GamsMCP):
     guest = "path"
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """Its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget bounds."""
+        """Return the option file: its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget
+        bounds."""
         return {"convergence_tolerance": tolerance, "cumulative_iteration_limit": budget.iterations or 1_000_000}
 
 

@@ -98,7 +98,7 @@ _workspaces: dict[int, Workspace] = {}
 
 
 def workspace() -> Workspace:
-    """The workspace of this process."""
+    """Return the workspace of this process."""
     if os.getpid() not in _workspaces:
         _workspaces[os.getpid()] = Workspace()
     return _workspaces[os.getpid()]
@@ -106,7 +106,7 @@ def workspace() -> Workspace:
 
 @contextlib.contextmanager
 def _own_interrupt() -> Iterator[None]:
-    """gamspy takes SIGINT for itself; it stays ours."""
+    """Return gamspy takes SIGINT for itself; it stays ours."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -119,7 +119,7 @@ def _own_interrupt() -> Iterator[None]:
 
 @contextlib.contextmanager
 def explained(who: str) -> Iterator[None]:
-    """What gamspy raises, as what it is: a refused licence, a dead process, or its own summary of errors."""
+    """Return gamspy's exception as what it is: a refused licence, a dead process, or its own summary of errors."""
     try:
         yield
     except Unavailable:
@@ -138,7 +138,7 @@ def explained(who: str) -> Iterator[None]:
 
 
 def _refusal() -> tuple[int, str]:
-    """What GAMS says of its licence; nothing where it cannot even be asked."""
+    """Return what GAMS says of its licence; nothing where it cannot even be asked."""
     try:
         return gams_licence.refusal()
     except Exception:
@@ -146,6 +146,6 @@ def _refusal() -> tuple[int, str]:
 
 
 def _summary(error: Exception) -> str:
-    """The lines that GAMS marks with stars, else the first line."""
+    """Return the lines that GAMS marks with stars, else the first line."""
     lines = str(error).splitlines() or [""]
     return "; ".join(line.strip("* ") for line in lines if line.startswith("****")) or lines[0]

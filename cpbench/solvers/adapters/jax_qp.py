@@ -38,18 +38,18 @@ class JaxBackend(QPBackend):
 
     @abstractmethod
     def arrays(self, form: StandardForm) -> tuple[Any, ...]:
-        """What the function is called with."""
+        """Return the arguments of the function."""
 
     @abstractmethod
     def function(self, iterations: int) -> Callable[..., Any]:
-        """The function of these arrays, a tolerance and a limit of iterations, not compiled.
+        """Return the function of these arrays, a tolerance and a limit of iterations, not compiled.
 
         `iterations` : that limit, for a function that must know it when it is compiled.
         """
 
     @abstractmethod
     def answer(self, form: StandardForm, results: tuple[Any, ...]) -> BackendAnswer:
-        """What its results, as NumPy arrays, mean."""
+        """Return the answer that its results, as NumPy arrays, stand for."""
 
     def availability(self) -> Availability:
         with warnings.catch_warnings():
@@ -77,7 +77,7 @@ class JaxBackend(QPBackend):
 
 @lru_cache(maxsize=KEPT)
 def _compile(backend: JaxBackend, iterations: int, shapes: tuple[tuple[int, ...], ...]) -> Callable[..., Any]:
-    """The backend's function, compiled for arrays of these shapes."""
+    """Return the backend's function, compiled for arrays of these shapes."""
     import jax
 
     with jax.enable_x64(True):

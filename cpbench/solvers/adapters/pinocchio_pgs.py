@@ -124,7 +124,7 @@ class PinocchioPGS(Solver):
 
 
 def _deep(n: int, solve: Callable[..., bool], *arguments: Any) -> bool:
-    """`solve(*arguments)` where a copy of W fits on the stack.
+    """Run `solve(*arguments)` where a copy of W fits on the stack.
 
     Pinocchio 4.1 makes one there: with the usual 8 MB, W of 1024 rows ends in a segmentation fault.
     """

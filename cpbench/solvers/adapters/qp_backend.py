@@ -107,7 +107,7 @@ class QPBackend(Solver):
         return self.output(prepared, self.call(prepared, translate(self.spec.name, budget)))
 
     def output(self, form: StandardForm, answer: BackendAnswer) -> SolverOutput:
-        """The claim and the point that the backend's answer means."""
+        """Return the claim and the point that the backend's answer means."""
         claim = self.claims.get(answer.status, Claim.FAILED)
         point = None
         # with these claims x is a ray or the last iterate of a proof, not an answer
@@ -129,11 +129,11 @@ class QPSolversBackend(QPBackend):
 
     @abstractmethod
     def guest_function(self) -> Any:
-        """qpsolvers' `<backend>_solve_problem`; importing it imports every backend that is installed."""
+        """Return qpsolvers' `<backend>_solve_problem`; importing it imports every backend that is installed."""
 
     @abstractmethod
     def status(self, solution: Any, settings: Settings) -> str:
-        """The backend's own word for how it ended."""
+        """Return the backend's own word for how it ended."""
 
     def counters(self, solution: Any) -> Mapping[str, int]:
         return {}

@@ -33,11 +33,11 @@ class LicensedBackend(QPSolversBackend):
 
     @abstractmethod
     def licence(self) -> str:
-        """What is wrong with the licence, "" when a small problem could be solved. Asked once a process."""
+        """Return what is wrong with the licence, "" when a small problem could be solved. Asked once a process."""
 
     @abstractmethod
     def refused(self, cause: Exception) -> bool:
-        """Whether an exception of the backend is about its licence."""
+        """Return whether an exception of the backend is about its licence."""
 
     def availability(self) -> Availability:
         state = super().availability()

@@ -284,6 +284,6 @@ class Sip(QPSolversBackend):
 
 
 def _cvxopt_status(solution: Any, settings: Settings) -> str:
-    """CVXOPT's word; "unknown" is all it says of a singular KKT matrix and of the iteration limit alike."""
+    """Return CVXOPT's word; "unknown" is all it says of a singular KKT matrix and of the iteration limit alike."""
     stopped = solution.extras.get("iterations", 0) >= settings["maxiters"]
     return "iteration limit" if stopped and not solution.found else solution.extras["status"]

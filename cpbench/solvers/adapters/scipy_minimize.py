@@ -104,7 +104,7 @@ class ScipyMinimize(Solver):
     def minimize(
         self, problem: NLP, first: Any, limit: int, tolerance: float, look: Callable[..., None]
     ) -> tuple[Any, NLPPoint]:
-        """SciPy's result and the answer that it is; `look` is called at every iterate."""
+        """Return SciPy's result and the answer that it is; `look` is called at every iterate."""
 
 
 def _spec(

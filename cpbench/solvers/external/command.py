@@ -77,7 +77,7 @@ class CommandSolver(Solver):
         return HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)
 
     def setup(self, problem: HandedOver, budget: Budget, options: Any) -> HandedOver:
-        """No answer of a solve before this one may be taken for its own."""
+        """Remove the answers of earlier solves, which might be taken for this one's."""
         (problem.room().parent / CLAIM).unlink(missing_ok=True)
         return problem
 
@@ -116,7 +116,7 @@ class CommandSolver(Solver):
         return Availability("missing", lacking) if lacking else Availability("ok")
 
     def _run(self, command: list[str], seconds: float) -> int:
-        """The exit code; what it prints goes where our stderr goes."""
+        """Return the exit code; what it prints goes where our stderr goes."""
         try:
             process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=2, env={**os.environ, **self.env}, cwd=self.cwd
@@ -135,7 +135,7 @@ class CommandSolver(Solver):
 
 
 def words(command: str, options: Iterable[str]) -> tuple[str, ...]:
-    """The words of a command; raises CpbenchError on one that cannot be split or has an unknown placeholder."""
+    """Return the words of a command; raises CpbenchError on one that cannot be split or has an unknown placeholder."""
     known = [*PLACEHOLDERS, *options]
     try:
         split = tuple(shlex.split(command))
@@ -157,7 +157,7 @@ def _text(value: Any) -> str:
 
 
 def _told(who: str, handed: HandedOver) -> SolverOutput:
-    """What a `claim.json` says, solved where there is none; raises ProgramError."""
+    """Return what a `claim.json` says, solved where there is none; raises ProgramError."""
     answer = handed.path("answer")
     for path in (answer / CLAIM, answer.parent / CLAIM):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):

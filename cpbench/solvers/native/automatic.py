@@ -66,7 +66,8 @@ class AutomaticChoice(Solver):
 
     @abstractmethod
     def phases(self, problem: Any) -> Sequence[SolverPhase]:
-        """Who is asked, in this order; from facts that cost less than solving. Pure: the same for the same problem."""
+        """Return the solvers to try, in this order, from facts that cost less than solving. Pure: the same for the
+        same problem."""
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
@@ -105,7 +106,7 @@ class InOrder(AutomaticChoice):
 
 
 def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
-    """The spec of a node's automatic choice."""
+    """Return the spec of a node's automatic choice."""
     return SolverSpec(
         name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
     )
@@ -152,7 +153,7 @@ class _Run:
         return self._ended is not None or spent or time.monotonic() > self._deadline
 
     def ask(self, phase: SolverPhase) -> None:
-        """One solver, as far as its phase and the budget allow."""
+        """Run one solver, as far as its phase and the budget allow."""
         solver, share = solvers.get(phase.solver), self._share(phase)
         takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
         start, record = self._best if takes else None, self._recorder()
@@ -174,7 +175,7 @@ class _Run:
             self._keep(phase.solver, output)
 
     def concluded(self) -> SolverOutput:
-        """The answer that solves it, the certificate that none does, or the best that was found."""
+        """Return the answer that solves it, the certificate that none does, or the best that was found."""
         if self._ended is not None:
             told = [self._ended.message] if not self._told else self._told
             ended, message = self._ended, "; ".join(told)
@@ -220,7 +221,7 @@ class _Run:
             self._record(max(self._recorded, 0) + 1, self._measured(output.point), lambda: output.point)
 
     def _recorder(self) -> Record | None:
-        """Passes iterates on with numbers that go on rising from solver to solver; a start is told of once."""
+        """Pass iterates on with numbers that go on rising from solver to solver; a start is told of once."""
         record, base = self._record, max(self._recorded, 0)
         if record is None:
             return None

@@ -13,7 +13,7 @@ from typing import Any
 
 @cache
 def load() -> Callable[..., Any]:
-    """SciPy's `linprog`, imported on the first call."""
+    """Return SciPy's `linprog`, imported on the first call."""
     from scipy.optimize import linprog
 
     return linprog

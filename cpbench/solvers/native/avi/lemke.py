@@ -67,7 +67,7 @@ class MultiplierBox:
         return slice(0, z), slice(z, z + m), slice(z + m, None)
 
     def point(self, x: Vector) -> Any:
-        """x̂ as an answer."""
+        """Return x̂ as an answer."""
         n, m, _ = self.sizes
         whole = np.where(self.moving, 0.0, self.lower)
         whole[self.moving] = self.unit * x
@@ -77,7 +77,7 @@ class MultiplierBox:
         return AVIPoint(z=z, lam=np.maximum(whole[n : n + m], 0.0), mu=whole[n + m :])
 
     def unknowns(self, point: Any) -> Vector:
-        """x̂ of an answer, within its bounds."""
+        """Return x̂ of an answer, within its bounds."""
         x = np.concatenate(list(point.arrays().values()))[self.moving] / self.unit
         return np.clip(x, self.box.lb, self.box.ub)
 
@@ -137,7 +137,7 @@ Begin = Callable[[MultiplierBox, Any], "tuple[NDArray[np.bool_], Vector] | str"]
 
 
 def _from_vertex(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector] | str:
-    """The basis of a vertex where the forces at rest are least."""
+    """Return the basis of a vertex where the forces at rest are least."""
     z, lam, mu = prepared.parts
     box, found = prepared.box, prepared.polyhedron()
     vertex = found.vertex(box.r[z])
@@ -150,7 +150,8 @@ def _from_vertex(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_]
 
 
 def _from_start(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector]:
-    """The unknowns between their bounds and the rows with a force at the start, as far as they are independent."""
+    """Return the unknowns between their bounds and the rows with a force at the start, as far as they are
+    independent."""
     z, lam, mu = prepared.parts
     x, found = prepared.unknowns(start), prepared.polyhedron()
     felt = x[lam] > ACTIVE * (1.0 + max_abs(x[lam]))

@@ -103,7 +103,7 @@ class ConeSplitting:
             return None
 
     def _balance(self, primal: float, dual: float) -> None:
-        """ρ times √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
+        """Multiply ρ by √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
         factor = math.sqrt(max(primal, TINY) / max(dual, TINY))
         factor = min(max(factor, 1.0 / LARGEST_CHANGE), LARGEST_CHANGE)
         rho = min(max(self._rho * factor, RHO[0]), RHO[1])

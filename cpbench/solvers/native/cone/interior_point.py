@@ -83,7 +83,7 @@ class CentralPath:
         return self._T.T @ self._y
 
     def _begin(self) -> None:
-        """Where the equations hold with W = I, moved inside (Vandenberghe 2010, section 7.3)."""
+        """Start where the equations hold with W = I, moved inside (Vandenberghe 2010, section 7.3)."""
         n = self._p.size
         solved = self._solver(sp.csr_array(sp.diags_array(self._e_all())))
         found = None if solved is None else solved(-self._p, -self._h)
@@ -95,7 +95,7 @@ class CentralPath:
         self._s, self._y = self._inside(s), self._inside(y)
 
     def _e_all(self) -> Vector:
-        """1 in every row but those of {0}."""
+        """Return 1 in every row but those of {0}."""
         one = np.zeros(self._cones.rows)
         for rows in self._cones.groups:
             one[rows] = 1.0
@@ -123,7 +123,7 @@ class CentralPath:
         mu = float(lam @ lam) / max(cones.degree, 1)
 
         def direction(r: Vector, share: float) -> tuple[Vector, Vector, Vector, Vector] | None:
-            """dx, dy, W⁻¹ds, W dy with λ∘(W⁻¹ds + W dy) = −r, `share` of the residuals left out."""
+            """Return dx, dy, W⁻¹ds, W dy with λ∘(W⁻¹ds + W dy) = −r, `share` of the residuals left out."""
             d = cones.divided(lam, r)
             found = solve(-(1.0 - share) * stationarity, -(1.0 - share) * primal - scaling.times(d))
             if found is None:
@@ -150,12 +150,12 @@ class CentralPath:
         return None
 
     def _length(self, scaling: GroupScaling, ds: Vector, dy: Vector, share: float) -> float:
-        """Of the step, in the scaled space, where both parts are λ."""
+        """Return the length of the step, in the scaled space, where both parts are λ."""
         longest = min(self._cones.longest(scaling.lam, d) for d in (ds, dy))
         return min(1.0, share * longest)
 
     def _solver(self, squared: Any) -> Any:
-        """(a, c) -> (dx, dy) with M dx − Gᵀdy = a, G dx + W²dy = c; None where it is singular."""
+        """Return (a, c) -> (dx, dy) with M dx − Gᵀdy = a, G dx + W²dy = c; None where it is singular."""
         n, m = self._p.size, self._h.size
         W2: Matrix = squared if self._sparse else squared.toarray()
         K = matrices.block([[self._M, -matrices.transpose(self._G)], [self._G, W2]])
@@ -191,7 +191,7 @@ class _InteriorPoint(ConicSolver):
     def finish(
         self, form: ConicForm, best: Any, error: float, tolerance: float, counters: dict[str, int]
     ) -> tuple[Any, float]:
-        """The last digits, which are lost near the boundary of a cone: a gap δ is an error of √δ there."""
+        """Return the last digits, which are lost near the boundary of a cone: a gap δ is an error of √δ there."""
         if not tolerance < error < NEAR or not best.finite:
             return best, error
         if isinstance(form.problem, ConeQP):

@@ -23,7 +23,7 @@ from cpbench.product_cones import Cone, ProductCone
 
 
 def projection_jacobian(K: ProductCone, x: Vector) -> Sparse:
-    """An element of ∂P_K(x), block diagonal, shape (rows, rows), without its zeros."""
+    """Return an element of ∂P_K(x), block diagonal, shape (rows, rows), without its zeros."""
     row, column, value = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
     for kind, rows, mu, mu_r in K.groups:
         blocks = _factor(kind, x[rows], mu, mu_r)
@@ -37,12 +37,12 @@ def projection_jacobian(K: ProductCone, x: Vector) -> Sparse:
 
 
 def box_jacobian(x: Vector, lower: Vector, upper: Vector) -> Sparse:
-    """An element of the generalized Jacobian of the projection on lower ≤ x ≤ upper."""
+    """Return an element of the generalized Jacobian of the projection on lower ≤ x ≤ upper."""
     return sp.diags_array(((x > lower) & (x < upper)).astype(float), format="csr")
 
 
 def _factor(kind: Cone, x: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """Blocks of factors of one kind and size, shape (count, size, size)."""
+    """Return blocks of factors of one kind and size, shape (count, size, size)."""
     count, size = x.shape
     match kind:
         case Cone.ZERO:
@@ -79,13 +79,13 @@ def _rolling(x: Dense, mu: Vector, mu_r: Vector) -> Dense:
 
 
 def _normal_second_order(x: Dense, mu: Vector) -> Vector:
-    """r_N of the projection on {‖r_T‖ ≤ μ r_N}."""
+    """Return r_N of the projection on {‖r_T‖ ≤ μ r_N}."""
     t = np.linalg.norm(x[:, 1:], axis=1)
     return np.maximum(np.where(t > mu * x[:, 0], (x[:, 0] + mu * t) / (1.0 + mu * mu), x[:, 0]), 0.0)
 
 
 def _clipped(x: Dense, groups: list[tuple[slice, Vector]], normal: Vector) -> Dense:
-    """J of the formula above; `groups` are the columns of T and M with their coefficients, `normal` is r_N."""
+    """Return J of the formula above; `groups` are the columns of T and M with their coefficients, `normal` is r_N."""
     count, size = x.shape
     blocks, g, D = np.zeros((count, size, size)), np.zeros((count, size)), np.ones(count)
     g[:, 0] = 1.0
@@ -102,7 +102,7 @@ def _clipped(x: Dense, groups: list[tuple[slice, Vector]], normal: Vector) -> De
 
 
 def _sphere(x: Dense, radius: Vector) -> Dense:
-    """∂ of the projection on a disk of that radius: I inside, (radius/‖x‖)(I − x̂x̂ᵀ) outside."""
+    """Return ∂ of the projection on a disk of that radius: I inside, (radius/‖x‖)(I − x̂x̂ᵀ) outside."""
     length = np.linalg.norm(x, axis=1)
     outside = length > radius
     safe = np.where(outside, length, 1.0)

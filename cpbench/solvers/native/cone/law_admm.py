@@ -61,11 +61,11 @@ class Delassus(ABC):
 
     @abstractmethod
     def resolvent(self, right: Vector) -> Vector:
-        """x of (W + ρI) x = right − q. Raises ProblemError where there is none."""
+        """Return x of (W + ρI) x = right − q. Raises ProblemError where there is none."""
 
     @abstractmethod
     def velocity(self, x: Vector) -> Vector:
-        """Wx + q."""
+        """Return Wx + q."""
 
 
 class ConicADMM(ContactMethod):
@@ -120,11 +120,11 @@ class ConicADMM(ContactMethod):
         return x.reshape(self._shape)
 
     def _term(self, u: Dense) -> Vector:
-        """σ(u) = û − u, all of it in the normal rows."""
+        """Return σ(u) = û − u, all of it in the normal rows."""
         return (self._contacts.law.shift(u) - u).ravel()
 
     def _balance(self, apart: float, moved: float, size: float) -> None:
-        """ρ times √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
+        """Multiply ρ by √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
         primal = apart / max(size, TINY)
         dual = moved / max(norm(self._xi), self._size / self.rho, TINY)
         factor = math.sqrt(max(primal, TINY) / max(dual, TINY))

@@ -33,7 +33,7 @@ GAIN = 0.5
 
 
 def polish(problem: ConeQP, point: ConeQPPoint, tolerance: float, steps: int) -> tuple[ConeQPPoint, float, int]:
-    """The best answer of at most `steps` Newton steps, its judged error and how many were done."""
+    """Return the best answer of at most `steps` Newton steps, its judged error and how many were done."""
     best, error = point, problem.residuals(point, tolerance).error
     done, at = 0, 0
     while error > tolerance and done < steps and at < len(SHIFTS):
@@ -48,7 +48,7 @@ def polish(problem: ConeQP, point: ConeQPPoint, tolerance: float, steps: int) ->
 
 
 def _step(problem: ConeQP, point: ConeQPPoint, shift: float) -> ConeQPPoint | None:
-    """One Newton step; None where the matrix is singular."""
+    """Take one Newton step; None where the matrix is singular."""
     x, y, K, n = point.x, point.y, problem.K, problem.p.size
     unit = max(max_abs(x), problem.x_unit) or 1.0
     Qx = problem.Q @ x

@@ -61,7 +61,7 @@ class ConicSolver(Solver):
 
     @abstractmethod
     def begin(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: Any) -> Iterates:
-        """The method at x̂ and ŷ, or at its own start."""
+        """Return the method at x̂ and ŷ, or at its own start."""
 
     def solve(
         self,
@@ -116,7 +116,7 @@ class ConicSolver(Solver):
     def finish(
         self, form: ConicForm, best: Any, error: float, tolerance: float, counters: dict[str, int]
     ) -> tuple[Any, float]:
-        """What is done with the best iterate in the end."""
+        """Finish with the best iterate."""
         return best, error
 
 

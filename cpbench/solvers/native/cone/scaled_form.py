@@ -44,7 +44,7 @@ class ConicForm:
 
 
 def conic_form(problem: ConeQP | SOCLCP, tolerance: float) -> ConicForm:
-    """`problem` in units of its own; errors are judged for `tolerance`."""
+    """Scale `problem` to units of its own; errors are judged for `tolerance`."""
 
     def error(point: Any) -> float:
         return problem.residuals(point, tolerance).error if point.finite else np.inf
@@ -103,7 +103,7 @@ def _complementarity(problem: SOCLCP, error: Callable[[Any], float]) -> ConicFor
 
 
 def _with_radii(K: ProductCone, unit: Vector) -> ProductCone:
-    """K in other units: only the radii of disks are lengths."""
+    """Return K in other units: only the radii of disks are lengths."""
     first = np.cumsum(K.size).astype(int) - K.size.astype(int)
     disks = K.kind == Cone.CYLINDER
     mu = K.mu.copy()

@@ -147,7 +147,7 @@ class ContactSplitting:
         return 0 if self._factors is None else self._factors.entries or 0
 
     def step(self) -> bool:
-        """One iteration; False where the linear system has no solution."""
+        """Make one iteration; False where the linear system has no solution."""
         if self._factors is None:
             self._factors = _factors(self._contacts.W, self.rho, self._options.factors)
             self.factorizations += 1
@@ -164,7 +164,7 @@ class ContactSplitting:
         return True
 
     def _balance(self) -> None:
-        """ρ times √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
+        """Multiply ρ by √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
         apart, moved, x, xi = (math.sqrt(value) for value in self._sizes)
         primal, dual = apart / max(x, TINY), moved / max(xi, self._q_size / self.rho, TINY)
         factor = math.sqrt(max(primal, TINY) / max(dual, TINY))
@@ -178,7 +178,7 @@ class ContactSplitting:
 
 
 def _factors(W: Matrix, rho: float, by: By) -> Factors | None:
-    """Of W + ρI; None where it is exactly singular, which no monotone W is."""
+    """Return factors of W + ρI; None where it is exactly singular, which no monotone W is."""
     if sp.issparse(W):
         return definite_factors(W + rho * sp.eye_array(W.shape[0], format="csr"), by)
     lu, pivots, info = cast(Any, lapack.dgetrf)(W + rho * np.eye(W.shape[0]), overwrite_a=True)

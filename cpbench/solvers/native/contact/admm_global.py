@@ -69,12 +69,12 @@ class Dynamics(Delassus):
         return self.s * (self.problem.H.T @ self._motion(self.s * x)[0] + self.problem.w)
 
     def point(self, r: Vector) -> GFCPoint:
-        """The answer that these reactions make."""
+        """Return the answer that these reactions make."""
         v, lam = self._motion(r)
         return GFCPoint(v=v, r=r, lam=lam)
 
     def _motion(self, r: Vector) -> tuple[Vector, Vector]:
-        """v and λ for given reactions."""
+        """Return v and λ for given reactions."""
         problem = self.problem
         n = problem.f.size
         load = np.concatenate([problem.f + problem.H @ r, -problem.b])

@@ -81,12 +81,12 @@ class _FixedPoint(ContactMethod):
         self._frozen.minimize(code, shift, radius, gap, self._options.inner_iterations, deadline)
 
     def _measured(self) -> Vector:
-        """Friction thresholds μ r_N."""
+        """Return friction thresholds μ r_N."""
         return self._frozen.mu * np.maximum(self._frozen.X[:, 0], 0.0)
 
     @abstractmethod
     def _solve(self, gap: float, deadline: float) -> None:
-        """The convex problem, with `_held` frozen, to that gap."""
+        """Solve the convex problem, with `_held` frozen, to that gap."""
 
 
 class _Tresca(_FixedPoint):
@@ -102,7 +102,7 @@ class _Panagiotopoulos(_FixedPoint):
 
 class _ACLM(_FixedPoint):
     def _measured(self) -> Vector:
-        """μ‖u_T‖."""
+        """Return μ‖u_T‖."""
         return self._frozen.mu * np.linalg.norm(self._frozen.u[:, 1:], axis=1)
 
     def _solve(self, gap: float, deadline: float) -> None:

@@ -88,7 +88,7 @@ class Frozen:
 
 
 def block_csr(contacts: ScaledContacts) -> tuple[Any, Any, Vector]:
-    """W′ by rows of blocks with the diagonal ones, as the kernels of the projected methods read it."""
+    """Return W′ by rows of blocks with the diagonal ones, as the kernels of the projected methods read it."""
     d = contacts.rows.problem.dimension
     if not contacts.q.size:
         return np.zeros(1, np.int64), np.zeros(0, np.int64), np.zeros(0)
@@ -98,7 +98,7 @@ def block_csr(contacts: ScaledContacts) -> tuple[Any, Any, Vector]:
 
 
 def _local(matrix: tuple[Any, Any, Vector], d: int) -> tuple[Vector, Vector]:
-    """Diagonal blocks and safe step lengths of the contacts."""
+    """Return diagonal blocks and safe step lengths of the contacts."""
     start, column, blocks = matrix
     W = sp.bsr_array((blocks.reshape(-1, d, d), column, start), shape=2 * (d * (start.size - 1),))
     D = diagonal_blocks(sp.csr_array(W), d)

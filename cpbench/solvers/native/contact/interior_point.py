@@ -113,7 +113,7 @@ class _InteriorPoint(ContactMethod):
         return None
 
     def _term(self, w: Dense, epsilon: float) -> tuple[Vector, Dense]:
-        """φ and φ′, shapes (nc,) and (nc, d)."""
+        """Return φ and φ′, shapes (nc,) and (nc, d)."""
         slope = np.zeros_like(w)
         if not self.shifted:
             return np.zeros(self._nc), slope
@@ -189,7 +189,7 @@ class InteriorPointRelaxation(ContactSolver):
         law = _Associated(problem.mu)
 
         def judged(r: Vector) -> float:
-            """As the formulation judges, with û = u."""
+            """Measure the error as the formulation does, with û = u."""
             with np.errstate(all="ignore"):
                 u = problem.W @ r + problem.q
                 numbers, _, _ = contact_residuals(

@@ -74,7 +74,8 @@ class ContactEquation:
             self._blocks = np.ascontiguousarray(blocks.data.swapaxes(1, 2))
 
     def near(self, centre: Vector, alpha: float) -> ContactEquation:
-        """The equation of W′ + αI and q′ − α·centre: that of the proximal point of `centre`; shares the matrix."""
+        """Return the equation of W′ + αI and q′ − α·centre: that of the proximal point of `centre`; shares the
+        matrix."""
         other = copy.copy(self)
         other._alpha, other._centre = alpha, centre
         return other
@@ -92,7 +93,7 @@ class ContactEquation:
         return NewtonPoint(x, phi, A, B, moves, norm(phi))
 
     def jacobian(self, at: NewtonPoint, tau: float, contacts: NDArray[np.int64]) -> Dense | sp.csc_array:
-        """An element of ∂Φ over some contacts, of W′ + τϱ⁻¹ in place of W′; dense or by compressed columns."""
+        """Return an element of ∂Φ over some contacts, of W′ + τϱ⁻¹ in place of W′; dense or by compressed columns."""
         d, k = self._shape[1], contacts.size
         A = at.A + (tau * self._mobility)[:, None, :] * at.B
         if self._dense:
@@ -108,13 +109,13 @@ class ContactEquation:
         return sp.csc_array((value[:entries], index[:entries], start), shape=(d * k, d * k))
 
     def slope(self, at: NewtonPoint, d: Vector) -> float:
-        """Of ½‖Φ‖² along d, by the element of ∂Φ that `at` has."""
+        """Return the slope of ½‖Φ‖² along d, by the element of ∂Φ that `at` has."""
         step, velocity = d.reshape(self._shape), (self._W @ d).reshape(self._shape)
         change = np.einsum("cij,cj->ci", at.A, step) + np.einsum("cij,cj->ci", at.B, velocity)
         return float(at.phi @ change.ravel())
 
     def direction(self, at: NewtonPoint, tau: float, *, damped: bool) -> Vector | None:
-        """−J⁻¹Φ of W′ + τϱ⁻¹, or `damped` argmin ‖Jd + Φ‖² + τ²‖d‖²; None where the system is exactly singular.
+        """Return −J⁻¹Φ of W′ + τϱ⁻¹, or `damped` argmin ‖Jd + Φ‖² + τ²‖d‖²; None where the system is exactly singular.
 
         Contacts with φ = x have d = −x; the system is about the others.
         """
@@ -149,7 +150,7 @@ def _solved(J: Any, right: Vector) -> Vector | None:
 
 
 def _damped(J: Any, right: Vector, root: float) -> Vector | None:
-    """argmin ‖Jd − right‖² + root²‖d‖² by the augmented system, whose condition number is not squared."""
+    """Return argmin ‖Jd − right‖² + root²‖d‖² by the augmented system, whose condition number is not squared."""
     n = right.size
     whole: Matrix
     if isinstance(J, sp.csc_array):

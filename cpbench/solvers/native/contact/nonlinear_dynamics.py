@@ -136,7 +136,7 @@ class NewtonContact(Solver):
 
 
 def _inner(name: str) -> Solver:
-    """The solver of that name; raises UnknownName when it is of another node, or not there."""
+    """Return the solver of that name; raises UnknownName when it is of another node, or not there."""
     solver = solvers.get(name)
     if solver.spec.node not in NODES:
         fitting = [s.spec.name for s in solvers if s.spec.node in NODES]
@@ -152,7 +152,8 @@ def _linear_step(
     budget: Budget,
     counters: dict[str, int],
 ) -> NFCPoint | None:
-    """(v, r) of the problem linearized at `point`, whatever the inner solver says of it; None where there is none."""
+    """Return (v, r) of the problem linearized at `point`, whatever the inner solver says of it; None where there is
+    none."""
     linear = problem.linearized(point.v)
     if tau > 0.0:
         D = sp.diags_array(tau * row_sizes(linear.M))
@@ -176,7 +177,7 @@ def _linear_step(
 
 
 def _local(linear: GlobalFrictionContact) -> FrictionContact:
-    """W = HᵀM⁻¹H, q = HᵀM⁻¹f + w; M may be nonsymmetric."""
+    """Return W = HᵀM⁻¹H, q = HᵀM⁻¹f + w; M may be nonsymmetric."""
     H = linear.H
     W = H.T @ np.asarray(linear.factorization.solve(matrices.dense(H)))
     q = H.T @ np.asarray(linear.factorization.solve(linear.f)) + linear.w
@@ -184,7 +185,7 @@ def _local(linear: GlobalFrictionContact) -> FrictionContact:
 
 
 def _merit(problem: NonlinearFrictionContact) -> Callable[[NFCPoint], float]:
-    """√(Σdᵢ²/mᵢ + Σ‖Δ_c‖²/ρ_c); its scales are those of the problem, so that no answer can stretch them."""
+    """Return √(Σdᵢ²/mᵢ + Σ‖Δ_c‖²/ρ_c); its scales are those of the problem, so that no answer can stretch them."""
     root_mass, root_rho = np.sqrt(row_sizes(problem.reference.M)), np.sqrt(problem.rho)[:, None]
     shape, law = (problem.nc, problem.dimension), problem.law
 
@@ -200,7 +201,7 @@ def _merit(problem: NonlinearFrictionContact) -> Callable[[NFCPoint], float]:
 def _search(
     point: NFCPoint, target: NFCPoint, reference: float, merit: Callable[[NFCPoint], float]
 ) -> tuple[NFCPoint, float] | None:
-    """The first of the lengths 1, ½, … whose merit is below the reference; None where none is."""
+    """Return the first of the lengths 1, ½, … whose merit is below the reference; None where none is."""
     length = 1.0
     for _ in range(HALVINGS + 1):
         # the full step is the target itself: the sum would round

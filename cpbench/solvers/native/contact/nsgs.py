@@ -97,17 +97,17 @@ class NSGS(Relaxation):
 
 
 def _fast(options: NSGSOptions) -> bool:
-    """Whether there is a kernel for nothing but this."""
+    """Return whether there is a kernel for nothing but this."""
     return options.local is Local.EXACT and not options.symmetric
 
 
 def _plain(options: NSGSOptions) -> bool:
-    """Whether the sweeps are those of `AcceleratedSweeps` without acceleration."""
+    """Return whether the sweeps are those of `AcceleratedSweeps` without acceleration."""
     return _fast(options) and options.omega == 1.0 and not options.shuffle
 
 
 def _exact(prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
-    """The fast sweeps."""
+    """Return the fast sweeps."""
     problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
     sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
     order = prepared.order.copy() if options.shuffle else prepared.order

@@ -67,11 +67,11 @@ class Coloured:
         )
 
     def here(self, r: Vector) -> Vector:
-        """Reactions of the problem by colours."""
+        """Return reactions of the problem by colours."""
         return r.reshape(self.contacts.size, self.problem.dimension)[self.contacts].ravel()
 
     def there(self, r: Vector) -> Vector:
-        """Reactions by colours as the problem has them."""
+        """Return reactions by colours as the problem has them."""
         back = np.empty((self.contacts.size, self.problem.dimension))
         back[self.contacts] = r.reshape(back.shape)
         return back.ravel()
@@ -82,7 +82,7 @@ class Coloured:
         return kernel("contact_error").judged(*self.matrix[:4], *self.law, r, self.problem.dimension)
 
     def shares(self, threads: int) -> list[list[NDArray[np.int64]]]:
-        """For every colour its contacts in as many shares, of about as many blocks each."""
+        """Return for every colour its contacts in as many shares, of about as many blocks each."""
         order, work = np.arange(self.contacts.size), self.matrix[0].astype(np.int64) + np.arange(self.contacts.size + 1)
         shares: list[list[NDArray[np.int64]]] = []
         for first, last in zip(self.bounds[:-1], self.bounds[1:], strict=True):
@@ -120,7 +120,7 @@ class ColouredSweeps(ContactMethod):
 
 @contextmanager
 def helpers(threads: int) -> Generator[ThreadPoolExecutor | None]:
-    """Threads beside the calling one, for one solve: a process that is forked afterwards misses none."""
+    """Return threads beside the calling one, for one solve: a process that is forked afterwards misses none."""
     if threads <= 1:
         yield None
         return

@@ -25,7 +25,8 @@ LARGEST = 256
 
 
 def whitening(M: Sparse) -> Sparse:
-    """L⁻¹ of M = LLᵀ over the components of M; raises numpy.linalg.LinAlgError when one is not positive definite."""
+    """Return L⁻¹ of M = LLᵀ over the components of M; raises numpy.linalg.LinAlgError when one is not positive
+    definite."""
     parts = diagonal_blocks(M, LARGEST)
     lower = [Blocks(part.unknowns, np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))) for part in parts]
     return assembled(lower, M.shape)
@@ -62,7 +63,7 @@ class Bodies:
         return cls(problem, start, unknown, A, inverse @ problem.f, freeze(D.reshape(nc, d * d)), local)
 
     def point(self, r: Vector) -> GFCPoint:
-        """The answer that these reactions make."""
+        """Return the answer that these reactions make."""
         problem = self.problem
         return GFCPoint(v=np.asarray(problem.factorization.solve(problem.f + problem.H @ r)), r=r)
 

@@ -134,7 +134,8 @@ class NSGSRolling(Solver):
 
 
 def _local(D: Dense) -> tuple[Dense, Dense, Dense, Dense]:
-    """`schur`, `to_tangent`, `to_normal` and `scalars` of the kernel from the diagonal blocks, shape (nc, d, d)."""
+    """Return `schur`, `to_tangent`, `to_normal` and `scalars` of the kernel from the diagonal blocks, shape (nc, d,
+    d)."""
     nc, d, _ = D.shape
     top = np.abs(D).max(axis=(1, 2))
     normal = D[:, 0, 0]

@@ -40,7 +40,7 @@ PIECE = 2_000
 
 
 def counters(sweeps: int) -> dict[str, int]:
-    """After so many sweeps and nothing else."""
+    """Return the counters after so many sweeps and nothing else."""
     return {"iterations": sweeps, "sweeps": sweeps, "newton_steps": 0, "admm_iterations": 0, "factorizations": 0}
 
 
@@ -71,7 +71,7 @@ class Phases:
         self._standing = PolicyState(self.error, sweeps.done, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
 
     def phase(self) -> None:
-        """What the policy says, until it is done or has had what was expected of it."""
+        """Run the method that the policy chooses until it converges or exhausts its budget."""
         before, method = self.error, policy(self._standing, self._budget.tolerance)
         match method:
             case NextMethod.SWEEPS:
@@ -123,7 +123,8 @@ class Phases:
         return sweeps.done - before
 
     def _started(self) -> AcceleratedSweeps:
-        """From the best point; after a failure without acceleration, after the next from nothing in a drawn order."""
+        """Start from the best point; after a failure without acceleration, after the next from nothing in a drawn
+        order."""
         rows, times = self._contacts.rows, self._starts
         if times == 0:
             return AcceleratedSweeps(rows, self.best)
@@ -133,8 +134,8 @@ class Phases:
         return AcceleratedSweeps(rows, None, rows.sweeping(order))
 
     def _proximal_points(self) -> int:
-        """Newton steps to them. Those before go on, unless somebody else has found a better point since: their errors
-        rise and fall again, and a new beginning would lose the way that they have gone."""
+        """Return Newton steps to them. Those before go on, unless somebody else has found a better point since:
+        their errors rise and fall again, and a new beginning would lose the way that they have gone."""
         if self._proximal is None or self._drifted is not self.best:
             self._proximal = ProximalSteps(self._contacts, ProximalNewtonOptions(), self.best)
         proximal = self._proximal

@@ -53,7 +53,7 @@ class PolicyState:
 
 
 def policy(standing: PolicyState, tolerance: float) -> NextMethod:
-    """The method that is expected to be done first; the sweeps to start with.
+    """Return the method that is expected to be done first; the sweeps to start with.
 
     Accelerated sweeps stand still for long and then gain a lot: they are expected to go on at the rate that they had on
     average, so that the time for which they may stand still grows with the time that they have taken; and to stand
@@ -80,11 +80,11 @@ def policy(standing: PolicyState, tolerance: float) -> NextMethod:
 
 
 def sweep_work(rows: BlockRows) -> float:
-    """Nanoseconds of an accelerated sweep."""
+    """Return nanoseconds of an accelerated sweep."""
     return PER_BLOCK * rows.column.size + PER_CONTACT * rows.problem.nc
 
 
 def step_work(W: Matrix) -> float:
-    """Nanoseconds of a Newton step."""
+    """Return nanoseconds of a Newton step."""
     n = W.shape[0]
     return STEP + (PER_ENTRY * W.nnz * math.sqrt(n) if sp.issparse(W) else PER_CUBE * n**3)

@@ -68,7 +68,7 @@ class ProximalSteps:
         return self._newton.factorizations
 
     def step(self, most: float = math.inf, deadline: float = math.inf) -> bool:
-        """One proximal point, or a larger α where it was not found; False where α cannot rise any more.
+        """Take one proximal point, or a larger α where it was not found; False where α cannot rise any more.
 
         Parameters
         ----------

@@ -90,7 +90,7 @@ class _Proximal(ContactMethod):
         return None
 
     def _near(self) -> FrictionContact:
-        """The regularized problem around r; its matrix is kept as long as α stays."""
+        """Return the regularized problem around r; its matrix is kept as long as α stays."""
         problem = self._problem
         load = problem.q - self._alpha * self._weight * self._r
         if self._regularized is None or self._regularized[0] != self._alpha:
@@ -100,7 +100,7 @@ class _Proximal(ContactMethod):
 
 
 def _inner(name: str) -> Solver:
-    """The solver of that name; raises UnknownName when it is of another node, or not there."""
+    """Return the solver of that name; raises UnknownName when it is of another node, or not there."""
     solver = solvers.get(name)
     if solver.spec.node != "fc":
         raise UnknownName("inner solver (of fc)", name, [s.spec.name for s in solvers if s.spec.node == "fc"])

@@ -66,7 +66,7 @@ class Shape:
 
 
 def general(prepared: BlockRows, shape: Shape, at: SweepState) -> Advance:
-    """Sweeps of any shape, in place."""
+    """Make sweeps of any shape, in place."""
     problem, relax = prepared.problem, compiled(kernel("contact_relaxation").relax)
     iterate = (at.r, at.lam, _lengths(problem), np.arange(problem.nc), np.array([shape.omega, 0.0]))
     method = list(Local).index(shape.local)
@@ -75,8 +75,8 @@ def general(prepared: BlockRows, shape: Shape, at: SweepState) -> Advance:
 
 
 def _lengths(problem: FrictionContact) -> Vector:
-    """ρ of every contact's projections, shape (nc,): 1/√(‖D‖₁‖D‖∞), at most 1/‖D‖₂; ρ_c = d/tr D is too long where the
-    entries of D are very different."""
+    """Return ρ of every contact's projections, shape (nc,): 1/√(‖D‖₁‖D‖∞), at most 1/‖D‖₂; ρ_c = d/tr D is too long
+    where the entries of D are very different."""
     size = np.abs(problem.diagonal_blocks)
     bound = np.sqrt(size.sum(axis=1).max(axis=1) * size.sum(axis=2).max(axis=1))
     return np.where(bound > 0, 1.0 / np.where(bound > 0, bound, 1.0), problem.rho)
@@ -87,7 +87,7 @@ class Relaxation(Solver):
 
     @abstractmethod
     def advance(self, prepared: BlockRows, options: Any, at: SweepState) -> Advance:
-        """The sweeps of one solve, in place."""
+        """Make the sweeps of one solve, in place."""
 
     def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> BlockRows:
         return block_rows(problem)
@@ -124,7 +124,7 @@ class Relaxation(Solver):
     def swept(
         self, prepared: BlockRows, budget: Budget, options: Any, at: SweepState, error: float, record: Record | None
     ) -> SolverOutput:
-        """Sweeps from where `at` is, whose error was measured or is not known (∞)."""
+        """Make sweeps from where `at` is, whose error was measured or is not known (∞)."""
         problem, r, state = prepared.problem, at.r, at.state
         sweeps = self.advance(prepared, options, at)
         limit = budget.iterations or options.max_iterations

@@ -37,7 +37,7 @@ class ContactMethod(ABC):
 
     @abstractmethod
     def step(self, many: int, error: float, seconds: float) -> str | None:
-        """`many` iterations from an iterate of that judged error; what is in the way, else None.
+        """Make `many` iterations from an iterate of that judged error; return the obstacle, else None.
 
         seconds : the time that is left; only who makes long iterations looks at it.
         """
@@ -63,7 +63,7 @@ def iterate(
     window: int,
     record: Record | None,
 ) -> ContactResult:
-    """Steps until the judged error is at most the tolerance, the limits are reached, or nothing gains.
+    """Take steps until the judged error is at most the tolerance, the limits are reached, or nothing gains.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def iterate(
 
 
 def finish(end: ContactResult, answer: Callable[[Vector], Any], budget: Budget) -> SolverOutput:
-    """Solved exactly when the judged error is at most the tolerance."""
+    """Claim solved exactly when the judged error is at most the tolerance."""
     if not np.isfinite(end.r).all():
         return SolverOutput(claim=Claim.FAILED, counters=end.counters, message=end.message)
     point = answer(end.r)
@@ -124,7 +124,8 @@ def iterate_on(
     options: MethodOptions,
     record: Record | None,
 ) -> SolverOutput:
-    """`iterate` and `finish`, judged by the problem's own residuals of the point that `answer` makes of reactions."""
+    """Run `iterate` and `finish`, judged by the problem's own residuals of the point that `answer` makes of
+    reactions."""
 
     def judged(r: Vector) -> float:
         return problem.residuals(answer(r), budget.tolerance).error if np.isfinite(r).all() else float("nan")
@@ -164,7 +165,7 @@ class ContactSolver(Solver):
 
 
 def contact_spec(name: str, summary: str, method: str, citation: str, options: type, **more: Any) -> SolverSpec:
-    """What the specs of the local solvers share."""
+    """Return the spec of a local solver, with what all of them share."""
     return SolverSpec(
         name=name,
         node="fc",

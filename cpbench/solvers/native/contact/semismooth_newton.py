@@ -106,7 +106,7 @@ class NewtonPhase:
         return self._at.size
 
     def step(self) -> bool:
-        """One step; False when there is none that descends, or when they gain too little."""
+        """Take one step; False when there is none that descends, or when they gain too little."""
         size = self._at.size
         self._idle += 1
         if size < 0.5 * self._level:

@@ -37,7 +37,7 @@ PACE, LEAST, FIRST = 0, 2, 4
 
 @cache
 def kernel(name: str) -> ModuleType:
-    """The compiled module of that name in `solvers/kernels`."""
+    """Return the compiled module of that name in `solvers/kernels`."""
     return load(f"cpbench.solvers.kernels.{name}")
 
 
@@ -80,7 +80,7 @@ class BlockRows:
         return np.arange(self.problem.nc)
 
     def judged(self, r: Vector) -> float:
-        """The error that `residuals` judges r by."""
+        """Return the error that `residuals` judges r by."""
         *matrix, _, q, mu, rho = self.law
         return compiled(kernel("contact_error").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
 
@@ -95,7 +95,7 @@ class BlockRows:
         return self.sweeping(self.order, 0)
 
     def sweeping(self, order: NDArray[np.int64], most: int = MEMORY) -> Sweeping:
-        """In any order, with at most so many columns."""
+        """Sweep in any order, with at most so many columns."""
         anderson, n = kernel("anderson"), self.problem.q.size
         memory = min(most, n)
         size = anderson.work_size(n, self.problem.nc, memory)
@@ -118,7 +118,8 @@ class Sweeps:
         self._measured = np.array([np.inf, np.inf, 0.0])
 
     def sweep(self, r: Vector, count: int, tolerance: float) -> float:
-        """The judged error of r, changed in place, after `count` sweeps or as soon as it is at most `tolerance`."""
+        """Return the judged error of r, changed in place, after `count` sweeps or as soon as it is at most
+        `tolerance`."""
         rows, state = self._rows, np.array([0, count, 0, 0, 0, 0])  # the error is evaluated at the end
         iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
         self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)
@@ -139,7 +140,7 @@ class SweepState:
 
     @classmethod
     def at(cls, r: Vector, contacts: int, seed: int) -> SweepState:
-        """Before the first sweep."""
+        """Return the state before the first sweep."""
         state, measured = np.zeros(PLACES, np.int64), np.full(3, np.inf)
         state[NEXT_CHECK], state[RANDOM], measured[PACE] = FIRST, seed, 0.0
         return cls(r, np.zeros(contacts), state, measured, r.copy())
@@ -161,7 +162,7 @@ class AcceleratedSweeps:
             work[0], self.best[:] = 1.0, start
 
     def sweep(self, count: int, tolerance: float, look: Callable[[], None] | None = None) -> bool:
-        """At most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN.
+        """Make at most `count` sweeps, or until an answer is within the tolerance; False when there was a NaN.
 
         `look` is called when a better answer was found, and changes nothing in the sweeps.
         """
@@ -177,20 +178,20 @@ class AcceleratedSweeps:
         return status != NOT_FINITE
 
     def iterate(self) -> SweepState:
-        """For other sweeps to go on from, in the memory of these."""
+        """Return the state for other sweeps to go on from, in the memory of these."""
         problem = self._rows.problem
         state, measured, best, r, lam = kernel("anderson").iterate(self._work, problem.q.size, problem.nc)
         return SweepState(r, lam, state, measured, best)
 
 
 def work(problem: FrictionContact, done: int, seen: int) -> dict[str, int]:
-    """What so many sweeps are counted as, errors of so many contacts among them."""
+    """Count the work of so many sweeps, errors of so many contacts among them."""
     products = -(-seen // problem.nc)
     return {"iterations": done, "projections": done * problem.nc, "matrix_vector_products": products}
 
 
 def block_rows(problem: FrictionContact) -> BlockRows:
-    """W by rows of blocks."""
+    """Return W by rows of blocks."""
     d, nc = problem.dimension, problem.nc
     start = np.zeros(nc + 1, np.uint64)
     if nc == 0:
@@ -234,7 +235,7 @@ def conclude(
     message: str,
     counters: dict[str, int],
 ) -> SolverOutput:
-    """Solved exactly when the judged error of r is at most the tolerance.
+    """Claim solved exactly when the judged error of r is at most the tolerance.
 
     The kernel's error is the same formula; only where rounding could part the two is it measured afresh.
     """

@@ -75,7 +75,7 @@ class BlockGS(SplittingSolver):
 
 
 def diagonal_blocks(problem: LCP, size: int) -> Vector:
-    """M_BB of `size` unknowns each, by rows, one after the other; the last one has the rest."""
+    """Return M_BB of `size` unknowns each, by rows, one after the other; the last one has the rest."""
     n = problem.q.size
     whole = n // size * size
     values = np.zeros(whole * size + (n - whole) ** 2)

@@ -40,7 +40,7 @@ class ScaledLCP:
 
 
 def scale(problem: LCP, *, keep_sparse: bool = False) -> ScaledLCP:
-    """The scaled data, M dense unless `keep_sparse`."""
+    """Return the scaled data, M dense unless `keep_sparse`."""
     m = max_abs(problem.M) or 1.0
     p = max_abs(problem.q) or 1.0
     M = problem.M if keep_sparse else dense(problem.M)
@@ -48,7 +48,7 @@ def scale(problem: LCP, *, keep_sparse: bool = False) -> ScaledLCP:
 
 
 def dense_obstacle(problem: LCP) -> str | None:
-    """Why a dense copy of M is out of the question, else None."""
+    """Return why a dense copy of M is out of the question, else None."""
     n = problem.q.size
     size = 8.0 * n * n
     if size <= DENSE_BYTES:
@@ -57,7 +57,7 @@ def dense_obstacle(problem: LCP) -> str | None:
 
 
 def solve_linear(A: Matrix, b: Vector) -> Vector | None:
-    """A⁻¹b by LU, None when a pivot is exactly zero or the result is not finite."""
+    """Return A⁻¹b by LU, None when a pivot is exactly zero or the result is not finite."""
     if b.size == 0:
         return b
     if sp.issparse(A):
@@ -73,12 +73,12 @@ def solve_linear(A: Matrix, b: Vector) -> Vector | None:
 
 
 def principal(M: Matrix, active: np.ndarray[Any, Any]) -> Matrix:
-    """M_FF for the indices F in `active`."""
+    """Return M_FF for the indices F in `active`."""
     return M[active][:, active] if sp.issparse(M) else M[np.ix_(active, active)]
 
 
 def refined(M: Matrix, q: Vector, z: Vector, active: np.ndarray[Any, Any]) -> Vector:
-    """One step of iterative refinement of M_FF z_F = -q_F, F = `active`; z itself where M_FF is singular."""
+    """Take one step of iterative refinement of M_FF z_F = -q_F, F = `active`; z itself where M_FF is singular."""
     better = np.zeros_like(z)
     better[active] = z[active]
     step = solve_linear(principal(M, active), -(M @ better + q)[active])
@@ -89,12 +89,13 @@ def refined(M: Matrix, q: Vector, z: Vector, active: np.ndarray[Any, Any]) -> Ve
 
 
 def guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
-    """Components that are positive in the solution near to z: where z > w; a rounding error above 0 is no sign."""
+    """Return components that are positive in the solution near to z: where z > w; a rounding error above 0 is no
+    sign."""
     return z > lcp.M @ z + lcp.q
 
 
 def farkas(problem: LCP, budget: Budget) -> Vector | None:
-    """A y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
+    """Return a y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
     n = problem.q.size
     options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     if np.isfinite(budget.seconds):
@@ -114,7 +115,8 @@ def farkas(problem: LCP, budget: Budget) -> Vector | None:
 
 
 def error_of(problem: LCP, z: Vector) -> float:
-    """The judged error (`LCP.residuals`, without its readable parts), infinite for an answer that is not finite."""
+    """Return the judged error (`LCP.residuals`, without its readable parts), infinite for an answer that is not
+    finite."""
     with np.errstate(all="ignore"):
         q, Mz = problem.q, problem.M @ z
         w = Mz + q
@@ -125,7 +127,7 @@ def error_of(problem: LCP, z: Vector) -> float:
 
 
 def measured(problem: LCP, z: Vector) -> float:
-    """`error_of` by a compiled loop, for those who have loaded one: a tenth of its time where z is short."""
+    """Compute `error_of` by a compiled loop, for those who have loaded one: a tenth of its time where z is short."""
     from cpbench.kernel_cache import load
 
     with np.errstate(all="ignore"):
@@ -144,7 +146,7 @@ def conclude(
     otherwise: Claim | None = None,
     message: str = "",
 ) -> SolverOutput:
-    """Solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
+    """Claim solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
 
     `error` is `error_of(problem, z)` where the caller has it at hand. Without `otherwise` the method has ended
     regularly: inaccurate when the error is close, failed when not.
@@ -163,7 +165,7 @@ def conclude(
 def ended_in_basis(
     problem: LCP, z: Vector, F: np.ndarray[Any, Any], budget: Budget, counters: dict[str, int]
 ) -> SolverOutput:
-    """The claim of a method that ended in the basis of F: z, or what one step of refinement makes of it."""
+    """Return the claim of a method that ended in the basis of F: z, or what one step of refinement makes of it."""
     error = measured(problem, z)
     if not error <= budget.tolerance:
         candidate = refined(dense(problem.M), problem.q, z, F)

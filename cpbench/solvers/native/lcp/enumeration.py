@@ -132,7 +132,7 @@ class LCPEnumeration(Solver):
 
 
 def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOptions | None = None) -> Enumeration:
-    """Every basis in turn, until budget.iterations of them or its seconds; solutions within its tolerance."""
+    """Try every basis in turn, until budget.iterations of them or its seconds; solutions within its tolerance."""
     from cpbench.kernel_cache import load
 
     kernel = load("cpbench.solvers.kernels.complementary_bases")
@@ -175,7 +175,7 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
 
 
 def _on_a_face(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Vector | None:
-    """The z ≥ 0 of least sum with z = 0 outside F, w = 0 in F, w ≥ 0 outside; None where there is none."""
+    """Return the z ≥ 0 of least sum with z = 0 outside F, w = 0 in F, w ≥ 0 outside; None where there is none."""
     N = np.setdiff1d(np.arange(q.size), F)
     program = linear_program.load()(np.ones(F.size), -M[np.ix_(N, F)], q[N], M[np.ix_(F, F)], -q[F], method="highs")
     if program.x is None:

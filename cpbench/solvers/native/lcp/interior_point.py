@@ -61,7 +61,7 @@ class _Iterate(NamedTuple):
 
 
 def _first(prepared: ScaledMLCP, system: ShiftedSystem) -> _Iterate | None:
-    """From (K + diag(0, I)) x = −k, so w = −v there: their positive parts, moved inside."""
+    """Start from (K + diag(0, I)) x = −k, so w = −v there: their positive parts, moved inside."""
     n = prepared.free
     if not system.factor(np.ones(prepared.k.size - n)):
         return None
@@ -73,7 +73,7 @@ def _first(prepared: ScaledMLCP, system: ShiftedSystem) -> _Iterate | None:
 
 
 def _near(prepared: ScaledMLCP, x: Vector) -> _Iterate:
-    """A given point, moved inside by its own error."""
+    """Return a given point, moved inside by its own error."""
     n = prepared.free
     w = (prepared.K @ x + prepared.k)[n:]
     inside = max(max_abs(np.minimum(x[n:], w)), WARM_SHARE * max(max_abs(x[n:]), max_abs(w))) or 1.0
@@ -83,7 +83,7 @@ def _near(prepared: ScaledMLCP, x: Vector) -> _Iterate:
 
 
 def _step(prepared: ScaledMLCP, system: ShiftedSystem, at: _Iterate, share: float) -> _Iterate | None:
-    """The next iterate; None where the matrix is singular."""
+    """Return the next iterate; None where the matrix is singular."""
     n, v, w = prepared.free, at.x[prepared.free :], at.w
     if not system.factor(w / v):
         return None
@@ -92,7 +92,7 @@ def _step(prepared: ScaledMLCP, system: ShiftedSystem, at: _Iterate, share: floa
     missing[n:] -= w
 
     def direction(products: Vector) -> tuple[Vector, Vector]:
-        """Δx and Δw for WΔv + VΔw = `products` − VWe."""
+        """Return Δx and Δw for WΔv + VΔw = `products` − VWe."""
         right = -missing
         right[n:] += products / v - w
         dx = system.solve(right)
@@ -120,7 +120,7 @@ def _step(prepared: ScaledMLCP, system: ShiftedSystem, at: _Iterate, share: floa
 
 
 def _reach(v: Vector, dv: Vector) -> float:
-    """The largest t with v + t dv ≥ 0."""
+    """Return the largest t with v + t dv ≥ 0."""
     least = float((dv / v).min(initial=0.0))
     return -1.0 / least if least < 0.0 else np.inf
 
@@ -134,7 +134,7 @@ def _solve(
     answer: Callable[[Vector], Any],
     record: Record | None,
 ) -> SolverOutput:
-    """Steps until the judged error is at most the tolerance, or the limits are reached, or nothing gains."""
+    """Take steps until the judged error is at most the tolerance, or the limits are reached, or nothing gains."""
     n = prepared.free
     system = ShiftedSystem(prepared.K, n)
     limit = budget.iterations or options.max_iterations
@@ -180,7 +180,7 @@ def _solve(
 
 
 def _finished(prepared: ScaledMLCP, x: Vector, budget: Budget) -> tuple[Vector, float]:
-    """Where Newton's method on min(v, w) leads from x, and its error."""
+    """Return where Newton's method on min(v, w) leads from x, and its error."""
     method = SemismoothMethod(LinearBox(prepared), minimum, fischer_burmeister, SemismoothOptions())
     found = run(method, budget, FINISHING, 0, x, None).point
     better = prepared.start(found)

@@ -41,7 +41,7 @@ class Keller(PrincipalPivoting):
         return why
 
     def begin(self, prepared: ScaledLCP, F: np.ndarray[Any, Any], zero: float) -> Tableau | None:
-        """Only where z_F ≥ 0 and M_FF is positive definite, as its inverse then is."""
+        """Begin only where z_F ≥ 0 and M_FF is positive definite, as its inverse then is."""
         tableau = super().begin(prepared, F, zero)
         if tableau is None or F.size == 0:
             return tableau

@@ -118,7 +118,8 @@ class Lemke(Solver):
 
 
 def _in_one_call(lcp: DenseLCP, limit: int, options: LemkeOptions) -> tuple[Vector, int, float]:
-    """z, the kernel's code, and the judged error: all pivots from w = q in less time than their preparation takes."""
+    """Return z, the kernel's code, and the judged error: all pivots from w = q in less time than their preparation
+    takes."""
     problem, z = lcp.problem, np.empty(lcp.problem.q.size)
     tolerances = options.pivot_tolerance, options.tie_tolerance
     code, error = _judged()[0](lcp.M, problem.q, z, problem.z_unit, limit, *tolerances)
@@ -136,7 +137,7 @@ def _spread() -> Any:
 
 
 def pivot_limit(n: int) -> int:
-    """Where nothing is said."""
+    """Return the limit of pivots where the budget sets none."""
     return 50 * n + 1000
 
 
@@ -156,7 +157,7 @@ class _Run:
         return self._limit - self.counters["iterations"]
 
     def from_support(self, z: Vector) -> SolverOutput | None:
-        """From the basis that z points to; None where that basis or the way from there settles nothing."""
+        """Start from the basis that z points to; None where that basis or the way from there settles nothing."""
         lcp, budget = self._lcp, self._budget
         problem = lcp.problem
         inside = lcp.points_to(z, lcp.M @ z + problem.q)
@@ -180,7 +181,7 @@ class _Run:
         return output if output.claim is Claim.SOLVED else None
 
     def plain(self) -> SolverOutput:
-        """From w = q, where a ray may be followed by a proof."""
+        """Start from w = q, where a ray may be followed by a proof."""
         lcp, budget, counters = self._lcp, self._budget, self.counters
         problem = lcp.problem
         if problem.q.size <= SMALL:
@@ -194,7 +195,7 @@ class _Run:
         return self._ended(run.z * (p / lcp.unit), outcome)
 
     def settled(self, z: Vector, code: int) -> SolverOutput:
-        """What follows from the end of the compiled loop."""
+        """Conclude from the end of the compiled loop."""
         self._spend(code // self._kernel.CODES)
         return self._ended(z, self._word(code % self._kernel.CODES))
 
@@ -209,7 +210,7 @@ class _Run:
         return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
 
     def _products(self, run: PivotingState, most: int | None = None) -> str:
-        """What lies far behind is brought by matrix products; at most `most` pivots; outcome in words."""
+        """Pivot, and bring what lies far behind by matrix products; at most `most` pivots; outcome in words."""
         kernel, options = self._kernel, self._options
         limit = self.left if most is None else min(self.left, most)
         while True:
@@ -238,7 +239,7 @@ class _Run:
 
 
 def _after_ray(problem: LCP, z: Vector, budget: Budget, counters: dict[str, int]) -> SolverOutput:
-    """Infeasible when the certificate holds; otherwise failed, for a ray proves nothing by itself."""
+    """Claim infeasible when the certificate holds; otherwise failed, for a ray proves nothing by itself."""
     certificate = farkas(problem, budget)
     if certificate is not None:
         return SolverOutput(

@@ -102,7 +102,8 @@ class PivotingState:
         )
 
     def bring_likely(self) -> None:
-        """The column that is asked for and those that will probably enter next, to the last whole block of pivots.
+        """Bring the column that is asked for and those that will probably enter next, to the last whole block of
+        pivots.
 
         A variable that leaves makes its complement enter, and it leaves where it reaches zero. As z_0 falls, the
         others move nearly on straight lines: seen from here and from the last time, they point at the next ones.

@@ -63,7 +63,7 @@ class ScaledBox:
 
 
 def scaled_box(problem: Any, A: Matrix, q: Vector, lower: Vector, upper: Vector, size: float) -> ScaledBox:
-    """The data in units in which the diagonal of A is about 1 or 0: powers of 2, so that bounds stay exact."""
+    """Return the data in units in which the diagonal of A is about 1 or 0: powers of 2, so that bounds stay exact."""
     diagonal = np.array(A.diagonal())
     unit = np.ldexp(1.0, -(np.frexp(np.where(diagonal > 0, diagonal, 1.0))[1] // 2))
     scaled = matrices.scaled_both(A, unit)
@@ -77,7 +77,7 @@ def scaled_box(problem: Any, A: Matrix, q: Vector, lower: Vector, upper: Vector,
 
 
 def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:
-    """Why A cannot be symmetric and positive semidefinite, as far as that is cheap to tell."""
+    """Return why A cannot be symmetric and positive semidefinite, as far as that is cheap to tell."""
     if not symmetric:
         return f"needs a symmetric matrix, asymmetry = {matrices.asymmetry(A):.1e}: use {instead}"
     diagonal = A.diagonal()
@@ -109,8 +109,8 @@ def minimize(
     point: Callable[[Vector], Any],
     record: Record | None,
 ) -> MinimizationResult:
-    """Steps until the error is at most the tolerance; it is measured where the projected gradient says that it may be,
-    and after every chunk."""
+    """Take steps until the error is at most the tolerance; it is measured where the projected gradient says that
+    it may be, and after every chunk."""
     from cpbench.kernel_cache import load
 
     kernel = load("cpbench.solvers.kernels.mprgp")

@@ -65,7 +65,7 @@ class SplittingSolver(Solver):
 
     @abstractmethod
     def sweeps(self, prepared: MatrixColumns, options: Any) -> Sweeps:
-        """The compiled sweeps on one problem."""
+        """Return the compiled sweeps on one problem."""
 
     def setup(self, problem: LCP, budget: Budget, options: Any) -> MatrixColumns:
         diagonal = np.array(problem.M.diagonal())

@@ -64,7 +64,7 @@ class Tableau:
         return np.where(self.swapped, self.y, self.x)
 
     def combination(self) -> Vector:
-        """λ ≥ 0 that makes row r of the tableau, r the pair in hand, from the rows of w - Mz = q.
+        """Return λ ≥ 0 that makes row r of the tableau, r the pair in hand, from the rows of w - Mz = q.
 
         The coefficients of that row, λ of w and -Mᵀλ of z, are 1, -T_rj and zeros; where all of them are nonnegative
         and the constant λᵀq is negative, there is no solution (Farkas).
@@ -77,7 +77,7 @@ class Tableau:
 
 
 def transform(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Tableau | None:
-    """The principal transform of (M, q) on F, by one factorization; None where M_FF is singular."""
+    """Return the principal transform of (M, q) on F, by one factorization; None where M_FF is singular."""
     if F.size == 0:
         return Tableau(np.array(M), q.copy(), F)
     N = np.setdiff1d(np.arange(q.size), F)
@@ -112,7 +112,7 @@ class PrincipalPivoting(Solver):
         self.run(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-1.0, -2.0])))
 
     def begin(self, prepared: ScaledLCP, F: np.ndarray[Any, Any], zero: float) -> Tableau | None:
-        """The tableau of F; None where the method cannot begin there."""
+        """Return the tableau of F; None where the method cannot begin there."""
         return transform(dense(prepared.M), prepared.q, F)
 
     def solve(
@@ -169,7 +169,8 @@ class PrincipalPivoting(Solver):
     def _without_solution(
         self, kernel: Any, outcome: int, prepared: ScaledLCP, tableau: Tableau, budget: Budget, counters: dict[str, int]
     ) -> SolverOutput:
-        """Infeasible where a row of the tableau, or a linear program after a ray, proves it; else what happened."""
+        """Claim infeasible where a row of the tableau, or a linear program after a ray, proves it; else what
+        happened."""
         problem, pivots = prepared.problem, counters["iterations"]
         if outcome in (kernel.RAY, kernel.NOT_IN_CLASS):
             certificate = tableau.combination()

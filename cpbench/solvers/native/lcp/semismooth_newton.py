@@ -61,8 +61,8 @@ class LCPBox(CountedBox):
         return self._prepared.M
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:
-        """A⁻¹b by LU, whatever the condition: the line search tells what that is worth. An exactly singular A gets a
-        multiple of I, which for monotone problems is enough."""
+        """Return A⁻¹b by LU, whatever the condition: the line search tells what that is worth. An exactly singular A
+        gets a multiple of I, which for monotone problems is enough."""
         self.counters["factorizations"] += 1
         x = solve_linear(A, b)
         if x is None:

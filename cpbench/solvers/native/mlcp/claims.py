@@ -51,13 +51,13 @@ class ScaledMLCP:
         return MLCPPoint.adopt(both[: self.free], both[self.free :])
 
     def start(self, point: MLCPPoint | None) -> Vector:
-        """x of a starting point with v ≥ 0; 0 without one."""
+        """Return x of a starting point with v ≥ 0; 0 without one."""
         if point is None:
             return np.zeros(self.k.size)
         return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
 
     def error(self, x: Vector) -> float:
-        """The judged error, infinite for an answer that is not finite."""
+        """Return the judged error, infinite for an answer that is not finite."""
         if matrices.is_sparse(self.K):
             return self.problem.residuals(self.point(x)).error
         kernel = load("cpbench.solvers.kernels.mlcp_judged")
@@ -73,7 +73,7 @@ class ScaledMLCP:
 
 
 def mixed(problem: LCP | MLCP) -> MLCP:
-    """An LCP as an MLCP without free unknowns."""
+    """Return an LCP as an MLCP without free unknowns."""
     if isinstance(problem, MLCP):
         return problem
     M, m, zeros = problem.M, problem.q.size, matrices.zeros
@@ -81,7 +81,7 @@ def mixed(problem: LCP | MLCP) -> MLCP:
 
 
 def scale(problem: MLCP, *, keep_sparse: bool = False) -> ScaledMLCP:
-    """The scaled data, K dense unless `keep_sparse` and one of the four matrices is sparse."""
+    """Return the scaled data, K dense unless `keep_sparse` and one of the four matrices is sparse."""
     n, blocks = problem.a.size, [[problem.A, problem.C], [problem.D, problem.B]]
     K: Any = matrices.block([list(row) for row in blocks]) if keep_sparse else _assembled(blocks)
     k = np.concatenate([problem.a, problem.b])
@@ -101,7 +101,7 @@ def _assembled(blocks: list[list[Matrix]]) -> Any:
 
 
 def _equilibration(K: Any, n: int) -> tuple[Vector, Vector]:
-    """Powers of 2 for the rows and columns of K."""
+    """Return powers of 2 for the rows and columns of K."""
     sizes = np.abs(K.data) if matrices.is_sparse(K) else np.abs(K)
     row, column = np.ones((2, K.shape[0]))
     for _ in range(PASSES):
@@ -114,7 +114,7 @@ def _equilibration(K: Any, n: int) -> tuple[Vector, Vector]:
 
 
 def _tops(K: Any, sizes: Any, row: Vector, column: Vector) -> tuple[Vector, Vector]:
-    """The largest entry of every row and column of the scaled |K|, whose entries are `sizes`."""
+    """Return the largest entry of every row and column of the scaled |K|, whose entries are `sizes`."""
     if not matrices.is_sparse(K):
         scaled = sizes * row[:, None] * column
         return scaled.max(axis=1, initial=0.0), scaled.max(axis=0, initial=0.0)
@@ -127,7 +127,7 @@ def _tops(K: Any, sizes: Any, row: Vector, column: Vector) -> tuple[Vector, Vect
 
 
 def dense_obstacle(problem: MLCP) -> str | None:
-    """Why a dense [[A, C], [D, B]] is out of the question, else None."""
+    """Return why a dense [[A, C], [D, B]] is out of the question, else None."""
     N = problem.a.size + problem.b.size
     size = 8.0 * N * N
     if size <= DENSE_BYTES:
@@ -136,7 +136,8 @@ def dense_obstacle(problem: MLCP) -> str | None:
 
 
 def refined(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
-    """x or what a step of iterative refinement on the free unknowns and the positive v makes of it, and its error.
+    """Return x or what a step of iterative refinement on the free unknowns and the positive v makes of it, and its
+    error.
 
     By LU and, where that is not within the tolerance, by least squares without the directions in which the matrix of
     these unknowns is singular: a rounding error in the rows would be enlarged along them.
@@ -157,7 +158,7 @@ def refined(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> 
 
 
 def _least_squares(A: Matrix, b: Vector) -> Vector | None:
-    """The shortest x with the least ‖Ax − b‖, None for a matrix too large for singular values."""
+    """Return the shortest x with the least ‖Ax − b‖, None for a matrix too large for singular values."""
     if b.size > SINGULAR_VALUES:
         return None
     found: Any = np.linalg.lstsq(dense(A), b, rcond=SINGULAR)[0]
@@ -174,7 +175,7 @@ def conclude(
     otherwise: Claim | None = None,
     message: str = "",
 ) -> SolverOutput:
-    """Solved exactly when the judged error of x is at most the tolerance; else `otherwise`.
+    """Claim solved exactly when the judged error of x is at most the tolerance; else `otherwise`.
 
     Without `otherwise` the method has ended regularly: inaccurate when the error is close, failed when not.
     """
@@ -191,7 +192,8 @@ def conclude(
 
 
 def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:
-    """(y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None without."""
+    """Return (y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None
+    without."""
     n, N = prepared.free, prepared.k.size
     options: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     if np.isfinite(budget.seconds):

@@ -73,7 +73,7 @@ class MLCPEnumeration(Solver):
 
 
 def all_solutions(problem: MLCP, tolerance: float = 1e-8) -> list[MLCPPoint]:
-    """Every solution that is isolated, and some of each face of others, by increasing number of their basis."""
+    """Return every solution that is isolated, and some of each face of others, by increasing number of their basis."""
     prepared, budget = scale(problem), Budget(tolerance=tolerance)
     reduction = Reduction(prepared)
     found = _bases(reduction, budget, EnumerationOptions())
@@ -81,14 +81,15 @@ def all_solutions(problem: MLCP, tolerance: float = 1e-8) -> list[MLCPPoint]:
 
 
 def _bases(reduction: Reduction, budget: Budget, options: EnumerationOptions) -> Enumeration:
-    """The bases of the pairs that remain."""
+    """Return the bases of the pairs that remain."""
     return enumerate_bases(lcp_claims.scale(LCP(M=reduction.M, q=reduction.q)), budget, options)
 
 
 def _answers(
     prepared: ScaledMLCP, reduction: Reduction, found: Enumeration, budget: Budget
 ) -> list[tuple[float, Vector]]:
-    """Error and x of each solution, refined where that is needed; what is none on the whole problem is left out."""
+    """Return error and x of each solution, refined where that is needed; what is none on the whole problem is left
+    out."""
     answers: list[tuple[float, Vector]] = []
     for z in found.solutions:
         x = reduction.recover(z)

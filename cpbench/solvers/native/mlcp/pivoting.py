@@ -108,7 +108,7 @@ class LemkeMLCP(Solver):
 
 
 def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
-    """What the compiled call reads, and the room in which it works."""
+    """Return what the compiled call reads, and the room in which it works."""
     kernel, N = load(KERNEL), scaled.k.size
     numbers = [scaled.free, scaled.problem.v_unit, scaled.push]
     numbers += [options.rank_tolerance, options.pivot_tolerance, options.tie_tolerance]
@@ -117,7 +117,7 @@ def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
 
 
 def _large(prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions, start: MLCPPoint | None) -> SolverOutput:
-    """From the basis of the start, where it has one that ends in a solution, else from none."""
+    """Start from the basis of the start, where it has one that ends in a solution, else from none."""
     kernel, scaled = prepared.kernel, prepared.scaled
     run = _Run(prepared, budget, options)
     support = np.flatnonzero(start.v > 0.0) if start is not None else np.zeros(0, np.int64)
@@ -135,7 +135,7 @@ def _large(prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions, start:
 
 
 def _ended(scaled: ScaledMLCP, x: Vector, outcome: int, budget: Budget, counters: dict[str, int]) -> SolverOutput:
-    """The last word on an x that is not within the tolerance."""
+    """Return the last word on an x that is not within the tolerance."""
     kernel = load(KERNEL)
     if outcome in (kernel.RAY, kernel.INCONSISTENT):
         what = "ray" if outcome == kernel.RAY else "an equality without unknowns that is not zero,"
@@ -171,7 +171,7 @@ class Reduction:
         self._kernel.remaining(self._T, *self._labels[2:], self.M, self.q)
 
     def recover(self, z: Vector) -> Vector:
-        """x of the whole problem from z of the pairs."""
+        """Return x of the whole problem from z of the pairs."""
         x = np.empty(self._T.shape[0])
         self._kernel.recover(self._T, self._free, *self._labels, z, x)
         return x
@@ -187,7 +187,8 @@ class _Run:
         self.pivots = self.factorizations = 0
 
     def of_basis(self, support: Any) -> tuple[int, Vector]:
-        """Outcome and x, the free unknowns and the v of `support` being brought into the basis by a factorization.
+        """Return outcome and x, the free unknowns and the v of `support` being brought into the basis by a
+        factorization.
 
         STUCK where the matrix of that basis is singular. With F these unknowns, R the other pairs and E the columns of
         the unit matrix of the support in F, x_F = −K_F⁻¹(k_F + K_FR v_R − E w_S): an LCP in (w_S, v_R).
@@ -218,14 +219,14 @@ class _Run:
         return outcome, x
 
     def by_tableau(self) -> tuple[int, Vector]:
-        """All free unknowns by pivots, the largest first."""
+        """Eliminate all free unknowns by pivots, the largest first."""
         reduction = Reduction(self._scaled, self._options.rank_tolerance)
         outcome, z = self._pairs(reduction.M, reduction.q)
         regular = reduction.outcome == self._kernel.COMPLEMENTARY
         return outcome if regular else reduction.outcome, reduction.recover(z)
 
     def _pairs(self, M: np.ndarray[Any, Any], q: Vector) -> tuple[int, Vector]:
-        """Outcome and z of the LCP that remains."""
+        """Return outcome and z of the LCP that remains."""
         kernel, m, options = self._kernel, q.size, self._options
         if m <= BY_VECTORS:
             z = np.empty(m)
@@ -246,7 +247,7 @@ class _Run:
 
 
 def _after_ray(prepared: ScaledMLCP, x: Vector, budget: Budget, counters: dict[str, int], what: str) -> SolverOutput:
-    """Infeasible when the certificate holds; otherwise failed, for a ray proves nothing by itself."""
+    """Claim infeasible when the certificate holds; otherwise failed, for a ray proves nothing by itself."""
     after = f"{what} after {counters['pivots']} pivots"
     certificate = farkas(prepared, budget)
     if certificate is not None:

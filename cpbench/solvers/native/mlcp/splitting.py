@@ -148,7 +148,8 @@ class _Splitting(Solver):
 
 
 def _ordered(scaled: ScaledMLCP) -> ScaledMLCP:
-    """The equalities in the order with the largest product of diagonal entries of A, where it has a zero there."""
+    """Return the equalities in the order with the largest product of diagonal entries of A, where it has a zero
+    there."""
     n, K = scaled.free, scaled.K
     A = sparse(K[:n, :n])
     if A.diagonal().all():

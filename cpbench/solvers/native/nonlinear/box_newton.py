@@ -58,17 +58,17 @@ class CountedBox:
         return self.problem.start
 
     def point(self, z: Vector) -> Any:
-        """What the solver answers."""
+        """Return the answer as a point of the node."""
         return MiCPPoint(z)
 
     def F(self, z: Vector) -> Vector:
-        """NaN and ∞ where it is not defined."""
+        """Return F(z), NaN and ∞ where it is not defined."""
         self.counters["evaluations"] += 1
         with np.errstate(all="ignore"):
             return self.problem.F(z)
 
     def jacobian(self, z: Vector) -> Matrix | None:
-        """Dense for a small problem; None where an entry is no number."""
+        """Return it dense for a small problem; None where an entry is no number."""
         self.counters["jacobians"] += 1
         with np.errstate(all="ignore"):
             J: Sparse = self.problem.F.jacobian(z)
@@ -80,13 +80,13 @@ class CountedBox:
         return project_box(z, self.lb, self.ub)
 
     def error(self, z: Vector, F: Vector) -> float:
-        """The judged error of z, of which F is F(z)."""
+        """Return the judged error of z, of which F is F(z)."""
         with np.errstate(all="ignore"):
             error = scaled(norm(box_defect(z, F, self.lb, self.ub)), self.problem.scale)
         return error if math.isfinite(error) else math.inf
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:
-        """A⁻¹b, None where A is singular, be it to rounding: its kernel would make a direction of any length."""
+        """Return A⁻¹b, None where A is singular, be it to rounding: its kernel would make a direction of any length."""
         self.counters["factorizations"] += 1
         with np.errstate(all="ignore"):
             factors = Factorization(A)
@@ -121,7 +121,7 @@ class BoxNewton(Solver):
 
     @abstractmethod
     def method(self, box: CountedBox, options: Any, budget: Budget) -> BoxMethod:
-        """The method for one solve."""
+        """Return the method for one solve."""
 
     def setup(self, problem: MiCP, budget: Budget, options: Any) -> MiCP:
         _compile_map(problem)
@@ -147,7 +147,7 @@ class _Best:
 def run(
     method: BoxMethod, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
 ) -> SolverOutput:
-    """Steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
+    """Take steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
     box = method.box
     counters = box.counters
     rng = np.random.default_rng(budget.seed)
@@ -203,7 +203,8 @@ def run(
 
 
 def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
-    """A point within the bounds where F is finite, and F there; around the first start and around P(0) in turn."""
+    """Return a point within the bounds where F is finite, and F there; around the first start and around P(0) in
+    turn."""
     centre = box.project(np.zeros(box.n)) if number % 2 else first
     for draw in range(DRAWS):
         size = 10.0 ** rng.uniform(*SPREAD) * np.maximum(1.0, np.abs(first))
@@ -218,7 +219,7 @@ def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator
 
 
 def _small_problem() -> MiCP:
-    """exp(z) = 2, for a warm-up: it brings in what differentiates."""
+    """Return exp(z) = 2, for a warm-up: it brings in what differentiates."""
     build = Builder(1)
     value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
     return MiCP(F=build.finish([value]), lb=np.zeros(1), ub=np.full(1, np.inf))

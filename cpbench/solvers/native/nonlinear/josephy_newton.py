@@ -68,7 +68,7 @@ class JosephyNewton(BoxNewton):
 
 
 def _inner(names: str) -> list[Solver]:
-    """The solvers named; raises UnknownName for one that is of another node or not there."""
+    """Return the solvers named; raises UnknownName for one that is of another node or not there."""
     chosen = [solvers.get(name.strip()) for name in names.split(SEPARATOR)]
     for solver in chosen:
         if solver.spec.node not in NODES:
@@ -90,7 +90,7 @@ class _JosephyNewton(BoxMethod):
         box.counters["subproblems"] = 0
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The strategies differ in which inner solver is asked first."""
+        """Begin; the strategies differ in which inner solver is asked first."""
         self._turn = self._inner[strategy:] + self._inner[:strategy]
         self._stand(self._descent.at(z, F))
         self._descent.begin(self._at)
@@ -121,7 +121,7 @@ class _JosephyNewton(BoxMethod):
         return True
 
     def _linear_solution(self, J: Matrix, solver: Solver) -> Vector | None:
-        """z⁺ within the bounds, None where the solver finds none."""
+        """Return z⁺ within the bounds, None where the solver finds none."""
         box, at = self.box, self._at
         box.counters["subproblems"] += 1
         left = max(self._deadline - time.monotonic(), 0.1) if math.isfinite(self._deadline) else math.inf

@@ -63,11 +63,13 @@ class Descent:
         return MeritPoint(z, F, phi, alpha, beta, merit if math.isfinite(merit) else math.inf)
 
     def gradient(self, at: MeritPoint, J: Matrix) -> Vector:
-        """Of the merit: VᵀΦ for any element V of the generalized derivative, where the merit is smooth."""
+        """Return the gradient of the merit: VᵀΦ for any element V of the generalized derivative, where the merit is
+        smooth."""
         return at.alpha * at.phi + J.T @ (at.beta * at.phi)
 
     def newton(self, at: MeritPoint, J: Matrix) -> Vector | None:
-        """−V⁻¹Φ, None where V is singular. Rows in which F does not appear (bounds that are met) are solved first."""
+        """Return −V⁻¹Φ, None where V is singular. Rows in which F does not appear (bounds that are met) are solved
+        first."""
         decided = (at.beta == 0.0) & (at.alpha != 0.0)
         if not decided.any():
             return self._box.solve(_generalized(at.alpha, at.beta, J), -at.phi)
@@ -84,11 +86,11 @@ class Descent:
         return d
 
     def levenberg(self, at: MeritPoint, J: Matrix, share: float) -> Vector | None:
-        """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
+        """Return argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
         return damped(self._box, _generalized(at.alpha, at.beta, J), at.phi, share)
 
     def search(self, at: MeritPoint, d: Vector | None, slope: float) -> MeritPoint | None:
-        """The first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
+        """Return the first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
         if d is None:
             return None
         reference = self.reference
@@ -110,7 +112,7 @@ class Descent:
 
 
 def damped(box: CountedBox, V: Matrix, phi: Vector, share: float) -> Vector | None:
-    """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖)."""
+    """Return argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖)."""
     top = max_abs(V)
     root = math.sqrt(share * min(1.0, norm(phi))) * max(top, 1e-8)
     zero = np.zeros(phi.size)
@@ -133,7 +135,7 @@ SHARES = (1e-8, 1e-4, 1e-1)
 
 
 def fall_back(descent: Descent, at: MeritPoint, J: Matrix, gradient: Vector) -> MeritPoint | None:
-    """A step along a regularized direction or, in the end, along minus the gradient."""
+    """Return a step along a regularized direction or, in the end, along minus the gradient."""
     for share in SHARES:
         d = descent.levenberg(at, J, share)
         if d is not None:
@@ -144,7 +146,7 @@ def fall_back(descent: Descent, at: MeritPoint, J: Matrix, gradient: Vector) -> 
 
 
 def _generalized(alpha: Vector, beta: Vector, J: Matrix) -> Matrix:
-    """diag(α) + diag(β) F′(z)."""
+    """Return diag(α) + diag(β) F′(z)."""
     if sp.issparse(J):
         return sp.csr_array(sp.diags_array(beta) @ J + sp.diags_array(alpha))
     V = beta[:, None] * dense(J)

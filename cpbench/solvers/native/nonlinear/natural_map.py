@@ -84,7 +84,7 @@ class NaturalMapResult:
 
 
 def equilibrate(M: Matrix, groups: Any) -> Vector:
-    """d > 0, equal within each group, such that the largest entry of every group of rows of diag(d) M diag(d) is
+    """Return d > 0, equal within each group, such that the largest entry of every group of rows of diag(d) M diag(d) is
     about 1 (symmetric Ruiz scaling); a group of zero rows and columns keeps 1. Shape (n,).
     """
     n = M.shape[0]
@@ -101,18 +101,18 @@ def equilibrate(M: Matrix, groups: Any) -> Vector:
 
 
 def _tops(size: Any) -> Vector:
-    """The largest number of every row and column with the same index."""
+    """Return the largest number of every row and column with the same index."""
     tops = [size.max(axis=axis) for axis in (0, 1)]
     return np.maximum(*[top.toarray().ravel() if sp.issparse(size) else top for top in tops])
 
 
 def congruent(M: Matrix, d: Vector) -> Matrix:
-    """diag(d) M diag(d)."""
+    """Return diag(d) M diag(d)."""
     return sp.csr_array(sp.diags_array(d) @ M @ sp.diags_array(d)) if sp.issparse(M) else M * d[:, None] * d
 
 
 def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record | None) -> NaturalMapResult:
-    """Steps until the judged error is at most the tolerance, or nothing gains, or the limits are reached."""
+    """Take steps until the judged error is at most the tolerance, or nothing gains, or the limits are reached."""
     counters = {"iterations": 0, "factorizations": 0, "projections": 0}
     x, F = start, _natural(vi, start, counters)
     best, error = x, vi.error(x)
@@ -168,7 +168,7 @@ def _natural(vi: AffineVI, x: Vector, counters: dict[str, int]) -> Vector:
 
 
 def _newton(vi: AffineVI, x: Vector, F: Vector, goal: float, counters: dict[str, int]) -> tuple[Vector, Vector] | None:
-    """The next x and its F with ‖F‖ below `goal` by the asked factor; None when no step does it."""
+    """Return the next x and its F with ‖F‖ below `goal` by the asked factor; None when no step does it."""
     n, size = x.size, norm(F)
     J = vi.jacobian(x - (vi.M @ x + vi.q))
     eye = identity(n, vi.M)
@@ -190,7 +190,7 @@ def _newton(vi: AffineVI, x: Vector, F: Vector, goal: float, counters: dict[str,
 
 
 def _contraction(vi: AffineVI, counters: dict[str, int]) -> Callable[[Vector], Vector | None]:
-    """F -> (I + M)⁻¹F with one factorization."""
+    """Return F -> (I + M)⁻¹F with one factorization."""
     counters["factorizations"] += 1
     whole = vi.M + identity(vi.q.size, vi.M)
     if sp.issparse(whole):

@@ -93,7 +93,7 @@ class _NormalMap(BoxMethod):
         return False
 
     def _directions(self, J: Matrix, value: Vector, between: NDArray[np.bool_]) -> Iterator[Vector]:
-        """Newton's; where the cell's matrix is singular, the shortest that solves nearly, if any does (a kernel,
+        """Return Newton's; where the cell's matrix is singular, the shortest that solves nearly, if any does (a kernel,
         as prices have, adds nothing to it); those of regularized matrices."""
         box = self.box
         for share in PERTURBATIONS:
@@ -126,7 +126,7 @@ def _merit(value: Vector) -> float:
 
 
 def _shifted(J: Matrix, share: float) -> Matrix:
-    """J + share · max|J| I."""
+    """Return J + share · max|J| I."""
     if share == 0.0:
         return J
     shifted = J + share * (max_abs(J) or 1.0) * identity(J.shape[0], J)

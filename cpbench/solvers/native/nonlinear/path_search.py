@@ -78,7 +78,7 @@ class _PathSearch(BoxMethod):
         box.counters |= {"pivots": 0, "crash_steps": 0}
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The other strategy goes without a crash phase."""
+        """Begin; the other strategy goes without a crash phase."""
         at = self._descent.at(z, F)
         self._descent.begin(at)
         self._checkpoint, self._watched = at, 0
@@ -116,8 +116,8 @@ class _PathSearch(BoxMethod):
         self._stand(at)
 
     def _crash(self, at: MeritPoint, J: Matrix) -> MeritPoint | None:
-        """A projected Newton step on the unknowns that are not held at a bound; None when it gains little or leaves
-        the active set nearly as it was, so that a path is short."""
+        """Return a projected Newton step on the unknowns that are not held at a bound; None when it gains little or
+        leaves the active set nearly as it was, so that a path is short."""
         box = self.box
         held = _held(at, box)
         free = np.flatnonzero(~held)
@@ -136,7 +136,7 @@ class _PathSearch(BoxMethod):
         return found
 
     def _end_of_path(self, at: MeritPoint, J: Matrix, until: float) -> MeritPoint | None:
-        """Where the path has t = `until`; None when it does not come there."""
+        """Return where the path has t = `until`; None when it does not come there."""
         box = self.box
         x = normal_point(at.z, at.F, box.lb, box.ub)
         found = NormalPath(J, at.F, x, box.lb, box.ub).trace(until, self._most, self._deadline)
@@ -149,7 +149,7 @@ class _PathSearch(BoxMethod):
         return self._descent.at(project_box(found.x, box.lb, box.ub))
 
     def _from_checkpoint(self, at: MeritPoint, J: Matrix | None) -> bool:
-        """Back to the last good point: along its path, along the chord of it, or downhill."""
+        """Go back to the last good point: along its path, along the chord of it, or downhill."""
         descent, good = self._descent, self._checkpoint
         if good is not at:
             J = self.box.jacobian(good.z)
@@ -178,5 +178,5 @@ class _PathSearch(BoxMethod):
 
 
 def _held(at: MeritPoint, box: CountedBox) -> Any:
-    """At a bound that F pushes against."""
+    """Return which unknowns are at a bound that F pushes against."""
     return ((at.z <= box.lb) & (at.F >= 0)) | ((at.z >= box.ub) & (at.F <= 0))

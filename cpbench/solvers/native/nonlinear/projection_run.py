@@ -53,26 +53,26 @@ class Field:
         self.counters = {"iterations": 0, "evaluations": 0, "projections": 0}
 
     def F(self, x: Vector) -> Vector:
-        """NaN and ∞ where it is not defined."""
+        """Return F(z), NaN and ∞ where it is not defined."""
         self.counters["evaluations"] += 1
         with np.errstate(all="ignore"):
             return self.problem.F(x)
 
     def project(self, x: Vector, at: Vector) -> Vector:
-        """P_S(x), S that of `at` where it moves."""
+        """Return P_S(x), S that of `at` where it moves."""
         self.counters["projections"] += 1
         if isinstance(self.problem, QVI):
             return self.problem.project_at(at, x)
         return self.problem.project(x)
 
     def defect(self, x: Vector, F: Vector) -> Vector:
-        """x − P_S(x − F), without cancellation."""
+        """Return x − P_S(x − F), without cancellation."""
         self.counters["projections"] += 1
         with np.errstate(all="ignore"):
             return self.problem.defect(x, F)
 
     def error(self, x: Vector, F: Vector) -> float:
-        """The judged error of x, of which F is F(x)."""
+        """Return the judged error of x, of which F is F(x)."""
         error = scaled(norm(self.defect(x, F)), self.problem.scale)
         return error if math.isfinite(error) else math.inf
 
@@ -80,7 +80,8 @@ class Field:
         return VIPoint(x) if isinstance(self.problem, VI) else QVIPoint(x)
 
     def first_step(self, z: Vector, F: Vector) -> float:
-        """1/L, L the change of F over a short way from z, in the direction that a step takes; 1 where it is none."""
+        """Return 1/L, L the change of F over a short way from z, in the direction that a step takes; 1 where it is
+        none."""
         size = norm(F)
         if not size:
             return 1.0
@@ -147,14 +148,14 @@ class ProjectionSolver(Solver):
 
 
 def exponential() -> Map:
-    """z ↦ exp(z) − 2, for a warm-up: it brings in what differentiates."""
+    """Return z ↦ exp(z) − 2, for a warm-up: it brings in what differentiates."""
     build = Builder(1)
     value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
     return build.finish([value])
 
 
 def rows_obstacle(problem: VI | QVI) -> str | None:
-    """Why a set is not simple, else None."""
+    """Return why a set is not simple, else None."""
     rows = {"g": problem.g.rows}
     if isinstance(problem, VI):
         rows = {"A": problem.b.size, "C": problem.d.size} | rows
@@ -168,7 +169,7 @@ def rows_obstacle(problem: VI | QVI) -> str | None:
 def run(
     field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
 ) -> SolverOutput:
-    """Steps until the natural map is at most the tolerance, or the limits are reached, or nothing gains."""
+    """Take steps until the natural map is at most the tolerance, or the limits are reached, or nothing gains."""
     with np.errstate(all="ignore"):
         return _run(field, method, budget, limit, start, record)
 
@@ -223,7 +224,7 @@ def _beginning(field: Field, start: Vector) -> tuple[Vector, Vector] | None:
 
 
 def lipschitz(near: Vector, F_near: Vector, z: Vector, F: Vector) -> float:
-    """‖F(near) − F(z)‖/‖near − z‖: 0 for equal points, ∞ where F(near) is no number."""
+    """Return ‖F(near) − F(z)‖/‖near − z‖: 0 for equal points, ∞ where F(near) is no number."""
     way, change = norm(near - z), norm(F_near - F)
     if not math.isfinite(change):
         return math.inf
@@ -233,7 +234,7 @@ def lipschitz(near: Vector, F_near: Vector, z: Vector, F: Vector) -> float:
 def projection_spec(
     name: str, summary: str, citation: str, node: str = "vi", options: type = VIProjectionOptions
 ) -> SolverSpec:
-    """What the specs of all of them share."""
+    """Return the spec of one of them, with what all share."""
     return SolverSpec(
         name=name,
         node=node,

@@ -50,7 +50,8 @@ class SemismoothMethod(BoxMethod):
         self._descent = Descent(box, merit, options.memory, options.project)
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The other strategy is to leave the bounds where `project` stays within them, and the other way round."""
+        """Begin; the other strategy is to leave the bounds where `project` stays within them, and the other way
+        round."""
         self._descent.project = self._project != bool(strategy)
         self._stand(self._descent.at(z, F))
         self._descent.begin(self._at)
@@ -78,7 +79,7 @@ class SemismoothMethod(BoxMethod):
         return True
 
     def _along(self, at: MeritPoint, d: Vector | None, gradient: Vector) -> MeritPoint | None:
-        """A point along a Newton direction, None where there is none that lowers the merit."""
+        """Return a point along a Newton direction, None where there is none that lowers the merit."""
         if d is None:
             return None
         slope = float(gradient @ d)

@@ -65,7 +65,7 @@ class _Smoothing(BoxMethod):
         self._descent = Descent(box, fischer_burmeister, 1, project=True)
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The other strategy smooths more."""
+        """Begin; the other strategy smooths more."""
         at = self._descent.at(z, F)
         size = min(1.0, float(np.abs(at.phi).max(initial=0.0))) if math.isfinite(at.merit) else 1.0
         self._first = self._mu = max(self._options.mu * (size if strategy == 0 else 10.0), LEAST)
@@ -79,7 +79,7 @@ class _Smoothing(BoxMethod):
         self._merits.append(self._merit(self._mu, z, F)[0])
 
     def _merit(self, mu: float, z: Vector, F: Vector) -> tuple[float, MeritPoint, Vector]:
-        """‖H‖², Φ_μ with its derivatives, ∂Φ_μ/∂μ."""
+        """Return ‖H‖², Φ_μ with its derivatives, ∂Φ_μ/∂μ."""
         with np.errstate(all="ignore"):
             phi, alpha, beta, by_mu = self.box.equation.smoothed(z, F, mu)
             merit = mu * mu + float(phi @ phi)

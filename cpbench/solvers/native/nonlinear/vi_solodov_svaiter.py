@@ -65,9 +65,9 @@ class _Hyperplane(ProjectionMethod):
         return False
 
     def _nearest(self, a: Vector, y: Vector) -> Vector:
-        """P_S(z − ta) for a t ≥ 0 just below the root of aᵀ(P_S(z − ta) − y), which falls with t; at the root it is
-        P_S∩H(z). From below, ‖z⁺ − x*‖² ≤ ‖z − x*‖² − ‖z⁺ − z‖² holds for every solution x* without the root being
-        exact; the t that takes z to H, as if S were the whole space, is below it."""
+        """Return P_S(z − ta) for a t ≥ 0 just below the root of aᵀ(P_S(z − ta) − y), which falls with t; at the root
+        it is P_S∩H(z). From below, ‖z⁺ − x*‖² ≤ ‖z − x*‖² − ‖z⁺ − z‖² holds for every solution x* without the root
+        being exact; the t that takes z to H, as if S were the whole space, is below it."""
 
         def moved(t: float) -> Vector:
             return self.field.project(self.z - t * a, self.z)

@@ -72,7 +72,7 @@ class Subproblem:
         return Hx + self.form.g + self.rho * (x - self.x0) - y[:n] - self.Gt @ y[n:]
 
     def length(self, x: Vector, Hx: Vector, s: Vector, dx: Vector, Hdx: Vector, ds: Vector) -> float:
-        """Where the derivative along dx, which rises, is 0."""
+        """Return where the derivative along dx, which rises, is 0."""
         flat = float(dx @ (Hx + self.form.g + self.rho * (x - self.x0)))
         curvature = float(dx @ Hdx) + self.rho * float(dx @ dx)
 
@@ -166,7 +166,8 @@ class _Multipliers(Solver):
 
     @staticmethod
     def _proved(problem: QP, form: ScaledQP, dx: Vector, dy: Vector, counters: dict[str, int]) -> SolverOutput | None:
-        """What a step of the centre and of the multipliers proves, when they go on and on (Banjac et al. 2019)."""
+        """Return what a step of the centre and of the multipliers proves, when they go on and on (Banjac et al.
+        2019)."""
         n, m = form.g.size, problem.b.size
         rows = dy[n:] * form.E
         found = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(dy) > 1.0 else None

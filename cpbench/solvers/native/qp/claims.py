@@ -48,7 +48,7 @@ class ErrorMeasure:
             self._compiled, self._work = load(KERNEL).judged_error, np.empty(2 * problem.p.size)
 
     def error(self, answer: Parts) -> float:
-        """`QP.residuals(...).error`, infinite for an answer that is not finite."""
+        """Return `QP.residuals(...).error`, infinite for an answer that is not finite."""
         P = self._problem
         if self._compiled is not None:
             return self._compiled(P.Q, P.p, P.A, P.b, P.C, P.d, P.lb, P.ub, *answer, self._work)
@@ -57,7 +57,7 @@ class ErrorMeasure:
         return P.residuals(QPPoint(*answer)).error
 
     def see(self, iteration: int, answer: Parts, *, passing: bool = False) -> float:
-        """The error, recorded where nothing was recorded of that iteration."""
+        """Return the error, recorded where nothing was recorded of that iteration."""
         error = self.error(answer)
         if self._record is not None and iteration > self._recorded:
             self._record(iteration, error, partial(QPPoint, *answer))
@@ -69,8 +69,8 @@ class ErrorMeasure:
     def conclude(
         self, budget: Budget, counters: Mapping[str, int], otherwise: Claim | None = None, message: str = ""
     ) -> SolverOutput:
-        """The best answer, solved exactly when its error is at most the tolerance; else `otherwise`, inaccurate in the
-        place of failed where it is close, and without it what the error says."""
+        """Return the best answer, solved exactly when its error is at most the tolerance; else `otherwise`,
+        inaccurate in the place of failed where it is close, and without it what the error says."""
         assert self.best is not None
         point, counters = QPPoint(*self.best), dict(counters)
         if self.least <= budget.tolerance:
@@ -83,7 +83,7 @@ class ErrorMeasure:
 
 
 def dense_obstacle(problem: QP) -> str | None:
-    """Why dense matrices are out of the question, else None."""
+    """Return why dense matrices are out of the question, else None."""
     n, rows = problem.p.size, problem.b.size + problem.d.size
     size = 8.0 * n * (4 * n + 2 * rows)
     if size <= DENSE_BYTES:
@@ -92,7 +92,7 @@ def dense_obstacle(problem: QP) -> str | None:
 
 
 def convex_obstacle(problem: QP) -> str | None:
-    """Why a problem is not convex, or none at all, else None."""
+    """Return why a problem is not convex, or none at all, else None."""
     if problem.p.size == 0:
         return "has no unknown (n = 0): there is nothing to minimise"
     if problem.convex:
@@ -101,15 +101,15 @@ def convex_obstacle(problem: QP) -> str | None:
 
 
 def definite_obstacle(problem: QP) -> str | None:
-    """Why Q, brought to a diagonal of ones, is not positive definite beyond rounding, else None."""
+    """Return why Q, brought to a diagonal of ones, is not positive definite beyond rounding, else None."""
     if matrices.is_definite(problem.Q):
         return None
     return "needs Q positive definite, Q is singular: use proximal-active-set or interior-point-qp"
 
 
 def infeasibility(problem: QP, lam: Vector, mu: Vector) -> float | None:
-    """bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ > 0 for λ ≥ 0 and ν = −Aᵀλ − Cᵀμ with ν⁺, ν⁻ at finite bounds only; None where it is
-    not. No z satisfies the constraints then, for λᵀAz + μᵀCz + νᵀz = 0 ≥ that sum (Farkas)."""
+    """Return bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ > 0 for λ ≥ 0 and ν = −Aᵀλ − Cᵀμ with ν⁺, ν⁻ at finite bounds only; None
+    where it is not. No z satisfies the constraints then, for λᵀAz + μᵀCz + νᵀz = 0 ≥ that sum (Farkas)."""
     size = max(max_abs(lam), max_abs(mu))
     if not 0.0 < size < np.inf:
         return None
@@ -126,8 +126,8 @@ def infeasibility(problem: QP, lam: Vector, mu: Vector) -> float | None:
 
 
 def unboundedness(problem: QP, ray: Vector) -> float | None:
-    """pᵀx < 0 for a ray x with Qx = 0, Ax ≥ 0, Cx = 0, x ≥ 0 (≤ 0) at finite lower (upper) bounds; None where it is
-    not. From a point that satisfies the constraints the objective falls along x for ever."""
+    """Return pᵀx < 0 for a ray x with Qx = 0, Ax ≥ 0, Cx = 0, x ≥ 0 (≤ 0) at finite lower (upper) bounds; None where
+    it is not. From a point that satisfies the constraints the objective falls along x for ever."""
     size = max_abs(ray)
     if not 0.0 < size < np.inf:
         return None
@@ -149,8 +149,8 @@ def unboundedness(problem: QP, ray: Vector) -> float | None:
 
 
 def infeasible(problem: QP, lam: Vector, mu: Vector, counters: Mapping[str, int]) -> SolverOutput | None:
-    """The claim with its certificate, where the multipliers are one to rounding: as they are, or their large ones with
-    Aᵀλ + Cᵀμ = 0 restored."""
+    """Return the claim with its certificate, where the multipliers are one to rounding: as they are, or their large
+    ones with Aᵀλ + Cᵀμ = 0 restored."""
     for restore in (False, True):
         if restore:
             lam, mu = _restored(problem, lam, mu)
@@ -164,7 +164,7 @@ def infeasible(problem: QP, lam: Vector, mu: Vector, counters: Mapping[str, int]
 
 
 def _restored(problem: QP, lam: Vector, mu: Vector) -> tuple[Vector, Vector]:
-    """Small multipliers 0, the others corrected by least squares so that ν is 0 where there is no bound."""
+    """Return small multipliers 0, the others corrected by least squares so that ν is 0 where there is no bound."""
     y, m = np.concatenate([np.maximum(lam, 0.0), mu]), lam.size
     kept = np.flatnonzero(abs(y) > DECISIVE * max_abs(y))
     free = np.flatnonzero(np.isinf(problem.lb) & np.isinf(problem.ub))
@@ -176,7 +176,7 @@ def _restored(problem: QP, lam: Vector, mu: Vector) -> tuple[Vector, Vector]:
 
 
 def unbounded(problem: QP, ray: Vector, counters: Mapping[str, int]) -> SolverOutput | None:
-    """The claim, where the ray is one to rounding: as it is, or with its small components 0."""
+    """Return the claim, where the ray is one to rounding: as it is, or with its small components 0."""
     slope = unboundedness(problem, ray)
     if slope is None:
         slope = unboundedness(problem, np.where(abs(ray) > DECISIVE * max_abs(ray), ray, 0.0))

@@ -73,7 +73,7 @@ class ActiveSet:
         self._size, self._x_bounds = lower.size, (lower[:n], upper[:n])
 
     def begin(self, g: Vector, y: Vector | None) -> None:
-        """From the multipliers y (n + r,) of another run, or from none."""
+        """Begin from the multipliers y (n + r,) of another run, or from none."""
         self._v0 = -blas.dtrsv(self._U, g, trans=1)
         self._y[:] = 0.0 if y is None else y[self._kept] * self._by
         self._gained[0] = -1.0
@@ -98,7 +98,8 @@ class ActiveSet:
         )
 
     def climb(self, limit: int, deadline: float, watch: Callable[[], object] | None) -> int:
-        """One of the outcomes: LIMIT after `limit` passes in all, or when time is out. Calls `watch` now and then."""
+        """Return one of the outcomes: LIMIT after `limit` passes in all, or when time is out. Calls `watch` now and
+        then."""
         while True:
             done = self.passes
             until = min(limit, done + (CHUNK if watch is None else 1 + done // SHARE))
@@ -118,7 +119,7 @@ class ActiveSet:
         return self._kernel
 
     def x(self) -> Vector:
-        """U⁻¹v, exactly at its bounds where they are in the working set."""
+        """Return U⁻¹v, exactly at its bounds where they are in the working set."""
         x = blas.dtrsv(self._U, self._v)
         y = self._y[: self._boxed.size]
         at = self._boxed[y != 0.0]
@@ -127,7 +128,7 @@ class ActiveSet:
         return x
 
     def multipliers(self) -> Vector:
-        """(n + r,), positive at lower bounds and negative at upper ones; after INFEASIBLE the ray."""
+        """Return (n + r,), positive at lower bounds and negative at upper ones; after INFEASIBLE the ray."""
         y = np.zeros(self._size)
         y[self._kept] = self._y / self._by
         return y

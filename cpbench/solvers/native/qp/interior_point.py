@@ -68,7 +68,7 @@ class SlackIterate:
         self.rows = np.flatnonzero(self.equal[n:])
 
     def begin(self) -> bool:
-        """The regularized least-squares point, its slacks and multipliers pushed inside."""
+        """Return the regularized least-squares point, its slacks and multipliers pushed inside."""
         form, n = self.form, self.form.g.size
         w, theta = np.zeros(n), np.ones(self.equal.size - n)
         w[self.at[self.at < n]] = 1.0
@@ -90,11 +90,11 @@ class SlackIterate:
         return np.concatenate([self.x, self.form.G @ self.x])
 
     def _sum(self, sides: Vector) -> Vector:
-        """Of the sides of every s."""
+        """Return the sum of the sides of every s."""
         return np.bincount(self.at, sides, minlength=self.equal.size).astype(np.float64, copy=False)
 
     def _gather(self, equations: Vector) -> None:
-        """y of the sides and of the equations, and of fixed unknowns by stationarity."""
+        """Return y of the sides and of the equations, and of fixed unknowns by stationarity."""
         n = self.form.g.size
         self.y = self._sum(self.sign * self.z)
         self.y[n:][self.rows] = equations
@@ -105,7 +105,8 @@ class SlackIterate:
         self.rd[self.fixed] = 0.0
 
     def step(self, share: float, gap: float) -> bool:
-        """One predictor and corrector; False where the linear system breaks down. gap : tᵀz that is small enough."""
+        """Take one predictor and corrector step; False where the linear system breaks down. gap : tᵀz that is small
+        enough."""
         form, n = self.form, self.form.g.size
         s, t, z, sign, at = self.s(), self.t, self.z, self.sign, self.at
         rp = sign * (s[at] - self.bound) - t
@@ -120,7 +121,7 @@ class SlackIterate:
         off = form.lower[n:][self.rows] - s[n:][self.rows]
 
         def direction(c: Vector, solve: Solve) -> tuple[Vector, Vector, Vector, Vector]:
-            """For tz + t dz + z dt = tz − c: dx, dy of equalities, dt, dz."""
+            """Solve for tz + t dz + z dt = tz − c: dx, dy of equalities, dt, dz."""
             h = self._sum(-sign * (c + z * rp) / t)
             a = h[:n] - self.rd
             a[self.fixed] = 0.0
@@ -230,7 +231,7 @@ class InteriorPoint(Solver):
 def _proved(
     problem: QP, form: ScaledQP, iterate: SlackIterate, before: tuple[Vector, Vector], counters: dict[str, int]
 ) -> SolverOutput | None:
-    """What the iterate, or its last step, proves when it goes along a ray for ever."""
+    """Return what the iterate, or its last step, proves when it goes along a ray for ever."""
     n, m = form.g.size, problem.b.size
     for x, y in ((iterate.x, iterate.y), (iterate.x - before[0], iterate.y - before[1])):
         rows = y[n:] * form.E
@@ -242,6 +243,6 @@ def _proved(
 
 
 def _reach(value: Vector, change: Vector, most: float = 1.0) -> float:
-    """The largest step up to `most` that keeps value + step·change ≥ 0."""
+    """Return the largest step up to `most` that keeps value + step·change ≥ 0."""
     fastest = float((-change / value).max(initial=0.0))
     return min(most, 1.0 / fastest) if fastest > 0.0 else most

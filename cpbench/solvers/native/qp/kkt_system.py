@@ -39,7 +39,7 @@ class KKT(ABC):
         self.n = H.shape[0]
 
     def factor(self, w: Vector, theta: Vector) -> bool:
-        """False where it breaks down."""
+        """Factor; return False where it breaks down."""
         self.w, self.theta = w, theta
         return bool(np.isfinite(w).all() and np.isfinite(theta).all()) and self._factor()
 
@@ -48,10 +48,10 @@ class KKT(ABC):
 
     @abstractmethod
     def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
-        """(dx, v) of the regularized system."""
+        """Return (dx, v) of the regularized system."""
 
     def solve(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
-        """(dx, v), refined while that helps."""
+        """Return (dx, v), refined while that helps."""
         size = max(max_abs(a), max_abs(b))
         x, v = self.apply(a, b)
         left = self._left(a, b, x, v)
@@ -179,6 +179,6 @@ class SparseKKT(KKT):
 
 
 def _minimum_degree(K: Any) -> Any:
-    """SuperLU's order of the columns of K, from an incomplete factorization that keeps next to nothing."""
+    """Return SuperLU's order of the columns of K, from an incomplete factorization that keeps next to nothing."""
     how: Any = {"drop_tol": 0.99, "fill_factor": 1, "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     return np.argsort(spla.spilu(K, permc_spec="MMD_AT_PLUS_A", **how).perm_c)

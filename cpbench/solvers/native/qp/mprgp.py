@@ -76,7 +76,7 @@ class _OnBox(Solver):
 
 
 def with_multipliers(problem: QP, z: Vector) -> QPPoint:
-    """z between its bounds, with ν the gradient where a bound holds it against that."""
+    """Return z between its bounds, with ν the gradient where a bound holds it against that."""
     z = project_box(z, problem.lb, problem.ub)
     with np.errstate(all="ignore"):
         gradient = problem.Q @ z + problem.p
@@ -85,8 +85,8 @@ def with_multipliers(problem: QP, z: Vector) -> QPPoint:
 
 
 def descent_without_end(problem: QP, ray: Vector, budget: Budget) -> Vector | None:
-    """A checked d, ‖d‖∞ = 1, with Qd = 0, pᵀd < 0 and no bound in its way: the objective falls for ever. None where
-    neither the ray is one nor a linear program finds one."""
+    """Return a checked d, ‖d‖∞ = 1, with Qd = 0, pᵀd < 0 and no bound in its way: the objective falls for ever. None
+    where neither the ray is one nor a linear program finds one."""
     low = np.where(np.isfinite(problem.lb), 0.0, -1.0)
     high = np.where(np.isfinite(problem.ub), 0.0, 1.0)
     d = np.clip(ray / (max_abs(ray) or 1.0), low, high)

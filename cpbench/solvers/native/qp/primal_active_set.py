@@ -61,14 +61,14 @@ class WorkingSet:
             self.Q, self.R = sla.qr(self.rows[self.indices].T)
 
     def multipliers(self, gradient: Vector) -> Vector:
-        """(n + r,), by least squares."""
+        """Return (n + r,), by least squares."""
         y, count = np.zeros(self.side.size), self.indices.size
         if count:
             y[self.indices] = sla.solve_triangular(self.R[:count], self.Q[:, :count].T @ gradient)
         return y
 
     def step(self, H: Vector, gradient: Vector, shift: float) -> Vector | None:
-        """To the minimiser over the null space; None where the reduced Hessian is not semidefinite."""
+        """Step to the minimiser over the null space; None where the reduced Hessian is not semidefinite."""
         Z = self.Q[:, self.indices.size :]
         if not Z.shape[1]:
             return np.zeros_like(gradient)

@@ -57,11 +57,11 @@ class ProjectedSide(ABC):
 
     @abstractmethod
     def step(self, u: Vector, length: float) -> Vector:
-        """The projected gradient step from u."""
+        """Return the projected gradient step from u."""
 
     @abstractmethod
     def answer(self, u: Vector) -> tuple[Vector, Vector]:
-        """x and the multipliers of all constraints."""
+        """Return x and the multipliers of all constraints."""
 
     def lipschitz(self, size: int) -> float:
         u = np.random.default_rng(0).standard_normal(size)
@@ -74,7 +74,7 @@ class ProjectedSide(ABC):
 
     @abstractmethod
     def product(self, u: Vector) -> Vector:
-        """The Hessian times u."""
+        """Return the Hessian times u."""
 
 
 class PrimalBox(ProjectedSide):

@@ -36,7 +36,7 @@ class ScaledQP:
     c: float
 
     def parts(self, x: Vector, y: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-        """z, λ, μ, ν; z within its bounds, exactly at those whose multiplier is not 0."""
+        """Return z, λ, μ, ν; z within its bounds, exactly at those whose multiplier is not 0."""
         n, m = self.g.size, self.problem.b.size
         nu = y[:n] / (self.c * self.D)
         z = np.clip(self.D * x, self.problem.lb, self.problem.ub)
@@ -44,26 +44,26 @@ class ScaledQP:
         return z, rows[:m], rows[m:], nu
 
     def start(self, point: QPPoint) -> tuple[Vector, Vector]:
-        """x and y of a point."""
+        """Return x and y of a point."""
         rows = np.concatenate([point.lam, point.mu])
         return point.z / self.D, self.c * np.concatenate([point.nu * self.D, rows / self.E])
 
 
 def stacked(problem: QP) -> tuple[Vector, Vector, Dense]:
-    """Bounds of z and then of the rows [A; C], which come dense."""
+    """Return bounds of z and then of the rows [A; C], which come dense."""
     rows = [matrices.dense(M) for M in (problem.A, problem.C) if M.shape[0]]
     G = rows[0] if len(rows) == 1 else np.vstack(rows) if rows else np.zeros((0, problem.p.size))
     return *limits(problem), G
 
 
 def limits(problem: QP) -> tuple[Vector, Vector]:
-    """Bounds of z and then of the rows [A; C]."""
+    """Return bounds of z and then of the rows [A; C]."""
     lower = np.concatenate([problem.lb, problem.b, problem.d])
     return lower, np.concatenate([problem.ub, np.full(problem.b.size, np.inf), problem.d])
 
 
 def scaled(problem: QP, *, keep_sparse: bool = False) -> ScaledQP:
-    """The scaled problem, dense unless `keep_sparse` and some of its matrices are sparse."""
+    """Return the scaled problem, dense unless `keep_sparse` and some of its matrices are sparse."""
     n, r = problem.p.size, problem.b.size + problem.d.size
     D, E = np.ones(n), np.ones(r)
     lower, upper = limits(problem)
@@ -81,7 +81,7 @@ def scaled(problem: QP, *, keep_sparse: bool = False) -> ScaledQP:
 
 
 def _sparse_equilibrated(H: sp.csr_array, G: sp.csr_array, D: Vector, E: Vector) -> tuple[Matrix, Matrix]:
-    """As the kernel `equilibrate`, entries of sparse matrices."""
+    """Equilibrate as the kernel `equilibrate` does, entries of sparse matrices."""
     H, G = H.copy(), G.copy()
     h_rows = np.repeat(np.arange(H.shape[0]), np.diff(H.indptr))
     g_rows = np.repeat(np.arange(G.shape[0]), np.diff(G.indptr))
@@ -99,5 +99,5 @@ def _sparse_equilibrated(H: sp.csr_array, G: sp.csr_array, D: Vector, E: Vector)
 
 
 def _root(size: Vector) -> Vector:
-    """Powers of two near size^-½, 1 where the size is 0."""
+    """Return powers of two near size^-½, 1 where the size is 0."""
     return 2.0 ** np.round(-0.5 * np.log2(np.where(size > 0.0, size, 1.0)))
