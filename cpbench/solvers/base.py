@@ -25,7 +25,7 @@ from cpbench.solvers.renamed import RENAMED
 
 
 class Trait(StrEnum):
-    """What a solver can do, read without running it."""
+    """Ability of a solver, read without running it."""
 
     SPARSE = "sparse"
     WARM_START = "warm-start"
@@ -37,7 +37,7 @@ class Trait(StrEnum):
 
 
 class Claim(StrEnum):
-    """What a solver says of its own answer. It is recorded and compared with the verdict, never believed."""
+    """A solver's own account of its answer. It is recorded and compared with the verdict, never believed."""
 
     SOLVED = "solved"
     INACCURATE = "inaccurate"
@@ -100,7 +100,7 @@ class SolverSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """What a solver may use.
+    """Limits of a solve.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Budget:
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOutput:
-    """What came out: a claim, an answer if there is one, counters (iterations, pivots, factorizations,
+    """Result of a solve: a claim, an answer if there is one, counters (iterations, pivots, factorizations,
     matrix_vector_products, projections, ...), a message, a certificate of infeasibility (to rounding) if there is one,
     and the seconds that the solver says it took (`reported`: kept beside our own time, never in its place)."""
 
@@ -154,7 +154,7 @@ time, less what it takes itself. An answer must not depend on whether somebody r
 
 @dataclass(frozen=True)
 class Availability:
-    """Whether a solver can run here: ok, missing (what to install), broken (the traceback) or licence."""
+    """State of a solver on this machine: ok, missing (what to install), broken (the traceback) or licence."""
 
     state: str
     detail: str = ""

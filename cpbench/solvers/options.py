@@ -45,7 +45,7 @@ def fixed(default: T) -> T:
 
 @dataclass(frozen=True)
 class Domain:
-    """Where the values of an option lie: `choices`, or the numbers from `low` to `high`, `whole` ones if so."""
+    """Values that are worth a search: `choices`, or the numbers from `low` to `high`, `whole` ones if so."""
 
     choices: tuple[Any, ...] = ()
     low: float = 0.0

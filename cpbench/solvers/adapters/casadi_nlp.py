@@ -27,7 +27,7 @@ SQP_CLAIMS = {
 
 @dataclass(frozen=True)
 class NLPOptions:
-    """`max_iterations` : of the guest, unless the budget bounds them."""
+    """Options of casadi-ipopt-nlp, casadi-sqpmethod. `max_iterations` : of the guest, unless the budget bounds them."""
 
     max_iterations: int = fixed(3000)
 
@@ -82,12 +82,12 @@ class CasadiNLP(Solver):
         first = problem.at_start if start is None else np.clip(start.z, problem.lb, problem.ub)
         upper = np.where(np.arange(m + problem.h.rows) < m, np.inf, 0.0)
         result = prepared.solver(x0=first, lbx=problem.lb, ubx=problem.ub, lbg=np.zeros(upper.size), ubg=upper)
-        told = prepared.solver.stats()
+        stats = prepared.solver.stats()
         z, own = (np.asarray(result[name], dtype=float).ravel() for name in ("x", "lam_g"))
         point = answer(problem, z, -own[:m], -own[m:]) if np.isfinite(np.concatenate([z, own])).all() else None
-        ended = self.claims.get(told["return_status"], Claim.FAILED)
-        counters = {"iterations": max(int(told["iter_count"]), 0)}
-        return concluded(problem, point, budget, ended, told["return_status"], counters)
+        ended = self.claims.get(stats["return_status"], Claim.FAILED)
+        counters = {"iterations": max(int(stats["iter_count"]), 0)}
+        return concluded(problem, point, budget, ended, stats["return_status"], counters)
 
 
 def _spec(name: str, summary: str, method: str, citation: str, licence: str, *, quick: bool = False) -> SolverSpec:

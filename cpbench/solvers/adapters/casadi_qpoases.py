@@ -13,7 +13,8 @@ from cpbench.solvers.base import Claim, SolverSpec, Trait, register
 
 @register
 class CasadiQPOASES(QPBackend):
-    """`casadi.conic` with the plugin qpoases, dense; the object is made with the tolerances, in `solve`."""
+    """qpOASES through `casadi.conic` with the plugin qpoases, dense; the object is made with the tolerances, in
+    `solve`."""
 
     spec = SolverSpec(
         name="casadi-qpoases",
@@ -58,13 +59,13 @@ class CasadiQPOASES(QPBackend):
             lbx=-np.inf if form.lb is None else form.lb,
             ubx=np.inf if form.ub is None else form.ub,
         )
-        told = solver.stats()
+        stats = solver.stats()
         multipliers = np.asarray(result["lam_a"]).ravel()
         return BackendAnswer(
-            status=told["return_status"],
+            status=stats["return_status"],
             x=np.asarray(result["x"]).ravel(),
             z=multipliers[: h.size],
             y=multipliers[h.size :],
             z_box=np.asarray(result["lam_x"]).ravel(),
-            counters={"iterations": int(told["iter_count"])},
+            counters={"iterations": int(stats["iter_count"])},
         )

@@ -19,7 +19,7 @@ from cpbench.solvers.native.cone.polish import polish
 
 @dataclass(frozen=True)
 class ClarabelConeOptions:
-    """`polish` : the most Newton steps on an answer that is not good enough."""
+    """Options of clarabel-coneqp. `polish` : the most Newton steps on an answer that is not good enough."""
 
     polish: int = 10
 

@@ -22,7 +22,7 @@ _NOT_CVXPYS = ("raise_error",)
 
 @dataclass(frozen=True)
 class CvxpyQPOptions:
-    """`solver` : clarabel, osqp, piqp or scs."""
+    """Options of cvxpy-qp. `solver` : clarabel, osqp, piqp or scs."""
 
     solver: str = "clarabel"
 

@@ -53,7 +53,7 @@ STALL = 300
 
 @dataclass(frozen=True)
 class DeSaxceOptions:
-    """`max_iterations` : convex programs."""
+    """Options of the methods of this module. `max_iterations` : convex programs."""
 
     max_iterations: int = 1000
 

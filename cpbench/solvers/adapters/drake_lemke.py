@@ -12,7 +12,7 @@ from cpbench.solvers.base import SolverSpec, Trait, register
 
 @register
 class DrakeLemke(DrakeLCP):
-    """`UnrevisedLemkeSolver`, without perturbation or lexicographic rule: a cycle ends it, as does a ray."""
+    """Drake's `UnrevisedLemkeSolver`, without perturbation or lexicographic rule: a cycle ends it, as does a ray."""
 
     spec = SolverSpec(
         name="drake-lemke",

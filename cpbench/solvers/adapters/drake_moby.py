@@ -10,8 +10,8 @@ from cpbench.solvers.base import SolverSpec, Trait, register
 
 @register
 class DrakeMoby(DrakeLCP):
-    """`MobyLcpSolver`. It tests an answer of a regularized problem on that problem, not on the one that was asked: its
-    success is passed on as its claim, true or not. Ties are broken by the first index, which may cycle."""
+    """Drake's `MobyLcpSolver`. It tests an answer of a regularized problem on that problem, not on the one that was
+    asked: its success is passed on as its claim, true or not. Ties are broken by the first index, which may cycle."""
 
     spec = SolverSpec(
         name="drake-moby",

@@ -28,8 +28,8 @@ def refusal() -> tuple[int, str]:
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=60)
     if done.returncode == 0:
         return 0, ""
-    said = [line.removeprefix("***").strip() for line in done.stdout.splitlines() if line.startswith("***")]
-    return done.returncode, "; ".join(said[:2]) or f"GAMS ended with return code {done.returncode}"
+    complaints = [line.removeprefix("***").strip() for line in done.stdout.splitlines() if line.startswith("***")]
+    return done.returncode, "; ".join(complaints[:2]) or f"GAMS ended with return code {done.returncode}"
 
 
 def system_directory() -> Path:

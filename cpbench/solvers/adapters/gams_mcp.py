@@ -98,7 +98,7 @@ class GamsMCP(Solver):
         return SolverOutput(
             claim=claim,
             point=prepared.point(x) if np.isfinite(x).all() else None,
-            counters={"iterations": int(model.num_iterations)} if _told(model.num_iterations) else {},
+            counters={"iterations": int(model.num_iterations)} if _known(model.num_iterations) else {},
             message=f"{ended}, {found}",
         )
 
@@ -165,11 +165,11 @@ def _installed(guest: str) -> Availability | None:
 
 @cache
 def _licensed() -> Availability:
-    code, said = gams_licence.refusal()
+    code, message = gams_licence.refusal()
     if code == 0:
         return Availability("ok")
     licence = code == gams_licence.LICENSING
-    return Availability("licence", f"{said}; {gams_licence.ADVICE}") if licence else Availability("broken", said)
+    return Availability("licence", f"{message}; {gams_licence.ADVICE}") if licence else Availability("broken", message)
 
 
 def _empty(problem: LCP | MLCP) -> tuple[int, int]:
@@ -186,6 +186,6 @@ def _idle(*matrices: Matrix, axis: int) -> int:
     return int((sum(np.asarray((M != 0).sum(axis=axis)).ravel() for M in matrices) == 0).sum())
 
 
-def _told(value: Any) -> bool:
+def _known(value: Any) -> bool:
     """Return whether GAMS knows the value: it has numbers beyond 1e299 for what it does not."""
     return value is not None and 0.0 <= value < 1e299

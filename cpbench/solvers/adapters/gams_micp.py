@@ -95,10 +95,10 @@ class GamsMiCP(Solver):
             (folder / "model.gms").write_text(gams_model.model(prepared, first, self.guest, limits))
             settings = self.settings(tolerance, budget).items()
             (folder / f"{self.guest}.opt").write_text("".join(f"{key} {value}\n" for key, value in settings))
-            told = _run(folder, self.guest, budget)
-        if isinstance(told, str):
-            return SolverOutput(claim=Claim.FAILED, message=told)
-        ended, found, iterations, z = int(told[0]), int(told[1]), told[2], told[3:]
+            values = _run(folder, self.guest, budget)
+        if isinstance(values, str):
+            return SolverOutput(claim=Claim.FAILED, message=values)
+        ended, found, iterations, z = int(values[0]), int(values[1]), values[2], values[3:]
         if ended == LICENCE:
             raise Unavailable("licence", f"{self.guest} has no licence; {gams_licence.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
@@ -136,8 +136,8 @@ def _run(folder: Path, guest: str, budget: Budget) -> Any:
     if not written.exists():
         listing = folder / "model.lst"
         text = listing.read_text(errors="replace") if listing.exists() else ""
-        said = [line.strip("* ") for line in text.splitlines() if line.startswith("****")]
-        return f"GAMS ended with return code {done.returncode}: {'; '.join(said[:2]) or 'no message'}"
+        complaints = [line.strip("* ") for line in text.splitlines() if line.startswith("****")]
+        return f"GAMS ended with return code {done.returncode}: {'; '.join(complaints[:2]) or 'no message'}"
     return np.array([_read(word) for word in written.read_text().split()])
 
 

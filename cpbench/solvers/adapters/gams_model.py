@@ -99,8 +99,8 @@ def model(problem: MiCP, start: Vector, guest: str, limits: Mapping[str, float])
     lines += [f"m.{name}={_number(value)};" for name, value in limits.items()]
     lines.append("solve m using mcp;")
     lines.append("file answer /answer.txt/; answer.nr=2; answer.nd=15; answer.nw=25; put answer;")
-    told = ["m.solveStat", "m.modelStat", "m.iterUsd", *(f"x{i}.l" for i in range(n))]
-    lines += [f"put {value} /;" for value in told]
+    printed = ["m.solveStat", "m.modelStat", "m.iterUsd", *(f"x{i}.l" for i in range(n))]
+    lines += [f"put {value} /;" for value in printed]
     return "\n".join([*lines, "putclose;"])
 
 

@@ -118,7 +118,7 @@ def _own_interrupt() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def explained(who: str) -> Iterator[None]:
+def explained(solver: str) -> Iterator[None]:
     """Return gamspy's exception as what it is: a refused licence, a dead process, or its own summary of errors."""
     try:
         yield
@@ -127,13 +127,13 @@ def explained(who: str) -> Iterator[None]:
     except Exception as error:
         lost = _workspaces.pop(os.getpid(), None)  # nobody knows what is left of it
         code = lost.ended() if lost else None
-        refused, said = _refusal()
+        refused, message = _refusal()
         if refused == gams_licence.LICENSING:
-            raise Unavailable("licence", f"{said}; {gams_licence.ADVICE}") from None
+            raise Unavailable("licence", f"{message}; {gams_licence.ADVICE}") from None
         if getattr(error, "return_code", None) == gams_licence.LICENSING:
             raise Unavailable("licence", f"{_summary(error)}; {gams_licence.ADVICE}") from None
         if code is not None and code != 0:
-            raise Ended(who, code) from None
+            raise Ended(solver, code) from None
         raise RuntimeError(f"{type(error).__name__}: {_summary(error)}") from error
 
 

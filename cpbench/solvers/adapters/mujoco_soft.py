@@ -41,7 +41,7 @@ LARGEST = 6_000
 
 @dataclass(frozen=True)
 class MuJoCoOptions:
-    """`method` : newton, cg or pgs. `max_iterations` : the most."""
+    """Options of mujoco-soft. `method` : newton, cg or pgs. `max_iterations` : the most."""
 
     method: str = "newton"
     max_iterations: int = 1_000
@@ -49,8 +49,8 @@ class MuJoCoOptions:
 
 @dataclass(frozen=True)
 class _Scene:
-    """`model`, `data` : MuJoCo's. `J` : JJᵀ = Q − R, scaled. `active` : the unknowns of its rows. `row` : where those
-    are among MuJoCo's constraints. `unit` : x = unit·f. `theta` : R = θD."""
+    """MuJoCo's scene of a problem. `model`, `data` : MuJoCo's. `J` : JJᵀ = Q − R, scaled. `active` : the unknowns of
+    its rows. `row` : where those are among MuJoCo's constraints. `unit` : x = unit·f. `theta` : R = θD."""
 
     problem: ConeQP
     model: Any

@@ -26,7 +26,8 @@ FINEST = 1e-14
 
 @dataclass(frozen=True)
 class PinocchioContacts:
-    """`G`, `g` : W/w and q/s in Pinocchio's order. `order` : their components in ours. `unit` : s/w, a force.
+    """A problem as Pinocchio takes it. `G`, `g` : W/w and q/s in Pinocchio's order. `order` : their components in
+    ours. `unit` : s/w, a force.
 
     `models`, `data` : std::vectors of the contacts' cones.
     """

@@ -41,7 +41,7 @@ SHALLOW = 2**21
 
 @dataclass(frozen=True)
 class PinocchioPGSOptions:
-    """`over_relaxation` : ω in ]0, 2[. `max_iterations` : sweeps."""
+    """Options of pinocchio-pgs. `over_relaxation` : ω in ]0, 2[. `max_iterations` : sweeps."""
 
     over_relaxation: float = 1.0
     max_iterations: int = 100_000

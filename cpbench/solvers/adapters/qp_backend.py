@@ -30,7 +30,7 @@ EIGENVALUE_LIMIT = 1000
 
 @dataclass(frozen=True)
 class BackendAnswer:
-    """What a backend returned: its own word for how it ended, x and the multipliers, counters."""
+    """Result of a backend: its own word for how it ended, x and the multipliers, counters."""
 
     status: str
     x: Any | None = None

@@ -76,19 +76,19 @@ class SiconosEntry:
     @property
     def known_failures(self) -> Mapping[str, str]:
         """In the words of a spec."""
-        told = {f"case-{case}": f"info 0, our error {error:.1e}" for case, error in self.false.items()}
-        told |= {f"case-{case}": how for case, how in self.ends.items()} | dict(self.failures)
+        failures = {f"case-{case}": f"info 0, our error {error:.1e}" for case, error in self.false.items()}
+        failures |= {f"case-{case}": how for case, how in self.ends.items()} | dict(self.failures)
         if self.early:
             errors = ", ".join(f"{error:.1e} ({case})" for case, error in self.early.items())
-            told["check_one_iteration_claims_nothing_false"] = f"info 0 after one iteration, our error {errors}"
+            failures["check_one_iteration_claims_nothing_false"] = f"info 0 after one iteration, our error {errors}"
         if self.impossible:
-            told["check_infeasibility_is_proved_or_not_claimed_solved"] = f"info 0: {', '.join(self.impossible)}"
-        return told
+            failures["check_infeasibility_is_proved_or_not_claimed_solved"] = f"info 0: {', '.join(self.impossible)}"
+        return failures
 
 
 @dataclass(frozen=True)
 class SiconosSettings:
-    """What the guest is told with every solve."""
+    """Settings that the guest gets with every solve."""
 
     tolerance: float
     max_iter: int
@@ -127,8 +127,8 @@ class SiconosSolver(ServedSolver):
     def solve(
         self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        told = SiconosSettings(inner=self.row.inner, **translate(budget, self.row.bound))
-        return super().solve(prepared, budget, told, start, record)
+        settings = SiconosSettings(inner=self.row.inner, **translate(budget, self.row.bound))
+        return super().solve(prepared, budget, settings, start, record)
 
     def version(self) -> str:
         return str(about(interpreter()).get("version", ""))
@@ -166,7 +166,7 @@ def about(python: str) -> Mapping[str, Any]:
         return {"state": "broken", "detail": f"{python}: {cause}"}
     if asked.returncode == 0:
         return json.loads(asked.stdout.splitlines()[-1])
-    said = asked.stderr.strip()
-    if said.endswith("No module named 'siconos'"):
+    message = asked.stderr.strip()
+    if message.endswith("No module named 'siconos'"):
         return {"state": "missing", "detail": f"{python} has no siconos; {INSTALL}"}
-    return {"state": "broken", "detail": said or f"{python} ended with {asked.returncode}"}
+    return {"state": "broken", "detail": message or f"{python} ended with {asked.returncode}"}

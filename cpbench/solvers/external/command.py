@@ -103,10 +103,10 @@ class CommandSolver(Solver):
 
     def collect(self, output: SolverOutput) -> SolverOutput:
         handed: Any = output.point
-        told = _told(self.spec.name, handed)
-        if told.claim in ANSWERED and not handed.answered():
+        result = _claimed_output(self.spec.name, handed)
+        if result.claim in ANSWERED and not handed.answered():
             raise ProgramError(f"{self.spec.name}: exited with code 0 and wrote no answer")
-        return dataclasses.replace(told, point=handed.answer(self.spec.name, told.claim))
+        return dataclasses.replace(result, point=handed.answer(self.spec.name, result.claim))
 
     def version(self) -> str:
         return ""
@@ -156,7 +156,7 @@ def _text(value: Any) -> str:
     return str(value) if isinstance(value, int | Path) or not math.isinf(value) else "inf"
 
 
-def _told(who: str, handed: HandedOver) -> SolverOutput:
+def _claimed_output(solver: str, handed: HandedOver) -> SolverOutput:
     """Return what a `claim.json` says, solved where there is none; raises ProgramError."""
     answer = handed.path("answer")
     for path in (answer / CLAIM, answer.parent / CLAIM):
@@ -165,10 +165,10 @@ def _told(who: str, handed: HandedOver) -> SolverOutput:
                 text = file.read(_MOST + 1)
             path.unlink()  # what is left in a folder is the answer
             try:
-                said = json.loads(text) if len(text) <= _MOST else None
+                claimed = json.loads(text) if len(text) <= _MOST else None
             except (ValueError, RecursionError):
-                said = None
-            if not isinstance(said, dict):
-                raise ProgramError(f"{who}: wrote a {CLAIM} that is no JSON object: {text[:200]!r}")
-            return output(who, {"claim": "solved", **said}, handed)
+                claimed = None
+            if not isinstance(claimed, dict):
+                raise ProgramError(f"{solver}: wrote a {CLAIM} that is no JSON object: {text[:200]!r}")
+            return output(solver, {"claim": "solved", **claimed}, handed)
     return SolverOutput(claim=Claim.SOLVED, point=handed)

@@ -142,8 +142,8 @@ def declare_text(text: str) -> str | None:
     try:
         found = tomllib.loads(f"table = {table}")
     except (ValueError, RecursionError) as cause:
-        said = str(cause).replace("(at line 1, column", "(column")
-        raise CpbenchError(f"solver '{text}': is no inline table of TOML, as {{serve=\"./mine\"}}: {said}") from None
+        reason = str(cause).replace("(at line 1, column", "(column")
+        raise CpbenchError(f"solver '{text}': is no inline table of TOML, as {{serve=\"./mine\"}}: {reason}") from None
     declare(name, found["table"], "")
     _texts[name] = text.strip()
     return name

@@ -98,14 +98,14 @@ class HandedOver:
         path = self.path("answer")
         return any(entry.name != CLAIM for entry in path.iterdir()) if path.is_dir() else path.exists()
 
-    def answer(self, who: str, claim: Claim) -> Any | None:
+    def answer(self, solver: str, claim: Claim) -> Any | None:
         """Return the answer that was written into `room`; raises ValueError where it is not what the claim needs."""
         if claim not in ANSWERED and not self.answered():
             return None
         try:
             return self.exchange.read_answer(self.path("answer"), self.problem)
         except FormatError as cause:
-            raise ValueError(f"{who} claims {claim}, its answer {cause.field} {cause.cause}") from None
+            raise ValueError(f"{solver} claims {claim}, its answer {cause.field} {cause.cause}") from None
 
 
 class ServedSolver(Solver):
@@ -225,14 +225,14 @@ def backstop(seconds: float) -> float:
     return 1.5 * seconds + 5.0
 
 
-def output(who: str, reply: Mapping[str, Any], point: Any) -> SolverOutput:
+def output(solver: str, reply: Mapping[str, Any], point: Any) -> SolverOutput:
     """Return a claim with what else a program may say of its solve; raises ProgramError on a claim that is none."""
     try:
         claim = Claim(reply.get("claim"))
     except ValueError:
-        raise ProgramError(f"{who}: claims {reply.get('claim')!r:.100}, expected {', '.join(Claim)}") from None
-    told, iterations, seconds = reply.get("counters"), reply.get("iterations"), reply.get("seconds")
-    counters = dict(told) if isinstance(told, dict) else {}
+        raise ProgramError(f"{solver}: claims {reply.get('claim')!r:.100}, expected {', '.join(Claim)}") from None
+    counted, iterations, seconds = reply.get("counters"), reply.get("iterations"), reply.get("seconds")
+    counters = dict(counted) if isinstance(counted, dict) else {}
     if iterations is not None:
         counters["iterations"] = iterations
     measured = isinstance(seconds, int | float) and not isinstance(seconds, bool) and 0 <= seconds < math.inf
@@ -311,8 +311,8 @@ def _started(solver: ServedSolver) -> tuple[Session, str]:
         raise
     except CpbenchError as cause:
         session.kill()
-        said = "\n".join(filter(None, (session.words, str(cause))))
-        raise Unavailable("broken", f"{said}{_way_out(solver)}") from None
+        message = "\n".join(filter(None, (session.words, str(cause))))
+        raise Unavailable("broken", f"{message}{_way_out(solver)}") from None
     version = reply.get("version")
     return session, "" if version is None else str(version)
 

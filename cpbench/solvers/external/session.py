@@ -191,10 +191,10 @@ class Session:
             patience = min(left, _LOOK if self._end is None else 3600.0)
             ready = [descriptor for descriptor, _ in self._poll.poll(math.ceil(1000 * patience))]
             if self._err in ready:
-                said = _read(self._err)
-                if not said:  # closed, as programs may
+                text = _read(self._err)
+                if not text:  # closed, as programs may
                     self._poll.unregister(self._err)
-                self._pass(said)
+                self._pass(text)
             if self._end in ready or (self._end is None and not ready and self._code() is not None):
                 return True
             if self._out in ready:
@@ -239,12 +239,12 @@ class Session:
         if "error" in reply:
             raise ProgramError(f"{self.name}: {str(reply['error'])[:WORDS]}")
 
-    def _pass(self, said: bytes) -> None:
-        if self._passing_on and said:
+    def _pass(self, text: bytes) -> None:
+        if self._passing_on and text:
             with contextlib.suppress(OSError):
-                os.write(2, said)
+                os.write(2, text)
         else:
-            self._words = (self._words + said)[-WORDS:]
+            self._words = (self._words + text)[-WORDS:]
 
 
 _ADVICE = "every answer is one JSON object on a line of stdout with ok = true or what is wrong; the rest is for stderr"

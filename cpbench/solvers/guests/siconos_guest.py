@@ -90,7 +90,7 @@ def _answer(guest: Guest, line: str, replies: TextIO) -> None:
 
 
 class Guest:
-    """What the requests do, for one solver and the storage of its matrices."""
+    """Handlers of the requests, for one solver and the storage of its matrices."""
 
     def __init__(self, solver: str, storage: str) -> None:
         import siconos_maps  # before the first fork

@@ -33,8 +33,8 @@ WORTH = 1.0
 
 @dataclass(frozen=True)
 class SolverPhase:
-    """`solver` : a registered one of the node. `iterations` : the most that it may make, None for its own limit.
-    `options` : those that differ from its own."""
+    """One phase of the automatic choice. `solver` : a registered one of the node. `iterations` : the most that it
+    may make, None for its own limit. `options` : those that differ from its own."""
 
     solver: str
     iterations: int | None = None
@@ -43,8 +43,8 @@ class SolverPhase:
 
 @dataclass(frozen=True)
 class Plan:
-    """What `setup` hands to `solve`. `first` : what the first solver's own `setup` has made of the problem, None where
-    it does not take it; it has its `options`."""
+    """Prepared problem of the automatic choice. `first` : what the first solver's own `setup` has made of the
+    problem, None where it does not take it; it has its `options`."""
 
     problem: Problem
     phases: tuple[SolverPhase, ...]
@@ -126,7 +126,7 @@ def automatic_solvers() -> dict[str, str]:
 
 
 class _Run:
-    """What the phases have come to."""
+    """State of the phases."""
 
     def __init__(self, plan: Plan, budget: Budget, start: Any | None, record: Record | None) -> None:
         problem = plan.problem
@@ -136,7 +136,7 @@ class _Run:
         self._deadline = time.monotonic() + budget.seconds
         self._best, self._error = start, math.inf if start is None else self._measured(start)
         self._iterations, self._recorded = 0, -1
-        self._told: list[str] = []
+        self._messages: list[str] = []
         self._counters: dict[str, int] = {"iterations": 0, "solvers": 0}
         self._ended: SolverOutput | None = None
         self._last = Claim.FAILED
@@ -162,14 +162,14 @@ class _Run:
         elif (why := solver.obstacle(self._problem)) is None:
             output = solver.run(self._problem, share, solver.spec.options(**phase.options), start, record)
         else:
-            self._told.append(f"{phase.solver}: {why}")
+            self._messages.append(f"{phase.solver}: {why}")
             return
         self._count(output)
         if output.claim is Claim.SOLVED and output.point is not None:
-            self._told.append(f"{phase.solver}: solved")
+            self._messages.append(f"{phase.solver}: solved")
             self._end(output, recorded=Trait.HISTORY in solver.spec.traits)
         elif output.certificate is not None:
-            self._told.append(f"{phase.solver}: {output.claim}, with a certificate")
+            self._messages.append(f"{phase.solver}: {output.claim}, with a certificate")
             self._ended = output
         else:
             self._keep(phase.solver, output)
@@ -177,8 +177,8 @@ class _Run:
     def concluded(self) -> SolverOutput:
         """Return the answer that solves it, the certificate that none does, or the best that was found."""
         if self._ended is not None:
-            told = [self._ended.message] if not self._told else self._told
-            ended, message = self._ended, "; ".join(told)
+            messages = [self._ended.message] if not self._messages else self._messages
+            ended, message = self._ended, "; ".join(messages)
             return SolverOutput(
                 claim=ended.claim,
                 point=ended.point,
@@ -186,8 +186,8 @@ class _Run:
                 message=message,
                 certificate=ended.certificate,
             )
-        told = "; ".join([*self._told, f"best error {self._error:.1e}"])
-        return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=told)
+        messages = "; ".join([*self._messages, f"best error {self._error:.1e}"])
+        return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=messages)
 
     def _share(self, phase: SolverPhase) -> Budget:
         budget, most = self._budget, phase.iterations
@@ -207,7 +207,7 @@ class _Run:
     def _keep(self, name: str, output: SolverOutput) -> None:
         self._last = output.claim if output.claim is not Claim.SOLVED else Claim.FAILED
         error = math.inf if output.point is None else self._measured(output.point)
-        self._told.append(f"{name}: {output.message or output.claim}")
+        self._messages.append(f"{name}: {output.message or output.claim}")
         if error <= self._budget.tolerance:
             self._end(replace(output, claim=Claim.SOLVED), recorded=False)
         elif error < self._error:

@@ -30,8 +30,9 @@ ROOM = 64
 
 @dataclass(frozen=True)
 class PivotOptions:
-    """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data scaled to size one,
-    do not block. `tie_tolerance` : rows that a step would bring this close to a bound count as tied."""
+    """Options of lemke-avi, lemke-relay. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to
+    this, in data scaled to size one, do not block. `tie_tolerance` : rows that a step would bring this close to a
+    bound count as tied."""
 
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
@@ -40,7 +41,8 @@ class PivotOptions:
 
 @dataclass(frozen=True)
 class Walk:
-    """How a path ended ("complementary", "ray", ...), the x of its last basis, the unknowns in it, and the pivots."""
+    """Result of a path: how it ended ("complementary", "ray", ...), the x of its last basis, the unknowns in it, and
+    the pivots."""
 
     outcome: str
     x: Vector

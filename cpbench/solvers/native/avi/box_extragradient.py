@@ -74,7 +74,7 @@ class AffineField(Field):
 
 
 class _Extragradient(Solver):
-    """What the solvers of both nodes share. Tolerance: on the judged error itself, measured at every iterate."""
+    """Base of the solvers of both nodes. Tolerance: on the judged error itself, measured at every iterate."""
 
     def obstacle(self, problem: Affine) -> str | None:
         if isinstance(problem, AVI) and not problem.only_box:

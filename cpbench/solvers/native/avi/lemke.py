@@ -88,7 +88,7 @@ class MultiplierBox:
 
 
 class _Pivoting(Solver):
-    """What the solvers of the two nodes share."""
+    """Base of the solvers of the two nodes."""
 
     def obstacle(self, problem: AVI | Relay) -> str | None:
         size = sum(problem.point_sizes.values())
@@ -210,8 +210,8 @@ class LemkeAVI(_Pivoting):
 
 @register
 class LemkeRelay(_Pivoting):
-    """As many rows as unknowns: bounds cost nothing, where the LCP of a relay problem has twice as many. Ends in a
-    solution whatever M is: the box is bounded."""
+    """Lemke's method on as many rows as unknowns: bounds cost nothing, where the LCP of a relay problem has twice as
+    many. Ends in a solution whatever M is: the box is bounded."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="lemke-relay",

@@ -38,8 +38,8 @@ TINY = 1e-300
 
 @dataclass(frozen=True)
 class ADMMOptions:
-    """`rho` : the first penalty, for data of size one. `alpha` : over-relaxation, in [1, 2[. `balance` : adapt ρ to
-    the residuals."""
+    """Options of admm-coneqp, admm-soclcp. `rho` : the first penalty, for data of size one. `alpha` :
+    over-relaxation, in [1, 2[. `balance` : adapt ρ to the residuals."""
 
     rho: float = searched(0.3, low=1e-3, high=30.0, log=True)
     alpha: float = searched(1.6, low=1.0, high=1.9)
@@ -115,7 +115,7 @@ class ConeSplitting:
 
 
 class _ADMM(ConicSolver):
-    """What the solvers of the two nodes share: everything but the node."""
+    """Base of the solvers of the two nodes: everything but the node."""
 
     def begin(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: ADMMOptions) -> Iterates:
         return ConeSplitting(form, start, options)

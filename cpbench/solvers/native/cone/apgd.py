@@ -33,7 +33,7 @@ HALVINGS = 60
 
 @dataclass(frozen=True)
 class APGDOptions:
-    """`max_iterations`. `stall_window` : iterations without gain after which it gives up."""
+    """Options of apgd. `max_iterations`. `stall_window` : iterations without gain after which it gives up."""
 
     max_iterations: int = fixed(200_000)
     stall_window: int = fixed(20_000)

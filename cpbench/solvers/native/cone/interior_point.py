@@ -45,7 +45,8 @@ NEAR, NEWTON_STEPS = 1e-2, 15
 
 @dataclass(frozen=True)
 class ConeInteriorPointOptions:
-    """`correction` : the exponent in μ⁺ = (1 − α)^correction μ, α the length of the prediction."""
+    """Options of interior-point-coneqp, interior-point-soclcp. `correction` : the exponent in μ⁺ = (1 −
+    α)^correction μ, α the length of the prediction."""
 
     correction: float = searched(3.0, low=1.0, high=4.0)
     max_iterations: int = fixed(100)
@@ -178,7 +179,7 @@ class CentralPath:
 
 
 class _InteriorPoint(ConicSolver):
-    """What the solvers of the two nodes share."""
+    """Base of the solvers of the two nodes."""
 
     window = 15
     every = True

@@ -34,8 +34,8 @@ TINY = 1e-300
 
 @dataclass(frozen=True)
 class ConicADMMOptions(MethodOptions):
-    """`rho` : the first penalty, in units where every W_cc has mean diagonal 1. `alpha` : over-relaxation.
-    `balance` : adapt ρ to the residuals."""
+    """Options of admm-gfc, admm-rfc, admm-grfc. `rho` : the first penalty, in units where every W_cc has mean
+    diagonal 1. `alpha` : over-relaxation. `balance` : adapt ρ to the residuals."""
 
     rho: float = searched(0.1, low=1e-4, high=10.0, log=True)
     alpha: float = searched(1.0, low=1.0, high=1.9)

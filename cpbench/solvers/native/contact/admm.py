@@ -32,9 +32,9 @@ TINY = 1e-300
 
 @dataclass(frozen=True)
 class ADMMContactOptions:
-    """`rho` : the first penalty, in units where every W_cc has mean diagonal 1. `alpha` : over-relaxation.
-    `balance` : adapt ρ to the residuals. `factors` : of sparse W + ρI; CHOLMOD and QDLDL take W for symmetric.
-    `stall_window` : iterations without gain after which it gives up."""
+    """Options of admm-fc. `rho` : the first penalty, in units where every W_cc has mean diagonal 1. `alpha` :
+    over-relaxation. `balance` : adapt ρ to the residuals. `factors` : of sparse W + ρI; CHOLMOD and QDLDL take W for
+    symmetric. `stall_window` : iterations without gain after which it gives up."""
 
     rho: float = searched(0.1, low=1e-4, high=10.0, log=True)
     alpha: float = searched(1.0, low=1.0, high=1.9)

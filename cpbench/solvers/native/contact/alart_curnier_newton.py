@@ -31,7 +31,8 @@ class AlartCurnierNewton(ContactNewton):
 
 @register
 class JeanMoreauNewton(ContactNewton):
-    """As newton-alart-curnier; the friction disk has the radius μ(r_N)₊ of the iterate, not that of its projection."""
+    """The method of newton-alart-curnier; the friction disk has the radius μ(r_N)₊ of the iterate, not that of its
+    projection."""
 
     function = ContactFunction.JEAN_MOREAU
     spec: ClassVar[SolverSpec] = SolverSpec(

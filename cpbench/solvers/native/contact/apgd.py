@@ -27,7 +27,8 @@ PATIENCE, PART = 500, 0.25
 
 @dataclass(frozen=True)
 class APGDContactOptions(MethodOptions):
-    """`hold` : iterations for which De Saxcé's term is kept in the beginning; longer where errors do not fall."""
+    """Options of apgd-fc. `hold` : iterations for which De Saxcé's term is kept in the beginning; longer where
+    errors do not fall."""
 
     hold: int = searched(3, low=1, high=100, log=True)
     max_iterations: int = fixed(500_000)

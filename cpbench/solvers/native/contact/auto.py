@@ -29,7 +29,8 @@ WORDS = 12
 
 @dataclass(frozen=True)
 class AutoContactOptions:
-    """`sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps and iterations of ADMM together."""
+    """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps and iterations of
+    ADMM together."""
 
     sweeps: int = searched(50, low=10, high=500, log=True)
     max_iterations: int = fixed(200_000)
@@ -88,8 +89,8 @@ class AutoContact(Solver):
         if run.error <= budget.tolerance:
             claim, message = Claim.INACCURATE, ROUNDED
         output = conclude(rows.problem, run.best, run.error, budget, claim, message, run.counters)
-        told = (", ".join(run.told[-WORDS:]), output.message)
-        return replace(output, message="; ".join(part for part in told if part))
+        parts = (", ".join(run.parts[-WORDS:]), output.message)
+        return replace(output, message="; ".join(part for part in parts if part))
 
 
 def _tell(record: Record, sweeps: AcceleratedSweeps) -> None:

@@ -11,8 +11,8 @@ from cpbench.solvers.native.contact.semismooth_newton import TRAITS, ContactNewt
 
 @register
 class NaturalMapContact(ContactNewton):
-    """As newton-alart-curnier, on r − P_K(r − ϱû): û has a kink where a contact begins to slide, the derivative there
-    is that without the shift."""
+    """The method of newton-alart-curnier, on r − P_K(r − ϱû): û has a kink where a contact begins to slide, the
+    derivative there is that without the shift."""
 
     function = ContactFunction.NATURAL_MAP
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -29,8 +29,9 @@ class NaturalMapContact(ContactNewton):
 
 @register
 class FischerBurmeisterContact(ContactNewton):
-    """As newton-alart-curnier, on a + b − (a∘a + b∘b)^½ in the Jordan algebra of the second-order cone, of reactions
-    a = (μr_N, r_T) and velocities b = ϱ(û_N, μu_T); a contact without friction has the function of Fischer."""
+    """The method of newton-alart-curnier, on a + b − (a∘a + b∘b)^½ in the Jordan algebra of the second-order cone,
+    of reactions a = (μr_N, r_T) and velocities b = ϱ(û_N, μu_T); a contact without friction has the function of
+    Fischer."""
 
     function = ContactFunction.FISCHER_BURMEISTER
     spec: ClassVar[SolverSpec] = SolverSpec(

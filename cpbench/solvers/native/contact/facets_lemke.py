@@ -36,8 +36,8 @@ PIVOTED = 1e-10
 
 @dataclass(frozen=True)
 class FacetsOptions:
-    """`facets` : ν of the first polygons, even. `outer` : these are around the disk, else within it. `rounds` : LCPs
-    after the first one, each with finer polygons; 0 leaves the plain method."""
+    """Options of facets-lemke. `facets` : ν of the first polygons, even. `outer` : these are around the disk, else
+    within it. `rounds` : LCPs after the first one, each with finer polygons; 0 leaves the plain method."""
 
     facets: int = searched(8, low=4, high=32)
     outer: bool = True

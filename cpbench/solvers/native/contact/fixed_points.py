@@ -32,10 +32,10 @@ FINER, FINEST, SHORTER, SHORTEST = 0.1, 1e-3, 0.7, 0.02
 
 @dataclass(frozen=True)
 class FrozenLawOptions(MethodOptions):
-    """`share` : a convex problem is solved to this times the present error. `momentum` : projected gradients with
-    Nesterov's momentum (symmetric W), else projected Gauss–Seidel. `inner_iterations` : at most, of a convex problem.
-    `relaxation` : of what is frozen, 1 sets it wholly anew; reduced where errors do not fall.
-    `max_iterations` : convex problems."""
+    """Options of aclm-fixed-point, tresca-fixed-point, panagiotopoulos-fixed-point. `share` : a convex problem is
+    solved to this times the present error. `momentum` : projected gradients with Nesterov's momentum (symmetric W),
+    else projected Gauss–Seidel. `inner_iterations` : at most, of a convex problem. `relaxation` : of what is frozen,
+    1 sets it wholly anew; reduced where errors do not fall. `max_iterations` : convex problems."""
 
     share: float = searched(0.1, low=1e-3, high=0.9, log=True)
     momentum: bool = True

@@ -39,8 +39,8 @@ SHORTEST = 1e-8
 
 @dataclass(frozen=True)
 class ContactInteriorPointOptions:
-    """`boundary` : share of the way to the boundary that a step goes. `smoothing` : ε, in units of max|q|, over yᵀw/nc
-    in those of its square. `max_iterations`."""
+    """Options of interior-point-fc, interior-point-relaxation. `boundary` : share of the way to the boundary that a
+    step goes. `smoothing` : ε, in units of max|q|, over yᵀw/nc in those of its square. `max_iterations`."""
 
     boundary: float = searched(0.7, low=0.5, high=0.99)
     smoothing: float = searched(0.1, low=1e-3, high=1.0, log=True)
@@ -49,7 +49,7 @@ class ContactInteriorPointOptions:
 
 
 class _InteriorPoint(ContactMethod):
-    """`shifted` : whether De Saxcé's term is there."""
+    """Base of the interior-point methods. `shifted` : whether De Saxcé's term is there."""
 
     shifted: ClassVar[bool] = True
 

@@ -22,7 +22,7 @@ DENSE_FROM = 0.25
 
 
 class ContactFunction(IntEnum):
-    """What is 0 at a solution; the numbers are those of the kernel, which has the formulas."""
+    """Function that is 0 at a solution; the numbers are those of the kernel, which has the formulas."""
 
     ALART_CURNIER = 0
     JEAN_MOREAU = 1

@@ -38,8 +38,8 @@ PROXIMAL = (0.0, 0.1, 1.0, 10.0, 100.0)
 
 @dataclass(frozen=True)
 class NewtonContactOptions:
-    """`inner` : a solver of node fc or gfc. `memory` : merits of earlier steps, the largest of which a new one must
-    be below. `max_iterations` : linearizations."""
+    """Options of newton-nfc. `inner` : a solver of node fc or gfc. `memory` : merits of earlier steps, the largest
+    of which a new one must be below. `max_iterations` : linearizations."""
 
     inner: str = "nsgs"
     memory: int = searched(4, low=1, high=10)

@@ -33,9 +33,9 @@ from cpbench.solvers.options import fixed, searched
 
 @dataclass(frozen=True)
 class NSGSOptions:
-    """`omega` : relaxation of every contact's change. `local` : how a contact is solved. `shuffle` : a new random order
-    for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps. `stall_window` : sweeps
-    without gain after which it gives up."""
+    """Options of nsgs. `omega` : relaxation of every contact's change. `local` : how a contact is solved. `shuffle`
+    : a new random order for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps.
+    `stall_window` : sweeps without gain after which it gives up."""
 
     omega: float = searched(1.0, low=0.5, high=1.9)
     local: Local = Local.EXACT

@@ -28,7 +28,8 @@ from cpbench.solvers.options import fixed
 
 @dataclass(frozen=True)
 class ColouredOptions(MethodOptions):
-    """`threads` : among which the contacts of a colour are divided; worth it from some ten thousand contacts on."""
+    """Options of nsgs-coloured. `threads` : among which the contacts of a colour are divided; worth it from some ten
+    thousand contacts on."""
 
     threads: int = fixed(1)
 

@@ -28,8 +28,8 @@ BLOCKS_A_CALL = 400_000
 
 @dataclass(frozen=True)
 class NSGSRollingOptions:
-    """`omega` : relaxation of every contact's change. `shuffle` : a new random order in every sweep.
-    `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+    """Options of nsgs-rfc. `omega` : relaxation of every contact's change. `shuffle` : a new random order in every
+    sweep. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
     omega: float = searched(1.0, low=0.5, high=1.9)
     shuffle: bool = False

@@ -45,7 +45,7 @@ def counters(sweeps: int) -> dict[str, int]:
 
 
 class Phases:
-    """What comes after the first sweeps: the best point so far, what the methods cost and how they fared."""
+    """Phases after the first sweeps: the best point so far, what the methods cost and how they fared."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class Phases:
         self.limit, self.deadline = limit, deadline
         self.best, self.error, self.iterations = sweeps.best.copy(), sweeps.error, sweeps.done
         self.counters = counters(sweeps.done)
-        self.told = [f"{sweeps.done} sweeps to {sweeps.error:.1e}"]
+        self.messages = [f"{sweeps.done} sweeps to {sweeps.error:.1e}"]
         self._first, self._starts = max(sweeps.done, 1), 0
         self._count = 2 * self._first
         self._sweeps: AcceleratedSweeps | None = sweeps
@@ -80,7 +80,7 @@ class Phases:
                 done, unit = self._proximal_points(), "Newton steps to proximal points"
             case _:
                 done, unit = self._admm(), "ADMM iterations"
-        self.told.append(f"{done} {unit} to {self.error:.1e}")
+        self.messages.append(f"{done} {unit} to {self.error:.1e}")
         if self.error <= self._budget.tolerance:
             return
         failed = not self.error <= GAINED * before

@@ -30,7 +30,7 @@ measured, Newton steps and iterations of ADMM to one of 3.5, either way.
 
 
 class NextMethod(StrEnum):
-    """What may be tried next."""
+    """Method that may be tried next."""
 
     SWEEPS = "sweeps"
     NEWTON = "newton"
@@ -39,7 +39,7 @@ class NextMethod(StrEnum):
 
 @dataclass(frozen=True)
 class PolicyState:
-    """What a decision is made from: the error now, how many sweeps were made in all, the nanoseconds of a sweep, a
+    """Facts for a decision: the error now, how many sweeps were made in all, the nanoseconds of a sweep, a
     Newton step and an iteration of ADMM, how often the last two have failed, and the sweeps since one has gained."""
 
     error: float

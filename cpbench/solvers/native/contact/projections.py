@@ -22,7 +22,8 @@ from cpbench.solvers.options import fixed, searched
 
 @dataclass(frozen=True)
 class ContactProjectionOptions(MethodOptions):
-    """`rho` : the first step length. `max_iterations` : projections of a trial."""
+    """Options of extragradient-fc, de-saxce-fixed-point. `rho` : the first step length. `max_iterations` :
+    projections of a trial."""
 
     rho: float = searched(1.0, low=1e-2, high=10.0, log=True)
     max_iterations: int = fixed(2_000_000)
@@ -30,7 +31,7 @@ class ContactProjectionOptions(MethodOptions):
 
 
 class _Projection(ContactMethod):
-    """`code` : name of the kernel's method."""
+    """Base of the projection methods. `code` : name of the kernel's method."""
 
     pieces: ClassVar[bool] = True
     code: ClassVar[str]

@@ -34,9 +34,9 @@ WORSE = 2.0
 
 @dataclass(frozen=True)
 class ProximalNewtonOptions(MethodOptions):
-    """`alpha` : the first one, in units where every W_cc has mean diagonal 1. `relaxation` : ω. `share` : of ‖Φ‖, to
-    which a proximal point is solved. `newton_steps` : of one, at most. `sweeps` : of Gauss–Seidel with acceleration
-    before the first. `max_iterations` : proximal points."""
+    """Options of proximal-newton. `alpha` : the first one, in units where every W_cc has mean diagonal 1.
+    `relaxation` : ω. `share` : of ‖Φ‖, to which a proximal point is solved. `newton_steps` : of one, at most.
+    `sweeps` : of Gauss–Seidel with acceleration before the first. `max_iterations` : proximal points."""
 
     alpha: float = searched(1e-3, low=1e-6, high=1.0, log=True)
     relaxation: float = searched(1.5, low=1.0, high=1.9)

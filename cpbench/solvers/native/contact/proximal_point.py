@@ -35,9 +35,9 @@ FINEST = 1e-14
 
 @dataclass(frozen=True)
 class ProximalNSGSOptions(MethodOptions):
-    """`alpha` : the first one, in units where every W_cc has mean diagonal 1. `share` : of the present error, to which
-    inner problems are solved. `inner` : solver of node fc. `inner_iterations` : of one inner problem, at most; half
-    of them count as hard work. `max_iterations` : inner problems."""
+    """Options of proximal-nsgs. `alpha` : the first one, in units where every W_cc has mean diagonal 1. `share` : of
+    the present error, to which inner problems are solved. `inner` : solver of node fc. `inner_iterations` : of one
+    inner problem, at most; half of them count as hard work. `max_iterations` : inner problems."""
 
     alpha: float = searched(0.1, low=1e-4, high=10.0, log=True)
     share: float = searched(0.1, low=1e-3, high=0.9, log=True)

@@ -44,7 +44,7 @@ Advance: TypeAlias = Callable[..., int]
 
 
 class Local(StrEnum):
-    """How one contact is solved: by its secular equation, Newton on the function of Alart and Curnier, one or many
+    """Solver of one contact: by its secular equation, Newton on the function of Alart and Curnier, one or many
     projections, or the nearest of all solutions, sliding ones by a polynomial of degree 4."""
 
     EXACT = "exact"

@@ -13,9 +13,9 @@ from cpbench.solvers.options import fixed, searched
 
 @dataclass(frozen=True)
 class PSORContactOptions:
-    """`omega` : times ρ_c = 1/‖W_cc‖, the length of a projection. `shuffle` : a new random order for every sweep.
-    `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps. `stall_window` : sweeps without gain
-    after which it gives up."""
+    """Options of psor-fc. `omega` : times ρ_c = 1/‖W_cc‖, the length of a projection. `shuffle` : a new random order
+    for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps. `stall_window` :
+    sweeps without gain after which it gives up."""
 
     omega: float = searched(1.5, low=0.5, high=1.9)
     shuffle: bool = False
@@ -49,9 +49,9 @@ class PSORContact(Relaxation):
 
 @dataclass(frozen=True)
 class JacobiContactOptions:
-    """`omega` : relaxation of every contact's change, halved whenever the error grows fourfold or gains nothing.
-    `local` : how a contact is solved. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it
-    gives up."""
+    """Options of jacobi-fc. `omega` : relaxation of every contact's change, halved whenever the error grows fourfold
+    or gains nothing. `local` : how a contact is solved. `max_iterations` : sweeps. `stall_window` : sweeps without
+    gain after which it gives up."""
 
     omega: float = searched(1.0, low=0.1, high=1.0)
     local: Local = Local.EXACT

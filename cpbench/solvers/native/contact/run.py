@@ -110,7 +110,7 @@ def finish(end: ContactResult, answer: Callable[[Vector], Any], budget: Budget) 
 
 @dataclass(frozen=True)
 class MethodOptions:
-    """`max_iterations`. `stall_window` : iterations without gain after which it gives up."""
+    """Options of nsgs-gfc. `max_iterations`. `stall_window` : iterations without gain after which it gives up."""
 
     max_iterations: int = fixed(100_000)
     stall_window: int = fixed(2_000)

@@ -40,7 +40,7 @@ TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMI
 
 
 class LineSearch(StrEnum):
-    """What a step must do to ‖Φ‖: fall (Armijo), fall below the largest of the last ones (Grippo, Lampariello and
+    """Demand on a step, for ‖Φ‖: fall (Armijo), fall below the largest of the last ones (Grippo, Lampariello and
     Lucidi), or fall neither too little nor by a step too short (Goldstein and Price)."""
 
     NON_MONOTONE = "non-monotone"
@@ -49,7 +49,7 @@ class LineSearch(StrEnum):
 
 
 class Regularization(StrEnum):
-    """What makes up for a singular W: τϱ⁻¹ added to it, or least squares with a damping."""
+    """Remedy for a singular W: τϱ⁻¹ added to it, or least squares with a damping."""
 
     PROXIMAL = "proximal"
     LEAST_SQUARES = "least-squares"
@@ -57,9 +57,9 @@ class Regularization(StrEnum):
 
 @dataclass(frozen=True)
 class ContactNewtonOptions:
-    """`sweeps` : of Gauss–Seidel in the beginning, twice as many every time that Newton fails; with 0 there are none
-    at all. `search`, `memory` : of the line search, and how many merits the non-monotone one looks back at.
-    `max_iterations` : steps and sweeps together."""
+    """Options of the methods of this module. `sweeps` : of Gauss–Seidel in the beginning, twice as many every time
+    that Newton fails; with 0 there are none at all. `search`, `memory` : of the line search, and how many merits the
+    non-monotone one looks back at. `max_iterations` : steps and sweeps together."""
 
     sweeps: int = searched(30, low=5, high=500, log=True)
     search: LineSearch = LineSearch.NON_MONOTONE
@@ -243,5 +243,5 @@ class ContactNewton(Solver):
         output = conclude(rows.problem, best, least, budget, claim, message, counters)
         if newton is None or newton.factorizations == 0:
             return output
-        told = f"regularized by τ = {newton.tau:.0e} in the last Newton step"
-        return replace(output, message="; ".join(part for part in (output.message, told) if part))
+        note = f"regularized by τ = {newton.tau:.0e} in the last Newton step"
+        return replace(output, message="; ".join(part for part in (output.message, note) if part))

@@ -130,7 +130,7 @@ class Sweeps:
 
 @dataclass(frozen=True)
 class SweepState:
-    """What sweeps write: reactions, multipliers of sliding, `state` and `measured`, and the best reactions."""
+    """Arrays that sweeps write: reactions, multipliers of sliding, `state` and `measured`, and the best reactions."""
 
     r: Vector
     lam: Vector

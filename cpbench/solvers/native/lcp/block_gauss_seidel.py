@@ -21,8 +21,8 @@ LARGEST = 64
 
 @dataclass(frozen=True)
 class BlockGSOptions(PGSOptions):
-    """`block` : unknowns solved together, 1 to 64: for contacts, the rows of one of them. `omega` : relaxation, in
-    ]0, 2[."""
+    """Options of block-gs. `block` : unknowns solved together, 1 to 64: for contacts, the rows of one of them.
+    `omega` : relaxation, in ]0, 2[."""
 
     block: int = searched(6, low=2, high=32, log=True)
     omega: float = searched(1.0, low=0.5, high=1.7)
@@ -30,7 +30,8 @@ class BlockGSOptions(PGSOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class DiagonalBlocks(MatrixColumns):
-    """`blocks` : the diagonal blocks of `size` unknowns by rows, one after the other."""
+    """M by columns, with its diagonal blocks. `blocks` : the diagonal blocks of `size` unknowns by rows, one after
+    the other."""
 
     size: int
     blocks: Vector

@@ -34,14 +34,15 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class EnumerationOptions:
-    """`max_programs` : singular bases in which a linear program looks for a solution; the others stay open."""
+    """Options of enumeration-lcp, enumeration-mlcp. `max_programs` : singular bases in which a linear program looks
+    for a solution; the others stay open."""
 
     max_programs: int = fixed(500)
 
 
 @dataclass
 class Enumeration:
-    """What was found.
+    """Result of an enumeration.
 
     Attributes
     ----------

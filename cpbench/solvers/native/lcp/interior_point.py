@@ -47,7 +47,8 @@ WARM_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class LCPInteriorPointOptions:
-    """`max_iterations` : steps, one factorization each. `step_share` : how much of the way to the boundary is gone."""
+    """Options of interior-point-lcp, interior-point-mlcp. `max_iterations` : steps, one factorization each.
+    `step_share` : how much of the way to the boundary is gone."""
 
     max_iterations: int = fixed(200)
     step_share: float = searched(0.995, low=0.9, high=0.9999)
@@ -200,7 +201,7 @@ def _spec(name: str, node: str, summary: str) -> SolverSpec:
 
 
 class _InteriorPoint(Solver):
-    """What the two share: an LCP is solved as the MLCP that it is."""
+    """Base of the two solvers: an LCP is solved as the MLCP that it is."""
 
     def setup(self, problem: LCP | MLCP, budget: Budget, options: LCPInteriorPointOptions) -> ScaledMLCP:
         whole = mixed(problem)

@@ -32,10 +32,10 @@ OMEGA = 0.6
 
 @dataclass(frozen=True)
 class LemkeOptions:
-    """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data scaled to size one,
-    do not block. `tie_tolerance` : rows that a step would bring this close to zero count as tied. `crash_sweeps` :
-    projected Gauss-Seidel sweeps that guess the first basis beyond 250 unknowns where no start is given; 0 : none,
-    pivoting begins at w = q."""
+    """Options of lemke. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data
+    scaled to size one, do not block. `tie_tolerance` : rows that a step would bring this close to zero count as
+    tied. `crash_sweeps` : projected Gauss-Seidel sweeps that guess the first basis beyond 250 unknowns where no
+    start is given; 0 : none, pivoting begins at w = q."""
 
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
@@ -142,7 +142,7 @@ def pivot_limit(n: int) -> int:
 
 
 class _Run:
-    """What has been spent, and the two ways to begin."""
+    """Counters of a solve, and the two ways to begin."""
 
     def __init__(self, lcp: DenseLCP, budget: Budget, options: LemkeOptions) -> None:
         self._lcp, self._budget, self._options = lcp, budget, options

@@ -34,9 +34,9 @@ LEAST = 1e-3
 
 @dataclass(frozen=True)
 class MPRGPOptions:
-    """`gamma` : Γ, how much the chopped gradient may outweigh the free one before unknowns are released. `length` : of
-    the step that expands a face, over 1/‖M‖, in ]0, 2]. `max_iterations` : steps of any kind. `stall_window` : steps
-    without gain after which it gives up."""
+    """Options of the methods of this module. `gamma` : Γ, how much the chopped gradient may outweigh the free one
+    before unknowns are released. `length` : of the step that expands a face, over 1/‖M‖, in ]0, 2]. `max_iterations`
+    : steps of any kind. `stall_window` : steps without gain after which it gives up."""
 
     gamma: float = searched(1.0, low=0.1, high=10.0, log=True)
     length: float = searched(1.9, low=0.5, high=2.0)
@@ -89,7 +89,7 @@ def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:
 
 @dataclass(frozen=True)
 class MinimizationResult:
-    """Where `minimize` came to: the best z that was measured, and where the objective may fall for ever."""
+    """Result of `minimize`: the best z that was measured, and where the objective may fall for ever."""
 
     z: Vector
     error: float
@@ -168,7 +168,7 @@ def minimize(
 
 
 class _OnLCP(Solver):
-    """What the two registered methods share: they differ by their expansions of a face."""
+    """Base of the two methods, which differ by their expansions of a face."""
 
     projected: ClassVar[bool]
 

@@ -26,7 +26,7 @@ FEW = 16
 
 @dataclass(frozen=True)
 class PGSOptions:
-    """`max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+    """Options of pgs. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
     max_iterations: int = fixed(100_000)
     stall_window: int = fixed(5000)
@@ -34,7 +34,7 @@ class PGSOptions:
 
 @dataclass(frozen=True)
 class PSOROptions(PGSOptions):
-    """`omega` : over-relaxation, in ]0, 2[."""
+    """Options of psor, ssor. `omega` : over-relaxation, in ]0, 2[."""
 
     omega: float = searched(1.3, low=0.3, high=1.95)
 
@@ -61,7 +61,7 @@ and the errors are written."""
 
 
 class SplittingSolver(Solver):
-    """What the registered methods share: they differ by their sweeps."""
+    """Base of the splitting methods, which differ by their sweeps."""
 
     @abstractmethod
     def sweeps(self, prepared: MatrixColumns, options: Any) -> Sweeps:

@@ -40,8 +40,9 @@ LOW = -2.0
 
 @dataclass(frozen=True)
 class PrincipalPivotingOptions:
-    """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries of the tableau up to this are zero, and
-    `feasibility_tolerance` : values above minus this are not negative, both in data scaled to size one."""
+    """Options of murty, keller, cottle-dantzig. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries
+    of the tableau up to this are zero, and `feasibility_tolerance` : values above minus this are not negative, both
+    in data scaled to size one."""
 
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-10, low=1e-13, high=1e-8, log=True)
@@ -94,7 +95,7 @@ def transform(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Ta
 
 
 class PrincipalPivoting(Solver):
-    """What the registered methods share; they differ by their loop in `kernels.principal_pivoting`."""
+    """Base of the pivoting methods, which differ by their loop in `kernels.principal_pivoting`."""
 
     loop: ClassVar[str]
     """Name of the compiled loop."""

@@ -29,7 +29,7 @@ SHIFT = 1e-10
 
 @dataclass(frozen=True)
 class NewtonLCPOptions(SemismoothOptions):
-    """As for nonlinear problems."""
+    """Options of Newton's methods, as for nonlinear problems."""
 
     max_iterations: int = fixed(500)
     restarts: int = fixed(5)
@@ -75,7 +75,7 @@ class LCPBox(CountedBox):
 
 
 class _NewtonLCP(Solver):
-    """What the methods share: they differ in the function whose zeros they look for."""
+    """Base of the methods, which differ in the function whose zeros they look for."""
 
     psi: ClassVar[NCPFunction]
     merit: ClassVar[NCPFunction]

@@ -47,7 +47,7 @@ class LinearBox(CountedBox):
 
 
 class _NewtonMLCP(Solver):
-    """What the methods share: they differ in the function whose zeros they look for."""
+    """Base of the methods, which differ in the function whose zeros they look for."""
 
     psi: ClassVar[NCPFunction]
 

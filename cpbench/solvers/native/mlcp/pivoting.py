@@ -28,8 +28,9 @@ KERNEL = "cpbench.solvers.kernels.mlcp_pivoting"
 
 @dataclass(frozen=True)
 class LemkeMLCPOptions:
-    """`max_pivots` : 0 stands for 50m + 1000. `rank_tolerance` : entries up to this, in data scaled to size one, are
-    no pivots for free unknowns. `pivot_tolerance`, `tie_tolerance` : of the ratio test, as for lemke."""
+    """Options of lemke-mlcp. `max_pivots` : 0 stands for 50m + 1000. `rank_tolerance` : entries up to this, in data
+    scaled to size one, are no pivots for free unknowns. `pivot_tolerance`, `tie_tolerance` : of the ratio test, as
+    for lemke."""
 
     max_pivots: int = fixed(0)
     rank_tolerance: float = searched(1e-10, low=1e-13, high=1e-6, log=True)
@@ -39,7 +40,7 @@ class LemkeMLCPOptions:
 
 @dataclass(frozen=True, eq=False)
 class Pivoting:
-    """What `setup` hands to `solve`: the scaled data, the most pivots, and of small problems all that one compiled call
+    """Prepared problem: the scaled data, the most pivots, and of small problems all that one compiled call
     reads and writes, in one vector."""
 
     scaled: ScaledMLCP
@@ -178,7 +179,7 @@ class Reduction:
 
 
 class _Run:
-    """What one solve of a large problem has taken: pivots, factorizations."""
+    """Counters of a solve of a large problem: pivots, factorizations."""
 
     def __init__(self, prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions) -> None:
         self._kernel, self._scaled = prepared.kernel, prepared.scaled

@@ -29,7 +29,7 @@ CHUNK = 256
 
 @dataclass(frozen=True)
 class PGSMLCPOptions:
-    """`max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+    """Options of pgs-mlcp. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
     max_iterations: int = fixed(100_000)
     stall_window: int = fixed(5000)
@@ -37,14 +37,15 @@ class PGSMLCPOptions:
 
 @dataclass(frozen=True)
 class PSORMLCPOptions(PGSMLCPOptions):
-    """`omega` : over-relaxation, in ]0, 2[."""
+    """Options of psor-mlcp. `omega` : over-relaxation, in ]0, 2[."""
 
     omega: float = searched(1.2, low=0.3, high=1.95)
 
 
 @dataclass(frozen=True)
 class RPGSMLCPOptions(PGSMLCPOptions):
-    """`rho` : what is added to the sizes of the diagonal entries, the data being scaled to size one."""
+    """Options of rpgs-mlcp. `rho` : what is added to the sizes of the diagonal entries, the data being scaled to
+    size one."""
 
     rho: float = searched(0.1, low=1e-4, high=1e2, log=True)
 
@@ -59,7 +60,7 @@ class BasisColumns:
 
 
 class _Splitting(Solver):
-    """What the registered methods share: they differ by ω and what they add to the diagonal."""
+    """Base of the methods, which differ by ω and what they add to the diagonal."""
 
     regularised: ClassVar[bool] = False
 

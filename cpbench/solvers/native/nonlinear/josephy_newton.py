@@ -30,9 +30,10 @@ SEPARATOR = "+"
 
 @dataclass(frozen=True)
 class JosephyNewtonOptions:
-    """`inner` : solver of the linear problems, of node lcp, mlcp or avi; several are joined by + and tried one after
-    the other, those that keep a sparse matrix so before the others where it is one. `max_iterations` : linear problems.
-    `memory` : merits that the line search compares with. `restarts` : other starts that are tried in the end."""
+    """Options of josephy-newton. `inner` : solver of the linear problems, of node lcp, mlcp or avi; several are
+    joined by + and tried one after the other, those that keep a sparse matrix so before the others where it is one.
+    `max_iterations` : linear problems. `memory` : merits that the line search compares with. `restarts` : other
+    starts that are tried in the end."""
 
     inner: str = "lemke+newton-min"
     max_iterations: int = fixed(500)

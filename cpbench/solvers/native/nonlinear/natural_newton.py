@@ -51,7 +51,8 @@ DRAWS = 30
 
 @dataclass(frozen=True)
 class NaturalNewtonOptions(VIProjectionOptions):
-    """`max_iterations` : steps of either kind. `restarts` : other starts that are tried where steps gain nothing."""
+    """Options of newton-vi, newton-qvi, newton-equation. `max_iterations` : steps of either kind. `restarts` : other
+    starts that are tried where steps gain nothing."""
 
     max_iterations: int = fixed(20_000)
     restarts: int = fixed(5)

@@ -27,8 +27,8 @@ CONSISTENT = 0.5
 
 @dataclass(frozen=True)
 class NormalMapOptions:
-    """`memory` : values of ‖F₊‖ that the line search compares with. `max_iterations` : steps. `restarts` : other
-    starts that are tried in the end."""
+    """Options of newton-normal-map. `memory` : values of ‖F₊‖ that the line search compares with. `max_iterations` :
+    steps. `restarts` : other starts that are tried in the end."""
 
     memory: int = searched(5, low=1, high=20)
     max_iterations: int = fixed(1000)

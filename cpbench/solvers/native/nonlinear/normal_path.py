@@ -49,7 +49,7 @@ def cell_matrix(M: Matrix, between: NDArray[np.bool_]) -> Matrix:
 
 @dataclass(frozen=True)
 class Trace:
-    """Where a path has come to: x, t (1 at its end) and the number of pivots and of factorizations."""
+    """State of a path: x, t (1 at its end) and the number of pivots and of factorizations."""
 
     x: Vector
     t: float

@@ -31,9 +31,9 @@ MANY = 100
 
 @dataclass(frozen=True)
 class PathSearchOptions:
-    """`crash` : the most projected Newton steps before the first path. `watchdog` : steps that may go uphill.
-    `memory` : merits that a search compares with. `max_pivots` : of one path, 0 for 10n + 200. `max_iterations` :
-    steps. `restarts` : other starts that are tried in the end."""
+    """Options of path-search. `crash` : the most projected Newton steps before the first path. `watchdog` : steps
+    that may go uphill. `memory` : merits that a search compares with. `max_pivots` : of one path, 0 for 10n + 200.
+    `max_iterations` : steps. `restarts` : other starts that are tried in the end."""
 
     crash: int = searched(20, low=0, high=50)
     watchdog: int = searched(4, low=0, high=10)

@@ -40,7 +40,7 @@ SHRINKS = 60
 
 @dataclass(frozen=True)
 class VIProjectionOptions:
-    """`max_iterations` : of the method, which evaluates F once or a few times in each."""
+    """Options. `max_iterations` : of the method, which evaluates F once or a few times in each."""
 
     max_iterations: int = fixed(50_000)
 

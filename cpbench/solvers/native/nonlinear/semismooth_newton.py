@@ -20,8 +20,9 @@ STEEP, POWER = 1e-8, 2.1
 
 @dataclass(frozen=True)
 class SemismoothOptions:
-    """`max_iterations` : Newton steps. `memory` : merits that the line search compares with. `project` : whether trial
-    points are put into the bounds. `restarts` : other starts that are tried in the end."""
+    """Options of the methods of this module. `max_iterations` : Newton steps. `memory` : merits that the line search
+    compares with. `project` : whether trial points are put into the bounds. `restarts` : other starts that are tried
+    in the end."""
 
     max_iterations: int = fixed(1000)
     memory: int = searched(5, low=1, high=20)

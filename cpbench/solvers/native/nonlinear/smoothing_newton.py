@@ -23,8 +23,9 @@ LEAST = 1e-14
 
 @dataclass(frozen=True)
 class SmoothingOptions:
-    """`mu` : the first smoothing, over the size of the first ‖Φ‖∞, at most 1. `memory` : merits that the line search
-    compares with. `max_iterations` : steps. `restarts` : other starts that are tried in the end."""
+    """Options of smoothing-newton. `mu` : the first smoothing, over the size of the first ‖Φ‖∞, at most 1. `memory`
+    : merits that the line search compares with. `max_iterations` : steps. `restarts` : other starts that are tried
+    in the end."""
 
     mu: float = searched(0.5, low=1e-2, high=10.0, log=True)
     memory: int = searched(3, low=1, high=20)

@@ -22,7 +22,8 @@ from cpbench.solvers.options import searched
 
 @dataclass(frozen=True)
 class ExtragradientOptions(VIProjectionOptions):
-    """`share` : γL must be at most this, below 1. `growth` : of γ after a step that was much shorter than allowed."""
+    """Options of the methods of this module. `share` : γL must be at most this, below 1. `growth` : of γ after a
+    step that was much shorter than allowed."""
 
     share: float = searched(0.9, low=0.3, high=0.98)
     growth: float = searched(1.5, low=1.05, high=3.0)

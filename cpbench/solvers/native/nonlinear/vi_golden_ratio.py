@@ -25,7 +25,8 @@ LONGEST = 1e8
 
 @dataclass(frozen=True)
 class GoldenRatioOptions(VIProjectionOptions):
-    """`phi` : φ of the paper, above 1 and at most (1 + √5)/2; 1.5 is what its experiments take."""
+    """Options of golden-ratio. `phi` : φ of the paper, above 1 and at most (1 + √5)/2; 1.5 is what its experiments
+    take."""
 
     phi: float = searched(1.5, low=1.2, high=1.618)
 

@@ -20,7 +20,8 @@ from cpbench.solvers.options import searched
 
 @dataclass(frozen=True)
 class ReflectedOptions(VIProjectionOptions):
-    """`share` : λL is at most this, below √2 − 1. `growth` : the longest extrapolation τ that is tried."""
+    """Options of projected-reflected. `share` : λL is at most this, below √2 − 1. `growth` : the longest
+    extrapolation τ that is tried."""
 
     share: float = searched(0.4, low=0.1, high=0.41)
     growth: float = searched(1.2, low=1.0, high=2.0)

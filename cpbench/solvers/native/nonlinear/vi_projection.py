@@ -27,7 +27,7 @@ WORSE = 2.0
 
 @dataclass(frozen=True)
 class VIFixedPointOptions(VIProjectionOptions):
-    """`step` : γ, 0 for one that adapts to the Lipschitz constants met."""
+    """Options of projection-vi. `step` : γ, 0 for one that adapts to the Lipschitz constants met."""
 
     step: float = searched(0.0, low=0.0, high=10.0)
 

@@ -26,7 +26,7 @@ WIDENING, CLOSENESS = 16.0, 1.1
 
 @dataclass(frozen=True)
 class HyperplaneOptions(VIProjectionOptions):
-    """`sigma` : share of the decrease that the line search asks for."""
+    """Options of solodov-svaiter. `sigma` : share of the decrease that the line search asks for."""
 
     sigma: float = searched(0.3, low=0.05, high=0.9)
 

@@ -40,8 +40,8 @@ BISECTIONS = 60
 
 @dataclass(frozen=True)
 class AugmentedLagrangianOptions:
-    """`theta` : θ of inequalities at first, data scaled to size one. `fall` : factor by which it falls. `proximal` : ρ,
-    relative to the size of Q. `max_iterations` : Newton steps."""
+    """Options of augmented-lagrangian. `theta` : θ of inequalities at first, data scaled to size one. `fall` :
+    factor by which it falls. `proximal` : ρ, relative to the size of Q. `max_iterations` : Newton steps."""
 
     theta: float = searched(0.1, low=1e-4, high=10.0, log=True)
     fall: float = searched(0.1, low=1e-3, high=0.5, log=True)
@@ -51,7 +51,7 @@ class AugmentedLagrangianOptions:
 
 @dataclass(frozen=True)
 class ProximalPointOptions(AugmentedLagrangianOptions):
-    """As for augmented-lagrangian, with a proximal term that counts."""
+    """Options as of augmented-lagrangian, with a proximal term that counts."""
 
     proximal: float = searched(1e-4, low=1e-7, high=1.0, log=True)
 

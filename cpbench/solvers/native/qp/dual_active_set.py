@@ -32,7 +32,8 @@ CHUNK = 1000
 
 @dataclass(frozen=True)
 class DualActiveSetOptions:
-    """`feasibility_tolerance` : relative, on rows outside the working set. `max_passes` : 0 stands for 50(n + rows)."""
+    """Options of dual-active-set. `feasibility_tolerance` : relative, on rows outside the working set. `max_passes`
+    : 0 stands for 50(n + rows)."""
 
     feasibility_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
     max_passes: int = fixed(0)
@@ -192,9 +193,9 @@ class DualActiveSet(Solver):
                 return proved
             method.begin(problem.p, None)
         error = look(passing=False)
-        said = {
+        claims = {
             stops.LIMIT: (Claim.MAX_ITER, f"{method.passes} passes"),
             stops.INFEASIBLE: (Claim.FAILED, "the dual objective seems unbounded, and nothing proves it"),
             stops.STALLED: (Claim.FAILED, f"stalled at {error:.1e} after {method.passes} passes"),
         }
-        return measure.conclude(budget, counters, *said.get(outcome, (None, "")))
+        return measure.conclude(budget, counters, *claims.get(outcome, (None, "")))

@@ -37,8 +37,8 @@ SMALL = 64
 
 @dataclass(frozen=True)
 class QPInteriorPointOptions:
-    """`regularization` : of the linear systems, data scaled to size one. `to_boundary` : share of the step to the
-    boundary. `max_iterations` : predictor and corrector count once."""
+    """Options of interior-point-qp. `regularization` : of the linear systems, data scaled to size one. `to_boundary`
+    : share of the step to the boundary. `max_iterations` : predictor and corrector count once."""
 
     regularization: float = searched(1e-9, low=1e-12, high=1e-6, log=True)
     to_boundary: float = searched(0.995, low=0.9, high=0.9999)

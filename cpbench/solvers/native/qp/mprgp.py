@@ -19,7 +19,7 @@ FLAT = 1e-12
 
 
 class _OnBox(Solver):
-    """What the two registered methods share: they differ by their expansions of a face."""
+    """Base of the two methods, which differ by their expansions of a face."""
 
     projected: ClassVar[bool]
 

@@ -31,8 +31,8 @@ PARALLEL = 1e-11
 
 @dataclass(frozen=True)
 class PrimalActiveSetOptions:
-    """`shift` : εI added to the reduced Hessian, by the size of Q, so that a singular one can be solved.
-    `max_iterations` : 0 stands for 50(n + rows)."""
+    """Options of primal-active-set. `shift` : εI added to the reduced Hessian, by the size of Q, so that a singular
+    one can be solved. `max_iterations` : 0 stands for 50(n + rows)."""
 
     shift: float = searched(1e-10, low=1e-13, high=1e-6, log=True)
     max_iterations: int = fixed(0)

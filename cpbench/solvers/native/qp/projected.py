@@ -40,7 +40,8 @@ LARGE = 1e4
 
 @dataclass(frozen=True)
 class ProjectedOptions:
-    """`step` : by 1/L. `max_iterations` : each a product with Q, or a solution with it and products with the rows."""
+    """Options of nesterov-qp, projected-gradient. `step` : by 1/L. `max_iterations` : each a product with Q, or a
+    solution with it and products with the rows."""
 
     step: float = searched(1.0, low=0.3, high=1.9)
     max_iterations: int = fixed(10_000)

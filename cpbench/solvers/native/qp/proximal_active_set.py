@@ -26,8 +26,8 @@ LEAST = 0.1
 
 @dataclass(frozen=True)
 class ProximalActiveSetOptions:
-    """`proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in dual-active-set. `max_iterations` :
-    proximal steps and passes together, 0 stands for 50(n + rows) + 1000."""
+    """Options of proximal-active-set. `proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in
+    dual-active-set. `max_iterations` : proximal steps and passes together, 0 stands for 50(n + rows) + 1000."""
 
     proximal: float = searched(1e-5, low=1e-9, high=1e-2, log=True)
     feasibility_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
