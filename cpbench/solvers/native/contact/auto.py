@@ -89,7 +89,7 @@ class AutoContact(Solver):
         if run.error <= budget.tolerance:
             claim, message = Claim.INACCURATE, ROUNDED
         output = conclude(rows.problem, run.best, run.error, budget, claim, message, run.counters)
-        parts = (", ".join(run.parts[-WORDS:]), output.message)
+        parts = (", ".join(run.messages[-WORDS:]), output.message)
         return replace(output, message="; ".join(part for part in parts if part))
 
 
