@@ -127,9 +127,10 @@ class QPBackend(Solver):
 class QPSolversBackend(QPBackend):
     """A backend called through the function that qpsolvers has for it."""
 
-    @abstractmethod
     def guest_function(self) -> Any:
         """Return qpsolvers' `<backend>_solve_problem`; importing it imports every backend that is installed."""
+        name = self.spec.name
+        return getattr(importlib.import_module(f"qpsolvers.solvers.{name}_"), f"{name}_solve_problem")
 
     @abstractmethod
     def status(self, solution: Any, settings: Settings) -> str:

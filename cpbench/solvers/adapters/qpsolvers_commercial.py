@@ -127,11 +127,6 @@ class Copt(LicensedBackend):
 
         return isinstance(cause, coptpy.CoptError) and cause.retcode == _COPT_LICENCE
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.copt_ import copt_solve_problem
-
-        return copt_solve_problem
-
 
 @register
 class Gurobi(LicensedBackend):
@@ -190,11 +185,6 @@ class Gurobi(LicensedBackend):
 
         about = (gurobipy.GRB.Error.NO_LICENSE, gurobipy.GRB.Error.SIZE_LIMIT_EXCEEDED)
         return isinstance(cause, gurobipy.GurobiError) and cause.errno in about
-
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.gurobi_ import gurobi_solve_problem
-
-        return gurobi_solve_problem
 
 
 @register
