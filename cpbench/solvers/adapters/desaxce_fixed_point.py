@@ -33,6 +33,8 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.cones import Law, RollingCoulomb
 from cpbench.formulations.contact import FCPoint, LocalContact
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.adapters.conic_models import ConicModel
@@ -98,6 +100,13 @@ class ConicFixedPoint(Solver):
                 f"needs W positive semidefinite: scaled to unit diagonal it has an eigenvalue below -{INDEFINITE:.0e}"
             )
         return None
+
+    def warmup(self) -> None:
+        if self.spec.node == "fc":
+            self.run(FrictionContact(W=np.eye(3), q=np.array([-1.0, 2.0, 0.0]), mu=np.array([0.5])))
+        else:
+            q = np.array([-1.0, 2.0, 0.0, 0.0, 1.0])
+            self.run(RollingFrictionContact(W=np.eye(5), q=q, mu=np.array([0.5]), mu_r=np.array([0.1])))
 
     def setup(self, problem: LocalContact, budget: Budget, options: Any) -> ScaledContact:
         D = (np.sqrt(problem.rho)[:, None] * problem.lengths).ravel()
