@@ -23,7 +23,7 @@ FINER = 0.1
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedCondensed:
     """Prepared problem: the problem condensed and what the local solver has made of it."""
 
     condensed: Condensed
@@ -55,7 +55,7 @@ class AutoGlobal(AutomaticChoice):
             return super().setup(problem, budget, options)
         solver = solvers.get(LOCAL)
         own = solver.spec.options()
-        return Prepared(small, solver.setup(small.local, budget, own), own)
+        return PreparedCondensed(small, solver.setup(small.local, budget, own), own)
 
     def warmup(self) -> None:
         super().warmup()
@@ -69,7 +69,7 @@ class AutoGlobal(AutomaticChoice):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        if not isinstance(prepared, Prepared):
+        if not isinstance(prepared, PreparedCondensed):
             return super().solve(prepared, budget, options, start, record)
         end = time.monotonic() + budget.seconds
         output = _locally(solvers.get(LOCAL), prepared, budget, start, record)
@@ -93,7 +93,7 @@ def _left(budget: Budget, output: SolverOutput, end: float) -> Budget | None:
 
 
 def _locally(
-    solver: Solver, prepared: Prepared, budget: Budget, start: Any | None, record: Record | None
+    solver: Solver, prepared: PreparedCondensed, budget: Budget, start: Any | None, record: Record | None
 ) -> SolverOutput:
     """Solve the condensed problem, more finely where its answer is not yet one of the global problem."""
     small, problem = prepared.condensed, prepared.condensed.problem
