@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import logging
 import os
 import pkgutil
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
@@ -24,6 +25,8 @@ from cpbench.errors import CpbenchError, DuplicateName, FormatError, UnknownName
 
 T = TypeVar("T")
 U = TypeVar("U")
+
+logger = logging.getLogger("cpbench.registry")
 
 PLUGIN_GROUP = "cpbench.plugins"
 PLUGIN_FILES = "CPBENCH_PLUGINS"
@@ -97,16 +100,21 @@ class Registry(Generic[T]):
     ----------
     kind : what an item is called in messages ("solver").
     packages : packages whose modules are imported on first use.
+    renamed : new name by old name. An old name still works, is taken, and is logged once as a warning.
     """
 
-    def __init__(self, kind: str, *packages: str) -> None:
+    def __init__(self, kind: str, *packages: str, renamed: Mapping[str, str] | None = None) -> None:
         self.kind = kind
         self._packages = packages
+        self._renamed = dict(renamed or {})
+        self._warned: set[str] = set()
         self._items: dict[str, T] = {}
         self._discovered = False
 
     def add(self, name: str, item: T) -> T:
-        """Register `item`; raises DuplicateName when `name` is taken by another one."""
+        """Register `item`; raises DuplicateName when `name` is taken by another one, or was its name before."""
+        if name in self._renamed:
+            raise DuplicateName(f"{self.kind} '{name}' is an old name of '{self._renamed[name]}': choose another name")
         known = self._items.get(name)
         if known is not None and _home(known) != _home(item):
             raise DuplicateName(
@@ -135,7 +143,12 @@ class Registry(Generic[T]):
         load_plugins()
 
     def get(self, name: str) -> T:
-        """The item called `name`; raises UnknownName with the nearest names."""
+        """Return the item called `name`, or called so before; raises UnknownName with the nearest names."""
+        if name in self._renamed:
+            if name not in self._warned:
+                self._warned.add(name)
+                logger.warning("%s '%s' is now called '%s'", self.kind, name, self._renamed[name])
+            name = self._renamed[name]
         if name not in self._items and not self._discovered:
             self._seek(name)
         if name not in self._items:
@@ -146,7 +159,7 @@ class Registry(Generic[T]):
             raise UnknownName(self.kind, name, self._items) from None
 
     def _seek(self, name: str) -> None:
-        """Import the modules in which `name` stands as a string until one registers it, and the installed plugins.
+        """Import the modules in which `name` stands as a string, or in their tables, until one registers it.
 
         One solver is asked for more often than all: to import every module takes longer than most problems.
         """
@@ -155,8 +168,9 @@ class Registry(Generic[T]):
             place = importlib.util.find_spec(package)
             folders = list(place.submodule_search_locations or ()) if place else []
             files = [file for folder in folders for file in Path(folder).glob("*.py")]
-            for file in sorted(files, key=lambda file: (file.stem != likely, file.stem)):
-                if quoted in file.read_text("utf-8"):
+            for file in sorted(files, key=lambda file: (not likely.startswith(file.stem), file.stem)):
+                texts = [path for path in (file, file.with_suffix(TABLES)) if path.exists()]
+                if any(quoted in path.read_text("utf-8") for path in texts):
                     importlib.import_module(f"{package}.{file.stem}")
                     if name in self._items:
                         load_plugins()
@@ -172,7 +186,7 @@ class Registry(Generic[T]):
 
     def __contains__(self, name: str) -> bool:
         self.discover()
-        return name in self._items
+        return name in self._items or name in self._renamed
 
     def __len__(self) -> int:
         return len(self.names())

@@ -24,6 +24,7 @@ import pandas as pd
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.baseline_lines import COLUMNS, KEY, PLACE, UNMEASURED, check
 from cpbench.errors import FormatError, StoreError
+from cpbench.solvers.renamed import current_label
 from cpbench.verification import Status
 
 VERSION = 1
@@ -126,6 +127,7 @@ def parse(content: str, place: str) -> pd.DataFrame:
     if not body:
         raise FormatError(place, "line 2", f"is not there, expected {','.join(COLUMNS)}")
     lines = pd.DataFrame(found, columns=list(COLUMNS), dtype=object)
+    lines["solver"] = lines["solver"].map(current_label)
     twice = lines.duplicated(list(KEY)).to_numpy()
     if twice.any():
         second = int(np.flatnonzero(twice)[0])

@@ -4,7 +4,7 @@ Source  F(v) = Hr,  u = Hᵀv + w, contact law on (u, r).
 Target  Mv = Hr + f with M = F′(v₀), f = Mv₀ − F(v₀), the same H, w and law.
 Lift    v, r.        Push  v, r.
 Kind    equivalent where F is affine; else a relaxation: the terms of second order in v − v₀ are dropped, and the
-        answer is that of the source only where it is v₀ itself. The solver newton-contact takes such steps to the end.
+        answer is that of the source only where it is v₀ itself. The solver newton-nfc takes such steps to the end.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class NFCtoGFC(Conversion):
         if self._affine(problem):
             return ""
         terms = problem.F.compiled.C.shape[1]
-        return f"F has {terms} nonlinear terms, which are linearized at one velocity; use the solver newton-contact"
+        return f"F has {terms} nonlinear terms, which are linearized at one velocity; use the solver newton-nfc"
 
     def _affine(self, problem: Problem) -> bool:
         return isinstance(problem, NonlinearFrictionContact) and problem.F.compiled.affine

@@ -46,7 +46,7 @@ class QVItoMiCP(Conversion):
         return f"{curved} rows of g are not affine, for which no constraint qualification is known"
 
     def obstacle(self, problem: QVI) -> str | None:
-        return simple_sets.no_box(problem, "qvi-newton on the problem itself")
+        return simple_sets.no_box(problem, "newton-qvi on the problem itself")
 
     def apply(self, problem: QVI) -> tuple[MiCP, Trace]:
         self.require(problem)

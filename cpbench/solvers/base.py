@@ -21,10 +21,11 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers.options import choices, written
+from cpbench.solvers.renamed import RENAMED
 
 
 class Trait(StrEnum):
-    """What a solver can do, read without running it."""
+    """Ability of a solver, read without running it."""
 
     SPARSE = "sparse"
     WARM_START = "warm-start"
@@ -36,7 +37,7 @@ class Trait(StrEnum):
 
 
 class Claim(StrEnum):
-    """What a solver says of its own answer. It is recorded and compared with the verdict, never believed."""
+    """A solver's own account of its answer. It is recorded and compared with the verdict, never believed."""
 
     SOLVED = "solved"
     INACCURATE = "inaccurate"
@@ -56,6 +57,17 @@ class NoOptions:
 @dataclass(frozen=True, kw_only=True)
 class SolverSpec:
     """Everything about a solver that can be read without importing its package.
+
+    A name is the method, then what distinguishes it from its relatives, then the node where the method would not tell
+    it: ``pgs``, ``pgs-mlcp``, ``newton-fb-micp``, ``nsgs-coloured``, ``interior-point-fc``.
+
+    - One method has one name on all nodes. The node of the literature goes without: ``lemke`` is for lcp.
+    - The node is written as it is registered, at the end: ``auto-fc``, not ``auto-contact``.
+    - Newton's methods on an equation are ``newton-EQUATION``: ``newton-fb``, ``newton-alart-curnier``. Methods that
+      the literature calls by a name keep it: ``josephy-newton``, ``proximal-newton``, ``tresca-fixed-point``.
+    - A backend comes first, then its own name of the method: ``siconos-fc3d-nsgs``, ``gams-path-micp``.
+
+    Names that were otherwise before are in `solvers.renamed`.
 
     Attributes
     ----------
@@ -88,7 +100,7 @@ class SolverSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """What a solver may use.
+    """Limits of a solve.
 
     Attributes
     ----------
@@ -105,7 +117,7 @@ class Budget:
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOutput:
-    """What came out: a claim, an answer if there is one, counters (iterations, pivots, factorizations,
+    """Result of a solve: a claim, an answer if there is one, counters (iterations, pivots, factorizations,
     matrix_vector_products, projections, ...), a message, a certificate of infeasibility (to rounding) if there is one,
     and the seconds that the solver says it took (`reported`: kept beside our own time, never in its place)."""
 
@@ -142,7 +154,7 @@ time, less what it takes itself. An answer must not depend on whether somebody r
 
 @dataclass(frozen=True)
 class Availability:
-    """Whether a solver can run here: ok, missing (what to install), broken (the traceback) or licence."""
+    """State of a solver on this machine: ok, missing (what to install), broken (the traceback) or licence."""
 
     state: str
     detail: str = ""
@@ -158,7 +170,7 @@ class Solver(ABC):
     spec: ClassVar[SolverSpec]
 
     def obstacle(self, problem: Any) -> str | None:
-        """Why this problem is not for this solver (cheap to tell), else None."""
+        """Return why this problem is not for this solver (cheap to tell), else None."""
         return None
 
     def hand_over(self, problem: Any) -> Any:
@@ -167,7 +179,7 @@ class Solver(ABC):
         return problem
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
-        """What is done once a problem (change of storage, a model): timed as `setup`, passed to `solve`."""
+        """Do what is done once a problem (change of storage, a model): timed as `setup`, passed to `solve`."""
         return problem
 
     @abstractmethod
@@ -189,7 +201,7 @@ class Solver(ABC):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        """All steps in one go, with default budget and options (scripts, tests)."""
+        """Run all steps in one go, with default budget and options (scripts, tests)."""
         budget = budget or Budget()
         options = self.spec.options() if options is None else options
         prepared = self.setup(self.hand_over(problem), budget, options)
@@ -204,7 +216,7 @@ class Solver(ABC):
         self.warmup()
 
     def version(self) -> str:
-        """Version of the guest package, of cpbench for its own solvers, '' for others that need no package."""
+        """Return version of the guest package, of cpbench for its own solvers, '' for others that need no package."""
         if self.spec.requires:
             return package_version(self.spec.requires[0])
         return __version__ if type(self).__module__.startswith("cpbench.") else ""
@@ -214,7 +226,7 @@ class Solver(ABC):
 
 
 def missing(spec: SolverSpec) -> str:
-    """How to install a solver whose packages are not there, '' where they are; nothing is imported.
+    """Return how to install a solver whose packages are not there, '' where they are; nothing is imported.
 
     >>> missing(SolverSpec(name="s", node="lcp", summary="", method="", requires=("numpy", "no_such_package")))
     'pip install no_such_package'
@@ -238,7 +250,7 @@ def probe(requires: tuple[str, ...], install: str) -> Availability:
 
 
 def package_version(import_name: str) -> str:
-    """Version of the distribution that provides `import_name`, else what the imported module says, else ''."""
+    """Return version of the distribution that provides `import_name`, else what the imported module says, else ''."""
     from importlib.metadata import PackageNotFoundError, version
 
     for distribution in _distributions().get(import_name, [import_name]):
@@ -251,14 +263,14 @@ def package_version(import_name: str) -> str:
 
 @cache
 def _distributions() -> Mapping[str, list[str]]:
-    """Distributions by import name: a walk through all that is installed, which takes a third of a second."""
+    """Return distributions by import name: a walk through all that is installed, which takes a third of a second."""
     from importlib.metadata import packages_distributions
 
     return packages_distributions()
 
 
 def parse_options(spec: SolverSpec, text: Mapping[str, str]) -> Any:
-    """Options dataclass from strings (`omega=1.2`); raises UnknownName with the field named."""
+    """Return options dataclass from strings (`omega=1.2`); raises UnknownName with the field named."""
     known = {f.name: f for f in dataclasses.fields(spec.options)}
     values: dict[str, Any] = {}
     for key, raw in text.items():
@@ -280,15 +292,15 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
         raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
 
 
-ROOMS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
+NODE_GROUPS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
 """Packages of `solvers.native`: nodes that share their mathematics."""
 solvers: Registry[Solver] = Registry(
-    "solver", *(f"cpbench.solvers.native.{room}" for room in ROOMS), "cpbench.solvers.adapters"
+    "solver", *(f"cpbench.solvers.native.{group}" for group in NODE_GROUPS), "cpbench.solvers.adapters", renamed=RENAMED
 )
 
 
 def register(cls: type[Solver]) -> type[Solver]:
-    """Class decorator: put one instance of the solver into the registry."""
+    """Return class decorator: put one instance of the solver into the registry."""
     solvers.add(cls.spec.name, cls())
     return cls
 

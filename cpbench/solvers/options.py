@@ -33,19 +33,19 @@ DECADE = 10.0
 def searched(
     default: T, *, low: float | None = None, high: float | None = None, log: bool = False, choices: Sequence[T] = ()
 ) -> T:
-    """A field of a dataclass of options that says where to search: between two numbers, or among choices."""
+    """Return a field of a dataclass of options that says where to search: between two numbers, or among choices."""
     metadata = {"choices": tuple(choices)} if choices else {"range": (low, high), "log": log}
     return field(default=default, metadata=metadata)
 
 
 def fixed(default: T) -> T:
-    """A field of a dataclass of options that is not worth a search: a limit, a seed, what is printed."""
+    """Return a field of a dataclass of options that is not worth a search: a limit, a seed, what is printed."""
     return field(default=default, metadata={"fixed": True})
 
 
 @dataclass(frozen=True)
 class Domain:
-    """Where the values of an option lie: `choices`, or the numbers from `low` to `high`, `whole` ones if so."""
+    """Values that are worth a search: `choices`, or the numbers from `low` to `high`, `whole` ones if so."""
 
     choices: tuple[Any, ...] = ()
     low: float = 0.0
@@ -61,7 +61,7 @@ class Domain:
         return math.floor(self.high) - math.ceil(self.low) + 1 if self.whole else math.inf
 
     def draw(self, source: random.Random) -> Any:
-        """A value; a number has four digits, so that it can be read and typed.
+        """Return a value; a number has four digits, so that it can be read and typed.
 
         >>> Domain(low=0.5, high=1.9).draw(random.Random(0))
         1.682
@@ -84,13 +84,13 @@ class Domain:
 
 
 def domains(options: type) -> dict[str, Domain]:
-    """Where to search, by name of the option; options that are not worth it have no entry."""
+    """Return where to search, by name of the option; options that are not worth it have no entry."""
     found = {f.name: _domain(options, f) for f in dataclasses.fields(options)}
     return {name: domain for name, domain in found.items() if domain is not None}
 
 
 def choices(options: type, name: str) -> tuple[Any, ...]:
-    """All values that an option may have, () where it is not that kind."""
+    """Return all values that an option may have, () where it is not that kind."""
     option = next(f for f in dataclasses.fields(options) if f.name == name)
     if "choices" in option.metadata:
         return tuple(option.metadata["choices"])
@@ -103,7 +103,7 @@ def choices(options: type, name: str) -> tuple[Any, ...]:
 
 
 def written(value: Any) -> str:
-    """A value of an option as it is typed on the command line."""
+    """Return a value of an option as it is typed on the command line."""
     if isinstance(value, Enum):
         return str(value.value)
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -41,7 +41,7 @@ def section() -> Section:
             Try(
                 (
                     "cpbench solve problems.h5::anisotropic --solver nsgs",
-                    "cpbench solve problems.h5::rolling --solver nsgs-rolling",
+                    "cpbench solve problems.h5::rolling --solver nsgs-rfc",
                     "cpbench graph --format text",
                 )
             ),

@@ -57,7 +57,7 @@ def _cone() -> tuple[Block, ...]:
         *shown([*trips("cubic-cone", "cp-vi"), *trips("linear-cp", "cp-soclcp")]),
         Try(
             (
-                "cpbench solve problems.h5::soclcp --solver newton-cone",
+                "cpbench solve problems.h5::soclcp --solver newton-soclcp",
                 "cpbench convert problems.h5::soclcp soclcp-as-program.h5 --to coneqp",
             )
         ),
@@ -95,10 +95,10 @@ def _both() -> Table:
     rows = []
     for start in (np.array([1.0, 0.0, 0.0, 0.0]), np.array([1.0, 0.0, 1.0, 0.0]), np.ones(4)):
         problem = make("ncp-micp").apply(four_unknowns(start))[0]
-        found = [outcome(problem, solver) for solver in ("josephy-newton", "path-search", "semismooth-newton-fb")]
+        found = [outcome(problem, solver) for solver in ("josephy-newton", "path-search", "newton-fb-micp")]
         rows.append((cells.vector(start), *(cells.vector(z) if z is not None else "stops" for z in found)))
     return table(
-        ("from", "`josephy-newton`", "`path-search`", "`semismooth-newton-fb`"),
+        ("from", "`josephy-newton`", "`path-search`", "`newton-fb-micp`"),
         rows,
         "The same problem by solvers of the library, which do not stop where a linear problem has no solution. Both "
         "solutions are found; which one, the start and the method say.",
@@ -130,11 +130,11 @@ def _mixed() -> tuple[Block, ...]:
             steps=len(path) - 1,
         ),
         *shown(trips("mlcp", "mlcp-micp"), "The mixed linear problem (14) is the case of an affine map."),
-        by_solvers("program-conditions", "josephy-newton", "path-search", "normal-map-newton", "smoothing-newton"),
+        by_solvers("program-conditions", "josephy-newton", "path-search", "newton-normal-map", "smoothing-newton"),
         Try(
             (
                 "cpbench solve problems.h5::kojima-shindo --solver path-search",
-                "cpbench solve problems.h5::cubic-cone --solver vi-newton",
+                "cpbench solve problems.h5::cubic-cone --solver newton-vi",
                 "cpbench route problems.h5::kojima-shindo --to equation",
             )
         ),

@@ -156,7 +156,7 @@ def _drag() -> tuple[Block, ...]:
             rows,
             "Newton's method on the dynamics; the law of contact is solved as it is in every step.",
         ),
-        Try(("cpbench solve problems.h5::ball --solver newton-contact",)),
+        Try(("cpbench solve problems.h5::ball --solver newton-nfc",)),
     )  # fmt: skip
 
 

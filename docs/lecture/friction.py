@@ -126,7 +126,7 @@ def _frozen(problem: FrictionContact) -> tuple[Block, ...]:
         Try(
             (
                 "cpbench solve problems.h5::sliding --solver nsgs",
-                "cpbench solve problems.h5::sliding --solver qvi-newton",
+                "cpbench solve problems.h5::sliding --solver newton-qvi",
                 "cpbench plot cone -o cone.svg",
                 "cpbench convert problems.h5::sliding sliding-as-program.h5 --to coneqp --via fc-coneqp",
             )

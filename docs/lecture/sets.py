@@ -49,10 +49,8 @@ def curved() -> tuple[Block, ...]:
                 *trips("cubic-cone-inequality", "vi-cp"),
             ]
         ),
-        by_solvers(
-            "disk", "vi-newton", "vi-projection", "vi-extragradient", "vi-projected-reflected", "vi-golden-ratio"
-        ),
-        Try(("cpbench solve problems.h5::disk --solver vi-extragradient",)),
+        by_solvers("disk", "newton-vi", "projection-vi", "extragradient-vi", "projected-reflected", "golden-ratio"),
+        Try(("cpbench solve problems.h5::disk --solver extragradient-vi",)),
     )
 
 
@@ -89,11 +87,11 @@ def moving() -> tuple[Block, ...]:
             force=problem.F(other.point.z),
             error=cells.error(other.error),
         ),
-        by_solvers("duopoly", "qvi-newton", "qvi-projection"),
+        by_solvers("duopoly", "newton-qvi", "projection-qvi"),
         text("What bounds and rows demand of all players at once is a mixed complementarity problem:"),
         *shown(trips("duopoly", "qvi-micp")),
         text("Coulomb's friction is one of these, as a later section shows: the disk moves with the normal impulse."),
-        Try(("cpbench solve problems.h5::duopoly --solver qvi-projection",)),
+        Try(("cpbench solve problems.h5::duopoly --solver projection-qvi",)),
     )
 
 

@@ -47,7 +47,7 @@ def equations() -> tuple[Block, ...]:
         found = []
         for start in STARTS:
             problem = converted(four_unknowns(start), "ncp-micp", EDGES[function.equation])
-            z = outcome(problem, "equation-newton")
+            z = outcome(problem, "newton-equation")
             found += ["stops", "—"] if z is None else [cells.vector(z), cells.error(problem.F(z) @ problem.F(z))]
         rows.append((cells.words(f"{function.equation} {function.name}"), *found))
     return (
@@ -71,16 +71,16 @@ def equations() -> tuple[Block, ...]:
              "$\\|\\Phi\\|^2$"),
             rows,
             "Both solutions of the problem with four unknowns, as zeros of the four equations found by "
-            "`equation-newton`. Where $H$ is singular a small $\\Phi$ says less about $z$.",
+            "`newton-equation`. Where $H$ is singular a small $\\Phi$ says less about $z$.",
         ),
         by_solvers(
-            "kojima-shindo-equation", "equation-newton", "scipy-root-hybr", "scipy-root-lm", "scipy-root-krylov",
+            "kojima-shindo-equation", "newton-equation", "scipy-root-hybr", "scipy-root-lm", "scipy-root-krylov",
             "scipy-root-df-sane",
         ),
         Try(
             (
-                "cpbench solve problems.h5::kojima-shindo-equation --solver equation-newton",
-                "cpbench solve problems.h5::program-inclusion --solver semismooth-newton-fb",
+                "cpbench solve problems.h5::kojima-shindo-equation --solver newton-equation",
+                "cpbench solve problems.h5::program-inclusion --solver newton-fb-micp",
                 "cpbench convert problems.h5::kojima-shindo four.h5 --to equation --via micp-equation-pfb",
             )
         ),

@@ -78,9 +78,9 @@ ASKED = (
         for words, sizes, least, mean in (("20 and more", range(20, 1_000_000), 6, 12), ("fewer", range(20), 1, 0))
         for t in (1e-4, 1e-8)
     ),
-    *(Asked(f"auto-contact to {t:.0e}, best of eight", "contact auto", 1, 4, 5, tolerance=t) for t in (1e-4, 1e-8)),
+    *(Asked(f"auto-fc to {t:.0e}, best of eight", "contact auto", 1, 4, 5, tolerance=t) for t in (1e-4, 1e-8)),
     *(
-        Asked(f"auto-contact to {t:.0e}, where one compiled call is all", "contact kernel", 1, tolerance=t)
+        Asked(f"auto-fc to {t:.0e}, where one compiled call is all", "contact kernel", 1, tolerance=t)
         for t in (1e-4, 1e-8)
     ),
     Asked("MLCP, best against best", "mlcp best", 1),

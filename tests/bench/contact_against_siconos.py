@@ -7,8 +7,8 @@ Every problem in space that the folder or the files hold is asked of Siconos, wh
 numbers of `residuals`; as they stop on one of these, `natural`, they are asked for less and less until the others are
 within the tolerance, too. With --natural they are judged by that one alone, and we still by all.
 
-`auto` is auto-contact against the fastest of eight of their solvers, chosen afterwards for every problem and
-tolerance. With it comes `kernel` on problems that are solved by the first compiled call of auto-contact: that call
+`auto` is auto-fc against the fastest of eight of their solvers, chosen afterwards for every problem and
+tolerance. With it comes `kernel` on problems that are solved by the first compiled call of auto-fc: that call
 alone, with memory that the caller holds, as theirs is called; the rest of our time there is the frozen answer that
 Python makes of it. `nsgs` is NSGS with the error evaluated in full against nsgs, and `sweep` the time of a sweep of
 both.
@@ -63,7 +63,7 @@ SICONOS: dict[str, tuple[str, dict[str, int], str, int]] = {
     "ACLMFP": ("SICONOS_FRICTION_3D_ACLMFP", {}, "", 0),
 }
 """Their name -> number, integer parameters, one-contact solver, iterations (0: as delivered)."""
-RACES = {"auto": ("auto-contact", tuple(SICONOS)), "nsgs": ("nsgs", ("NSGS full",)), "sweep": ("nsgs", ("NSGS sweep",))}
+RACES = {"auto": ("auto-fc", tuple(SICONOS)), "nsgs": ("nsgs", ("NSGS full",)), "sweep": ("nsgs", ("NSGS sweep",))}
 
 
 # ---------------------------------------------------------------- their side, under the system's Python
@@ -272,12 +272,12 @@ def ours_on(name: str, problem: Any, tolerance: float, iterations: int | None = 
 
 
 def call_on(problem: Any, tolerance: float) -> Side:
-    """The first compiled call of auto-contact; not solved where there are others."""
+    """The first compiled call of auto-fc; not solved where there are others."""
     import numpy as np
 
     from cpbench.formulations import FCPoint
-    from cpbench.solvers.native.contact.auto_contact import AutoContactOptions
-    from cpbench.solvers.native.contact.contact_sweeps import block_rows
+    from cpbench.solvers.native.contact.auto import AutoContactOptions
+    from cpbench.solvers.native.contact.sweeps import block_rows
     from cpbench.verification import judge
 
     way, sweeps = block_rows(problem).accelerated, AutoContactOptions().sweeps
@@ -329,7 +329,7 @@ def sweep_row(name: str, problem: Any, label: str, siconos: Siconos) -> Row | No
     """Seconds a sweep from two runs of different length; None where a side has soon nothing left to sweep."""
     import numpy as np
 
-    from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows
+    from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
 
     rows = block_rows(problem)
 

@@ -1,6 +1,6 @@
 """Contact problems of one scene after another: what a start from the answer of the step before saves, losses first.
 
-    python tests/bench/contact_sequences.py [--tolerance 1e-6] [--solvers auto-contact,nsgs,...] [--pairs 3]
+    python tests/bench/contact_sequences.py [--tolerance 1e-6] [--solvers auto-fc,nsgs,...] [--pairs 3]
 
 Every solver of frictional contact of ours that can start warm solves the steps of `contact-sequence` twice: from
 nothing, and from its own answer to the step before, handed over by contact as `cpbench run --start previous` does.

@@ -29,9 +29,9 @@ from sphere_lattice import lattice
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import sparse
 from cpbench.solvers import Budget, solvers
-from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows
 from cpbench.solvers.native.contact.nsgs_coloured import Coloured, ColouredSweeps, helpers
 from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
+from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
 
 MB = 1e6
 
@@ -119,7 +119,7 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool, path_of_races: Path
     problem = condensed(bodies)
     W = sparse(problem.W)
     solvers.get("nsgs").warmup()
-    solvers.get("nsgs-global").warmup()
+    solvers.get("nsgs-gfc").warmup()
     rows = block_rows(problem)
     kept = size_of(rows.start, rows.column, rows.blocks, rows.diagonal, rows.local)
     swept = size_of(rows.start, rows.column, rows.blocks)

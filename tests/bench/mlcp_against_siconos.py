@@ -53,13 +53,13 @@ OURS = {
     "interior-point-mlcp": 0,
     "pgs-mlcp": SWEEPS,
     "rpgs-mlcp": SWEEPS,
-    "mlcp-enumeration": 0,
+    "enumeration-mlcp": 0,
 }
 RACES = {
     "lemke": (("lcp_lemke",), ("lemke-mlcp",)),
     "newton": (("fb",), ("newton-min-mlcp", "newton-fb-mlcp")),
     "pgs": (("pgs", "rpgs", "psor"), ("pgs-mlcp", "rpgs-mlcp")),
-    "enum": (("enum",), ("mlcp-enumeration",)),
+    "enum": (("enum",), ("enumeration-mlcp",)),
     "best": (tuple(SICONOS), tuple(OURS)),
     "kernel": (tuple(SICONOS), ("kernel",)),
 }

@@ -36,12 +36,12 @@ TIE, SHORT, SOLVES = 1.1, 0.3, 5
 """Ratio of two times that are one; seconds below which a solve is repeated, and how often it is done."""
 OURS: dict[str, tuple[str, dict[str, Any]]] = {
     "nsgs": ("nsgs", {}),
-    "newton": ("alart-curnier-newton", {}),
-    "newton jm": ("jean-moreau-newton", {}),
-    "pure newton": ("alart-curnier-newton", {"sweeps": 0}),
+    "newton": ("newton-alart-curnier", {}),
+    "newton jm": ("newton-jean-moreau", {}),
+    "pure newton": ("newton-alart-curnier", {"sweeps": 0}),
     "prox newton": ("proximal-newton", {}),
     "prox nsgs": ("proximal-nsgs", {}),
-    "auto": ("auto-contact", {}),
+    "auto": ("auto-fc", {}),
 }
 """Label -> registered solver and options. `newton` begins with sweeps (the hybrid method of the paper), `pure` not."""
 THEIRS = ("NSGS", "NSN_AC", "PROX")

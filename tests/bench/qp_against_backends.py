@@ -32,19 +32,19 @@ from cpbench.testing import planted
 from cpbench.verification import judge
 
 NATIVE = (
-    "qp-dual-active-set",
-    "qp-proximal-active-set",
-    "qp-interior-point",
-    "qp-augmented-lagrangian",
-    "qp-proximal-point",
-    "qp-primal-active-set",
-    "qp-nesterov",
+    "dual-active-set",
+    "proximal-active-set",
+    "interior-point-qp",
+    "augmented-lagrangian",
+    "proximal-point",
+    "primal-active-set",
+    "nesterov-qp",
 )
 BACKENDS = ("piqp", "proxqp", "quadprog", "daqp", "osqp", "clarabel", "highs", "pyqpmad", "qpalm", "cvxopt")
 LARGE = (
-    "qp-interior-point",
-    "qp-augmented-lagrangian",
-    "qp-proximal-point",
+    "interior-point-qp",
+    "augmented-lagrangian",
+    "proximal-point",
     "piqp",
     "osqp",
     "clarabel",

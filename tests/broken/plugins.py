@@ -19,7 +19,7 @@ from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.lcp.lemke import Lemke
-from cpbench.solvers.native.lcp.semismooth_lcp import NewtonMin
+from cpbench.solvers.native.lcp.semismooth_newton import NewtonMin
 from cpbench.storage import Format
 
 

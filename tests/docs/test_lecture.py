@@ -221,7 +221,7 @@ def test_both_solutions_of_four_unknowns_are_found_by_each_function():
         for start, solution in zip(solvable.STARTS, ((1, 0, 3, 0), (6**0.5 / 2, 0, 0, 0.5)), strict=True):
             problem = maps.converted(maps.four_unknowns(start), "ncp-micp", edge)
             # (38) is singular at the second one: z is known to the root of the error, asked to be 1e-12
-            assert np.allclose(outcome(problem, "equation-newton"), solution, atol=1e-5), edge
+            assert np.allclose(outcome(problem, "newton-equation"), solution, atol=1e-5), edge
 
 
 def test_newton_on_the_dynamics_squares_the_error():

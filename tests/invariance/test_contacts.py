@@ -89,7 +89,7 @@ def test_no_corruption_of_a_real_answer_passes(shared_data: Path, name: str) -> 
     """Solved here to 1e-10. A corruption counts where it moves the velocities of some contact by 1 % of what they are
     the sum of, or leaves the cone by 1 %."""
     problem: Any = storage.load(shared_data / "fc3d_local" / name)
-    answer = cpbench.solve(problem, "auto-contact", tolerance=1e-10, seconds=600)
+    answer = cpbench.solve(problem, "auto-fc", tolerance=1e-10, seconds=600)
     assert answer.point is not None
     passed, changed = [], 0
     for tolerance in TOLERANCES:

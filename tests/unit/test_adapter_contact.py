@@ -164,7 +164,7 @@ def test_mujoco_solves_the_compliant_contact_and_not_the_rigid_one(name, complia
 def test_mujoco_and_clarabel_agree_on_what_is_strictly_convex(name) -> None:
     """A strictly convex program has one solution: x, and y = Qx + p."""
     target = make("fc-coneqp-compliant", {"compliance": 1e-2}).step(PLANTED[name])
-    one, other = (solvers.get(s).run(target, Budget(tolerance=1e-9)).point for s in ("mujoco-soft", "clarabel-cone"))
+    one, other = (solvers.get(s).run(target, Budget(tolerance=1e-9)).point for s in ("mujoco-soft", "clarabel-coneqp"))
     assert np.abs(one.x - other.x).max() <= 1e-5 * np.abs(other.x).max()
 
 

@@ -17,7 +17,7 @@ from cpbench.solvers.adapters.desaxce_fixed_point import DeSaxceOptions
 from cpbench.verification import judge
 
 
-@pytest.fixture(params=["clarabel-desaxce", "scs-desaxce"])
+@pytest.fixture(params=["clarabel-de-saxce", "scs-de-saxce"])
 def desaxce(request: pytest.FixtureRequest) -> Any:
     return solvers.get(request.param)
 
@@ -107,7 +107,7 @@ def test_scs_and_clarabel_agree_on_a_cone_program(tolerance: float) -> None:
     K = ProductCone.of((Cone.SECOND_ORDER, 2, 3, 0.5), (Cone.ROLLING, 1, 5, 0.4, 0.2))
     problem = ConeQP.over(F @ F.T / 11 + 0.1 * np.eye(11), rng.normal(size=11), K)
     answers = []
-    for name in ("scs-cone", "clarabel-cone"):
+    for name in ("scs-coneqp", "clarabel-coneqp"):
         output = solvers.get(name).run(problem, Budget(tolerance=tolerance))
         assert output.claim is Claim.SOLVED
         assert judge(problem, output.point, tolerance).solved

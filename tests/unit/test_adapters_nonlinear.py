@@ -20,7 +20,7 @@ PROGRAMS = {i.name: i.problem for c in generators if c.name.startswith("hock-sch
 """Those of the Hock-Schittkowski subset that are nonlinear programs."""
 OBJECTIVE = {"hs39": -1.0, "hs49": 0.0}
 """f* as Hock and Schittkowski print it."""
-EXACT = ("scipy-root-hybr", "scipy-root-lm", "equation-newton")
+EXACT = ("scipy-root-hybr", "scipy-root-lm", "newton-equation")
 NLP_SOLVERS = ("casadi-ipopt-nlp", "casadi-sqpmethod", "scipy-slsqp", "scipy-trust-constr")
 GAMS = ("gams-path-micp", "gams-miles-micp", "gams-nlpec-micp")
 

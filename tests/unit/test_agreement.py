@@ -125,7 +125,7 @@ def test_friction_without_condensation_by_the_fixed_point_on_de_saxce(seed):
     slip = np.zeros(3)
     for _ in range(200):
         target = make("gfc-coneqp", {"slip": tuple(slip)}).step(mild)
-        output = solvers.get("clarabel-cone").run(target, Budget(tolerance=1e-11))
+        output = solvers.get("clarabel-coneqp").run(target, Budget(tolerance=1e-11))
         point = graph.lift(target, output.point)
         u = mild.slacks(point)["u"].reshape(-1, 3)
         before, slip = slip, mild.mu * np.linalg.norm(u[:, 1:], axis=1)

@@ -91,7 +91,7 @@ def test_an_answer_is_measured_on_the_problem_that_was_asked() -> None:
 
 
 def test_a_solver_of_another_formulation_is_reached_and_its_answer_carried_back() -> None:
-    solution = cpbench.solve(LCP, "qp-dual-active-set")
+    solution = cpbench.solve(LCP, "dual-active-set")
     assert solution.route == "lcp-qp"
     assert solution.problem is LCP
     assert "convert" in solution.seconds
@@ -188,7 +188,7 @@ def test_a_conversion_lifts_what_it_is_given() -> None:
     qp = cpbench.convert(LCP, "qp")
     assert qp.problem.node == "qp"
     assert qp.kind.exact
-    solution = cpbench.solve(qp.problem, "qp-dual-active-set")
+    solution = cpbench.solve(qp.problem, "dual-active-set")
     for answer in (solution, solution.point, solution.x):
         lifted = qp.lift(answer)
         assert cpbench.verify(LCP, lifted, tolerance=1e-9).solved

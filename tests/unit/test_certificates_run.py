@@ -30,7 +30,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("proofs")
     for problem in (PANG, NEAR, FALLING):
         storage.save(problem, folder / f"{problem.name}.h5")
-    chosen = [part for name in ("lemke", "lemke-mlcp", "cottle-dantzig", "qp-interior-point") for part in ("-s", name)]
+    chosen = [part for name in ("lemke", "lemke-mlcp", "cottle-dantzig", "interior-point-qp") for part in ("-s", name)]
     done = cpbench(folder, "run", ".", *chosen, "--no-report", "-q", "-o", "r.sqlite")
     assert done.returncode == 0, done.stderr
     return folder / "r.sqlite"
@@ -51,7 +51,7 @@ def test_statuses_are_those_that_are_proved(results: Path) -> None:
         status, claim, message = found["near", solver]
         assert (status, claim) == ("failed", "infeasible")
         assert "no solution with ‖z‖∞ < 5.2e+11" in message
-    assert found["falling", "qp-interior-point"][:2] == ("unbounded", "unbounded")
+    assert found["falling", "interior-point-qp"][:2] == ("unbounded", "unbounded")
     assert found["falling", "lemke-mlcp"][:2] == ("unbounded", "infeasible")  # its conditions of optimality have none
 
 

@@ -143,7 +143,7 @@ def test_an_approximate_route_need_not_pass(rng):
     assert report.passed
 
 
-@pytest.mark.parametrize("names", [["qp-interior-point", "daqp"], *by_night([None])], ids=["two solvers", "all"])
+@pytest.mark.parametrize("names", [["interior-point-qp", "daqp"], *by_night([None])], ids=["two solvers", "all"])
 def test_units_do_not_make_a_wrong_answer_right_on_the_way(monkeypatch, names):
     """A QP in units of 1e-8 is not solved by 0, and what solves it is carried back to a right answer of its LCP."""
     if names is not None:

@@ -20,9 +20,9 @@ from cpbench.solvers import Budget, solvers
 from cpbench.testing import planted
 
 BUDGET = Budget(tolerance=ASKED, seconds=60.0)  # whoever ends at all takes a second or two where nobody else is at work
-FIRST = ("semismooth-newton-min", "vi-newton", "qvi-newton")
+FIRST = ("newton-min-micp", "newton-vi", "newton-qvi")
 """Solvers that are asked before others: they solve nearly all."""
-AGAIN = "semismooth-newton-pfb"
+AGAIN = "newton-pfb-micp"
 """Asked once more, from drawn starts, where nobody solves the contact problem from its own: where W is singular, the
 box problem may be solved to 1e-11 at a point that is 1e-6 from solving the contact problem."""
 SMALL = [

@@ -55,7 +55,7 @@ def test_pivots_on_the_diagonal_tell_definiteness() -> None:
 @pytest.mark.parametrize("by", ALL)
 def test_admm_with_any_of_them(by: By) -> None:
     problem, _ = planted.fc(np.random.default_rng(2), 6, 3, "positive definite", sparse=True)
-    solver = solvers.get("admm-contact")
+    solver = solvers.get("admm-fc")
     output = solver.run(problem, Budget(tolerance=1e-9), solver.spec.options(factors=by))
     assert output.claim is Claim.SOLVED
     assert judge(problem, output.point, 1e-9).solved
@@ -65,6 +65,6 @@ def test_admm_with_any_of_them(by: By) -> None:
 def test_a_nonsymmetric_matrix_is_refused(by: By) -> None:
     W = np.eye(3) + np.triu(np.full((3, 3), 0.1), 1)
     problem = FrictionContact(W=sp.csr_array(W), q=np.array([-1.0, 0.3, 0.2]), mu=np.array([0.5]))
-    solver = solvers.get("admm-contact")
+    solver = solvers.get("admm-fc")
     with pytest.raises(NotApplicable, match="not symmetric"):
         solver.run(problem, Budget(), solver.spec.options(factors=by))

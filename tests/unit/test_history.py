@@ -347,7 +347,7 @@ def _easy(rng: np.random.Generator, node: str) -> Any:
     return (planted_conic.soclcp if node == "soclcp" else planted_conic.plain_coneqp)(rng)[0]
 
 
-@pytest.mark.parametrize("solver", ["pgs", "psor", "nsgs", "apgd", "newton-cone"])
+@pytest.mark.parametrize("solver", ["pgs", "psor", "nsgs", "apgd", "newton-soclcp"])
 def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.Generator, solver: str) -> None:
     """Runs at three tolerances, against the history of one run.
 

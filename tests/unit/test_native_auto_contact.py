@@ -13,45 +13,45 @@ from tiers import some_by_day
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact.contact_policy import Method, Standing, policy
-from cpbench.solvers.native.contact.contact_sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
+from cpbench.solvers.native.contact.policy import NextMethod, PolicyState, policy
+from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
 from cpbench.testing import planted
 
-NEW = Standing(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
+NEW = PolicyState(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
 
 
 def test_sweeps_come_first() -> None:
-    assert policy(replace(NEW, step=0.0, iteration=0.0), 1e-8) is Method.SWEEPS
+    assert policy(replace(NEW, step=0.0, iteration=0.0), 1e-8) is NextMethod.SWEEPS
 
 
 @pytest.mark.parametrize(
     ("standing", "expected"),
     [
-        (replace(NEW, sweeps=1000, error=1e-6), Method.SWEEPS),  # 333 more are expected: 3 ms
-        (replace(NEW, sweeps=100_000, error=1e-6), Method.NEWTON),
-        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=2), Method.ADMM),
-        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=3, admm_failures=1), Method.SWEEPS),
-        (replace(NEW, sweeps=10, error=2.0), Method.NEWTON),  # nothing gained: no rate to go on at
+        (replace(NEW, sweeps=1000, error=1e-6), NextMethod.SWEEPS),  # 333 more are expected: 3 ms
+        (replace(NEW, sweeps=100_000, error=1e-6), NextMethod.NEWTON),
+        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=2), NextMethod.ADMM),
+        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=3, admm_failures=1), NextMethod.SWEEPS),
+        (replace(NEW, sweeps=10, error=2.0), NextMethod.NEWTON),  # nothing gained: no rate to go on at
     ],
 )
-def test_the_method_that_is_expected_to_be_done_first(standing: Standing, expected: Method) -> None:
+def test_the_method_that_is_expected_to_be_done_first(standing: PolicyState, expected: NextMethod) -> None:
     assert policy(standing, 1e-8) is expected
 
 
 def test_whatever_fails_sweeps_and_newton_and_admm_all_come_again() -> None:
     """Without any progress all three go on in turn, each with about as much work as the others."""
-    now, work = replace(NEW, error=1e-3), dict.fromkeys(Method, 0.0)
+    now, work = replace(NEW, error=1e-3), dict.fromkeys(NextMethod, 0.0)
     for _ in range(60):
         match policy(now, 1e-8):
-            case Method.SWEEPS:
+            case NextMethod.SWEEPS:
                 count = max(50, now.sweeps)
-                work[Method.SWEEPS] += count * now.sweep
+                work[NextMethod.SWEEPS] += count * now.sweep
                 now = replace(now, sweeps=now.sweeps + count)
-            case Method.NEWTON:
-                work[Method.NEWTON] += 10 * now.step * 3.0**now.newton_failures
+            case NextMethod.NEWTON:
+                work[NextMethod.NEWTON] += 10 * now.step * 3.0**now.newton_failures
                 now = replace(now, newton_failures=now.newton_failures + 1)
-            case Method.ADMM:
-                work[Method.ADMM] += 300 * now.iteration * 3.0**now.admm_failures
+            case NextMethod.ADMM:
+                work[NextMethod.ADMM] += 300 * now.iteration * 3.0**now.admm_failures
                 now = replace(now, admm_failures=now.admm_failures + 1)
     assert max(work.values()) < 10 * min(work.values())
 
@@ -120,15 +120,15 @@ FILES = [
 
 
 def test_sweeps_that_stand_still_are_expected_to_go_on_standing() -> None:
-    near = Standing(error=1.01e-8, sweeps=1000, sweep=2e4, step=3e6, iteration=1e9)
-    assert policy(near, 1e-8) is Method.SWEEPS
-    assert policy(replace(near, idle_sweeps=900), 1e-8) is Method.SWEEPS
-    assert policy(replace(near, idle_sweeps=5000), 1e-8) is Method.NEWTON
+    near = PolicyState(error=1.01e-8, sweeps=1000, sweep=2e4, step=3e6, iteration=1e9)
+    assert policy(near, 1e-8) is NextMethod.SWEEPS
+    assert policy(replace(near, idle_sweeps=900), 1e-8) is NextMethod.SWEEPS
+    assert policy(replace(near, idle_sweeps=5000), 1e-8) is NextMethod.NEWTON
 
 
 @pytest.mark.parametrize(("name", "most"), some_by_day(FILES, 2))
 def test_real_files_take_the_same_way_twice(shared_data: Path, name: str, most: int) -> None:
-    problem, solver = storage.load(shared_data / "fc3d_local" / name), solvers.get("auto-contact")
+    problem, solver = storage.load(shared_data / "fc3d_local" / name), solvers.get("auto-fc")
     first, second = (solver.run(problem, Budget(tolerance=1e-8)) for _ in range(2))
     assert first.claim is Claim.SOLVED, first.message
     assert_claim(problem, first.point, 1e-8)
@@ -139,7 +139,7 @@ def test_real_files_take_the_same_way_twice(shared_data: Path, name: str, most: 
 
 def test_an_answer_is_a_start_that_costs_nothing(shared_data: Path) -> None:
     problem = storage.load(shared_data / "fc3d_local" / "Confeti-ex03-Fc3D-SBM.dat")
-    solver, budget = solvers.get("auto-contact"), Budget(tolerance=1e-8)
+    solver, budget = solvers.get("auto-fc"), Budget(tolerance=1e-8)
     warm = solver.run(problem, budget, start=solver.run(problem, budget).point)
     assert warm.claim is Claim.SOLVED
     assert warm.counters["iterations"] == 0

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import AVI, AVIPoint, LCPPoint, Relay
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.avi.polyhedron_vertex import Polyhedron
+from cpbench.solvers.native.avi.polyhedron_vertex import ScaledPolyhedron
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
 
@@ -140,7 +140,7 @@ def test_a_vertex_has_as_many_conditions_as_unknowns(rng: np.random.Generator) -
         shift = np.where(moving, 0.0, problem.lb)
         A, C = problem.A[:, moving], problem.C[:, moving]
         b, d = problem.b - problem.A @ shift, problem.d - problem.C @ shift
-        found = Polyhedron(A, b, C, d, problem.lb[moving], problem.ub[moving])
+        found = ScaledPolyhedron(A, b, C, d, problem.lb[moving], problem.ub[moving])
         z = found.vertex(rng.standard_normal(int(moving.sum())))
         assert z is not None
         N, J, E = found.basis(z)

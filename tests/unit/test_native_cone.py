@@ -10,13 +10,13 @@ from cpbench.formulations import AVI, SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.cone.conic_form import conic_form
-from cpbench.solvers.native.cone.lorentz_scaling import LorentzCones, Scaling
+from cpbench.solvers.native.cone.lorentz_scaling import GroupScaling, LorentzCones
+from cpbench.solvers.native.cone.scaled_form import conic_form
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
 
-PROGRAMS = ("admm-cone", "ipm-cone")
-COMPLEMENTARITY = ("admm-soclcp", "ipm-soclcp")
+PROGRAMS = ("admm-coneqp", "interior-point-coneqp")
+COMPLEMENTARITY = ("admm-soclcp", "interior-point-soclcp")
 CONES = LorentzCones.of([("zero", 2), ("nonnegative", 3), ("lorentz", 3), ("lorentz", 4), ("lorentz", 3)])
 
 
@@ -31,7 +31,7 @@ def test_the_scaling_point_is_one(rng: np.random.Generator) -> None:
     """Wy = W⁻¹s = λ and W²y = s, W by its formula; {0} has none."""
     for _ in range(30):
         s, y, d = inside(rng), inside(rng), rng.standard_normal(CONES.rows)
-        scaling = Scaling.of(CONES, s, y)
+        scaling = GroupScaling.of(CONES, s, y)
         felt = np.where(np.arange(CONES.rows) < 2, 0.0, s)
         np.testing.assert_allclose(scaling.times(scaling.lam), felt, atol=1e-12)
         np.testing.assert_allclose(scaling.times(s, inverse=True), scaling.lam, atol=1e-10)
@@ -115,10 +115,10 @@ def test_a_form_and_back(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(back.y, point.y)
 
 
-@pytest.mark.parametrize("name", ["admm-cone", "admm-soclcp"])
+@pytest.mark.parametrize("name", ["admm-coneqp", "admm-soclcp"])
 def test_nothing_is_left_to_do_from_the_answer(name: str, rng: np.random.Generator) -> None:
     K = ProductCone.of((Cone.SECOND_ORDER, 4, 3, 0.5))
-    make = planted_conic.plain_coneqp if name == "admm-cone" else planted_conic.soclcp
+    make = planted_conic.plain_coneqp if name == "admm-coneqp" else planted_conic.soclcp
     problem, _ = make(rng, K, "positive definite")
     solver = solvers.get(name)
     output = solver.run(problem, Budget(tolerance=1e-5))
@@ -148,7 +148,7 @@ def test_what_cannot_be_is_said() -> None:
         saddle = ConeQP.over(np.diag([1.0, -1.0]), np.ones(2), K)
         assert "not convex" in (solvers.get(name).obstacle(saddle) or "")
     turned = SOCLCP(M=np.diag([1.0, -1.0]), q=np.ones(2), **cone_fields(K))  # pyright: ignore[reportArgumentType]
-    assert "not monotone" in (solvers.get("ipm-soclcp").obstacle(turned) or "")
+    assert "not monotone" in (solvers.get("interior-point-soclcp").obstacle(turned) or "")
     rows = AVI(M=np.eye(1), q=np.zeros(1), A=np.eye(1), b=np.ones(1))
     assert "lemke-avi" in (solvers.get("extragradient-avi").obstacle(rows) or "")
 

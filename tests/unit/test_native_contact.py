@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact import contact_sweeps
+from cpbench.solvers.native.contact import sweeps as contact_sweeps
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -177,7 +177,7 @@ def test_a_sum_that_is_given_up_at_the_last_contact_is_no_error() -> None:
     """Relaxed, so that no contact of a sweep is solved exactly, and few, so that this is often the last."""
     for seed in range(40):
         problem, _ = planted.fc(np.random.default_rng(seed), 2, 3, "positive definite")
-        for name, options in (("nsgs", {"omega": 0.8}), ("psor-contact", {}), ("jacobi-contact", {"omega": 0.5})):
+        for name, options in (("nsgs", {"omega": 0.8}), ("psor-fc", {}), ("jacobi-fc", {"omega": 0.5})):
             solver = solvers.get(name)
             output = solver.run(problem, Budget(tolerance=1e-8), solver.spec.options(**options))
             assert output.claim is Claim.SOLVED, (seed, name, output.message)

@@ -14,12 +14,12 @@ from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact, Kind
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
-from cpbench.solvers.native.cone.lorentz import Scaling, longest
+from cpbench.solvers.native.cone.lorentz import RowScaling, longest
 from cpbench.testing import planted
 from cpbench.verification import judge
 
-EXACT = ("interior-point-contact", "facets-lemke")
-INTERIOR = ("interior-point-contact", "interior-point-relaxation")
+EXACT = ("interior-point-fc", "facets-lemke")
+INTERIOR = ("interior-point-fc", "interior-point-relaxation")
 
 
 def inside(rng: np.random.Generator, count: int, d: int) -> np.ndarray:
@@ -32,7 +32,7 @@ def inside(rng: np.random.Generator, count: int, d: int) -> np.ndarray:
 def test_the_scaling_is_nesterovs_and_todds(rng: np.random.Generator, d: int) -> None:
     """Θ is symmetric, positive definite, an automorphism of the cone, and Θy = w."""
     y, w = inside(rng, 20, d), inside(rng, 20, d)
-    theta = Scaling(y, w).theta
+    theta = RowScaling(y, w).theta
     np.testing.assert_allclose(np.einsum("cij,cj->ci", theta, y), w, rtol=1e-8)
     np.testing.assert_allclose(theta, theta.swapaxes(1, 2), rtol=1e-12)
     assert (np.linalg.eigvalsh(theta) > 0).all()
@@ -45,7 +45,7 @@ def test_the_scaling_is_nesterovs_and_todds(rng: np.random.Generator, d: int) ->
 def test_the_right_side_is_that_of_the_scaled_newton_equation(rng: np.random.Generator, d: int) -> None:
     """Without prediction and target, Θdy + dw = −w: the affine step of every scaling."""
     y, w = inside(rng, 20, d), inside(rng, 20, d)
-    np.testing.assert_allclose(Scaling(y, w).right(None, 0.0), -w, rtol=1e-8)
+    np.testing.assert_allclose(RowScaling(y, w).right(None, 0.0), -w, rtol=1e-8)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -67,7 +67,7 @@ def test_the_longest_step_ends_on_the_boundary(rng: np.random.Generator, d: int)
 def test_planted_contacts_are_solved(dimension: int, sparse: bool) -> None:
     for seed in range(3):
         problem, _ = planted.fc(np.random.default_rng(seed), 8, dimension, "positive definite", sparse=sparse)
-        output = solvers.get("interior-point-contact").run(problem, Budget(tolerance=1e-8))
+        output = solvers.get("interior-point-fc").run(problem, Budget(tolerance=1e-8))
         assert output.claim is Claim.SOLVED, output.message
         assert judge(problem, output.point, 1e-8).solved
 
@@ -160,7 +160,7 @@ def test_a_right_start_is_returned(rng: np.random.Generator, name: str) -> None:
 def test_real_files(shared_data: Path, file: str, asked: float) -> None:
     problem: Any = storage.load(shared_data / "fc3d_local" / file)
     assert sp.issparse(problem.W)
-    output = solvers.get("interior-point-contact").run(problem, Budget(tolerance=asked, seconds=60.0))
+    output = solvers.get("interior-point-fc").run(problem, Budget(tolerance=asked, seconds=60.0))
     assert output.claim is Claim.SOLVED, output.message
     assert_own_measure(problem, output.point, asked)
     assert judge(problem, output.point, 1e-8).solved

@@ -14,15 +14,15 @@ from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
-from cpbench.solvers.native.contact.contact_frozen import Frozen, block_csr
-from cpbench.solvers.native.contact.contact_sweeps import scaled_contacts
+from cpbench.solvers.native.contact.frozen_law import Frozen, block_csr
 from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
+from cpbench.solvers.native.contact.sweeps import scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 
 FIXED_POINTS = ("tresca-fixed-point", "panagiotopoulos-fixed-point", "aclm-fixed-point")
-PROJECTIONS = ("de-saxce-fixed-point", "extragradient-contact")
-ALL = (*FIXED_POINTS, *PROJECTIONS, "apgd-contact", "proximal-nsgs", "proximal-newton")
+PROJECTIONS = ("de-saxce-fixed-point", "extragradient-fc")
+ALL = (*FIXED_POINTS, *PROJECTIONS, "apgd-fc", "proximal-nsgs", "proximal-newton")
 SETS = ("CONE", "CYLINDER", "NORMAL", "TANGENT")
 
 
@@ -205,8 +205,8 @@ def test_gauss_seidel_does_for_nesterov(rng: np.random.Generator, name: str) -> 
             ("tresca-fixed-point", "Confeti-ex13-4contact-Fc3D-SBM.dat", 1e-8),  # plain steps circle at 1e-2
             ("aclm-fixed-point", "fclib_local_problem_test.hdf5", 1e-8),  # rough convex solves stay at 2e-1
             ("de-saxce-fixed-point", "RockPile_tob1.dat", 1e-4),
-            ("apgd-contact", "Capsules-i125-1213.hdf5", 1e-8),
-            ("apgd-contact", "RockPile_tob1.dat", 1e-4),
+            ("apgd-fc", "Capsules-i125-1213.hdf5", 1e-8),
+            ("apgd-fc", "RockPile_tob1.dat", 1e-4),
             ("proximal-newton", "RockPile_tob1.dat", 1e-8),  # ω = 1: more than four times the steps
             ("proximal-newton", "mj_boxes300_mu04-nc935.hdf5", 1e-8),
         ],

@@ -12,14 +12,14 @@ from claims import assert_claim
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact.contact_equation import ContactEquation, ContactFunction
-from cpbench.solvers.native.contact.contact_newton import ContactNewtonOptions, Regularization, Search
-from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows, scaled_contacts
+from cpbench.solvers.native.contact.newton_equation import ContactEquation, ContactFunction
+from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, LineSearch, Regularization
+from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows, scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 
-NEWTON = ("alart-curnier-newton", "jean-moreau-newton", "natural-map-contact", "fischer-burmeister-contact")
-NEW = ("admm-contact", "auto-contact", *NEWTON)
+NEWTON = ("newton-alart-curnier", "newton-jean-moreau", "newton-natural-map", "newton-fb-fc")
+NEW = ("admm-fc", "auto-fc", *NEWTON)
 FUNCTIONS = list(ContactFunction)
 
 
@@ -161,9 +161,9 @@ def test_at_the_apex_the_derivatives_are_numbers() -> None:
 
 
 @pytest.mark.parametrize("regularization", list(Regularization))
-@pytest.mark.parametrize("search", list(Search))
+@pytest.mark.parametrize("search", list(LineSearch))
 @pytest.mark.parametrize("name", NEWTON)
-def test_every_line_search_and_regularization(name: str, search: Search, regularization: Regularization) -> None:
+def test_every_line_search_and_regularization(name: str, search: LineSearch, regularization: Regularization) -> None:
     """Newton after few sweeps, on full rank and on hyperstatic contacts."""
     options = ContactNewtonOptions(sweeps=5, search=search, regularization=regularization)
     for problem in (
@@ -258,13 +258,13 @@ def test_void_blocks_raise_nothing(name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "file"),
     [
-        ("alart-curnier-newton", "Confeti-ex03-Fc3D-SBM.dat"),
-        ("alart-curnier-newton", "Capsules-i125-1213.hdf5"),
-        ("jean-moreau-newton", "BoxesStack1-i100000-32.hdf5.dat"),
-        ("natural-map-contact", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
-        ("fischer-burmeister-contact", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
-        ("admm-contact", "BoxesStack1-i100000-32.hdf5.dat"),
-        ("auto-contact", "BoxesStack1-i100000-32.hdf5.dat"),
+        ("newton-alart-curnier", "Confeti-ex03-Fc3D-SBM.dat"),
+        ("newton-alart-curnier", "Capsules-i125-1213.hdf5"),
+        ("newton-jean-moreau", "BoxesStack1-i100000-32.hdf5.dat"),
+        ("newton-natural-map", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
+        ("newton-fb-fc", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
+        ("admm-fc", "BoxesStack1-i100000-32.hdf5.dat"),
+        ("auto-fc", "BoxesStack1-i100000-32.hdf5.dat"),
     ],
 )
 def test_real_files(shared_data: Path, name: str, file: str) -> None:

@@ -13,12 +13,12 @@ from tiers import some_by_day
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact.contact_relaxation import Local
 from cpbench.solvers.native.contact.nsgs import NSGSOptions
+from cpbench.solvers.native.contact.relaxation import Local
 from cpbench.testing import planted
 from cpbench.verification import judge
 
-VARIANTS = ("psor-contact", "jacobi-contact")
+VARIANTS = ("psor-fc", "jacobi-fc")
 SOLVE = [local for local in Local if local is not Local.PROJECTION]
 """Those that solve a contact, and do not only come nearer."""
 
@@ -117,7 +117,7 @@ def test_a_sweep_of_projected_sor_is_that_of_plain_numpy(rng: np.random.Generato
             mu = problem.mu[c : c + 1]
             step = omega / np.sqrt(np.linalg.norm(D, 1) * np.linalg.norm(D, np.inf))
             r[at] = cones.project_friction_cone((r[at] - step * cones.de_saxce(u[None], mu)[0])[None], mu)[0]
-    solver = solvers.get("psor-contact")
+    solver = solvers.get("psor-fc")
     output = solver.run(problem, Budget(tolerance=1e-300, iterations=4), solver.spec.options(omega=omega))
     np.testing.assert_allclose(answer(output).r, r, rtol=1e-9, atol=1e-11)
 
@@ -133,7 +133,7 @@ def test_a_sweep_of_jacobi_solves_all_contacts_with_the_old_velocities(rng: np.r
             alone = FrictionContact(W=D, q=W[at] @ r - D @ r[at] + problem.q[at], mu=problem.mu[c : c + 1])
             new[at] = many(alone, Local.EXACT, 1)
         r += 0.8 * (new - r)
-    solver = solvers.get("jacobi-contact")
+    solver = solvers.get("jacobi-fc")
     output = solver.run(problem, Budget(tolerance=1e-300, iterations=3), solver.spec.options(omega=0.8))
     np.testing.assert_allclose(answer(output).r, r, rtol=1e-7, atol=1e-9)
 
@@ -180,9 +180,9 @@ def test_a_seed_gives_the_same_order(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize(
     ("name", "file"),
     [
-        ("psor-contact", "Rover1039.dat"),
-        ("psor-contact", "Confeti-ex03-Fc3D-SBM.dat"),
-        ("jacobi-contact", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
+        ("psor-fc", "Rover1039.dat"),
+        ("psor-fc", "Confeti-ex03-Fc3D-SBM.dat"),
+        ("jacobi-fc", "LMGC_100_PR_PerioBox-i00361-60-03000.hdf5"),
     ],
 )
 def test_real_files(shared_data: Path, name: str, file: str) -> None:

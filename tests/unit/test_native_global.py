@@ -16,13 +16,13 @@ from cpbench.formulations import FCPoint, GFCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact.contact_sweeps import Sweeps, block_rows
-from cpbench.solvers.native.contact.global_admm import Dynamics
+from cpbench.solvers.native.contact.admm_global import Dynamics
 from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
+from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
 
-SOLVERS = {"gfc": "admm-global", "grfc": "admm-global-rolling", "rfc": "admm-rolling"}
+SOLVERS = {"gfc": "admm-gfc", "grfc": "admm-grfc", "rfc": "admm-rfc"}
 
 
 def problem_of(node: str, seed: int, *, sparse: bool) -> tuple[Any, Any]:
@@ -96,7 +96,7 @@ def test_joints_given_twice_are_no_obstacle() -> None:
         dimension=3,
     )
     assert twice.saddle.singular
-    output = solvers.get("admm-global").run(twice, Budget(tolerance=1e-7))
+    output = solvers.get("admm-gfc").run(twice, Budget(tolerance=1e-7))
     assert output.claim is Claim.SOLVED, output.message
     point: Any = output.point
     np.testing.assert_allclose(twice.G.T @ point.v, -twice.b, atol=1e-8)
@@ -107,7 +107,7 @@ def test_a_body_without_mass_is_refused() -> None:
     M = np.array(problem.M)
     M[0], M[:, 0] = 0.0, 0.0
     massless = type(problem)(M=M, H=problem.H, f=problem.f, w=problem.w, mu=problem.mu, dimension=3)
-    assert "singular" in (solvers.get("admm-global").obstacle(massless) or "")
+    assert "singular" in (solvers.get("admm-gfc").obstacle(massless) or "")
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_gauss_seidel_on_velocities_makes_the_iterates_of_gauss_seidel_on_w(dime
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_gauss_seidel_on_velocities_solves_and_starts_warm(dimension: int) -> None:
-    problem, solver = bodies(dimension, seed=3), solvers.get("nsgs-global")
+    problem, solver = bodies(dimension, seed=3), solvers.get("nsgs-gfc")
     output = solver.run(problem, Budget(tolerance=1e-10))
     assert output.claim is Claim.SOLVED, output.message
     assert judge(problem, output.point, 1e-10).solved
@@ -175,7 +175,7 @@ def test_gauss_seidel_on_velocities_solves_and_starts_warm(dimension: int) -> No
 
 
 def test_what_gauss_seidel_on_velocities_refuses() -> None:
-    solver, problem = solvers.get("nsgs-global"), bodies(3)
+    solver, problem = solvers.get("nsgs-gfc"), bodies(3)
     assert solver.obstacle(problem) is None
     indefinite = dataclasses.replace(problem, M=problem.M - 2 * sp.csr_array(sp.diags_array(problem.M.diagonal())))
     lopsided = problem.M.toarray()
@@ -202,6 +202,6 @@ def test_what_gauss_seidel_on_velocities_refuses() -> None:
 @pytest.mark.filterwarnings("ignore:.*6 digits")
 def test_real_files_by_gauss_seidel_on_velocities(shared_data: Path, file: str, tolerance: float) -> None:
     problem = storage.load(shared_data / file)
-    output = solvers.get("nsgs-global").run(problem, Budget(tolerance=tolerance, seconds=120.0))
+    output = solvers.get("nsgs-gfc").run(problem, Budget(tolerance=tolerance, seconds=120.0))
     assert output.claim is Claim.SOLVED, output.message
     assert_claim(problem, output.point, tolerance)

@@ -70,7 +70,7 @@ def test_updates_by_products_are_those_by_vectors(
         if q.min() >= 0.0:
             continue
         unit = np.abs(q).max() / np.abs(M).max()
-        run = lemke_columns.Columns(
+        run = lemke_columns.PivotingState(
             kernel, M.T, q / np.abs(q).max(), factor=-1.0 / np.abs(M).max(), block=block, room=room
         )
         while (status := run.advance(3000, options.pivot_tolerance, options.tie_tolerance)) in (

@@ -13,15 +13,15 @@ import scipy.sparse as sp
 from cpbench import kernel_cache, matrices, storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.mlcp.mlcp_claims import scale
-from cpbench.solvers.native.mlcp.mlcp_enumeration import all_solutions
-from cpbench.solvers.native.mlcp.mlcp_pivoting import Reduction
+from cpbench.solvers.native.mlcp.claims import scale
+from cpbench.solvers.native.mlcp.enumeration import all_solutions
+from cpbench.solvers.native.mlcp.pivoting import Reduction
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
 from cpbench.verification import certified_infeasible, judge
 
 DIRECT = ("lemke-mlcp", "newton-min-mlcp", "newton-fb-mlcp")
-ALL = (*DIRECT, "interior-point-mlcp", "pgs-mlcp", "psor-mlcp", "rpgs-mlcp", "mlcp-enumeration")
+ALL = (*DIRECT, "interior-point-mlcp", "pgs-mlcp", "psor-mlcp", "rpgs-mlcp", "enumeration-mlcp")
 
 
 def from_whole(K: np.ndarray, k: np.ndarray, n: int) -> MLCP:
@@ -208,7 +208,7 @@ def test_gauss_seidel_says_what_it_lacks() -> None:
     assert solvers.get("rpgs-mlcp").obstacle(no_A) is None
 
 
-@pytest.mark.parametrize("solver", ["lemke-mlcp", "mlcp-enumeration"])
+@pytest.mark.parametrize("solver", ["lemke-mlcp", "enumeration-mlcp"])
 @pytest.mark.parametrize("case", infeasible("mlcp"), ids=lambda case: case.name)
 def test_infeasibility_is_proved(solver: str, case: Case) -> None:
     output = solvers.get(solver).run(case.problem, Budget())
@@ -239,7 +239,7 @@ def test_all_solutions_of_a_problem_that_has_three() -> None:
     found = {tuple(np.round(point.v, 9)) for point in all_solutions(problem)}
     third = round(1 / 3, 9)
     assert found == {(1.0, 0.0), (0.0, 1.0), (third, third)}
-    output = solvers.get("mlcp-enumeration").run(problem, Budget(tolerance=1e-9))
+    output = solvers.get("enumeration-mlcp").run(problem, Budget(tolerance=1e-9))
     assert output.counters["solutions"] == 3
     assert output.claim is Claim.SOLVED
 

@@ -211,7 +211,7 @@ def test_enumeration_finds_every_solution(seed: int) -> None:
     M, q = rng.standard_normal((9, 9)), rng.standard_normal(9)
     problem = LCP(M=M, q=q)
     expected = reference_solutions(M, q)
-    output = solvers.get("lcp-enumeration").run(problem, Budget(tolerance=1e-9))
+    output = solvers.get("enumeration-lcp").run(problem, Budget(tolerance=1e-9))
     assert output.counters["solutions"] == len(expected)
     if expected:
         np.testing.assert_allclose(output.point.z, expected[0], rtol=1e-8, atol=1e-10)
@@ -222,7 +222,7 @@ def test_enumeration_finds_every_solution(seed: int) -> None:
 
 def test_enumeration_on_problems_with_known_sets_of_solutions() -> None:
     """One, four, a ray of them, none with and without Farkas' proof, one of a P-matrix."""
-    run = solvers.get("lcp-enumeration").run
+    run = solvers.get("enumeration-lcp").run
     assert run(LCP(M=np.array([[0.0, 1.0], [1.0, 0.0]]), q=[-1.0, -1.0])).counters["solutions"] == 1
     assert run(LCP(M=-np.eye(2), q=[1.0, 1.0])).counters["solutions"] == 4
     ray = run(unbounded_ray().problem)
@@ -238,7 +238,7 @@ def test_enumeration_on_problems_with_known_sets_of_solutions() -> None:
     assert unsolvable.claim is Claim.INFEASIBLE
     assert unsolvable.certificate is None
     assert "exhaustion" in unsolvable.message
-    assert "2^n" in (solvers.get("lcp-enumeration").obstacle(murty(21).problem) or "")
+    assert "2^n" in (solvers.get("enumeration-lcp").obstacle(murty(21).problem) or "")
     assert run(csizmadia(12).problem, Budget(iterations=5)).claim is Claim.MAX_ITER
 
 

@@ -12,24 +12,24 @@ import scipy.sparse as sp
 from cpbench.formulations import QP
 from cpbench.kernel_cache import load
 from cpbench.solvers import Budget, Claim, Trait, solvers
-from cpbench.solvers.native.qp.qp_claims import Measure, infeasibility, unboundedness
-from cpbench.solvers.native.qp.qp_dual_active_set import ActiveSet
-from cpbench.solvers.native.qp.qp_kkt import DenseKKT, SparseKKT
-from cpbench.solvers.native.qp.qp_scaling import scaled, stacked
+from cpbench.solvers.native.qp.claims import ErrorMeasure, infeasibility, unboundedness
+from cpbench.solvers.native.qp.dual_active_set import ActiveSet
+from cpbench.solvers.native.qp.kkt_system import DenseKKT, SparseKKT
+from cpbench.solvers.native.qp.scaling import scaled, stacked
 from cpbench.testing import planted
 
-STRICT = ("qp-dual-active-set", "qp-projected-gradient", "qp-nesterov")
+STRICT = ("dual-active-set", "projected-gradient", "nesterov-qp")
 """Those that need Q positive definite where there are rows."""
 CONVEX = (
-    "qp-proximal-active-set",
-    "qp-primal-active-set",
-    "qp-interior-point",
-    "qp-augmented-lagrangian",
-    "qp-proximal-point",
+    "proximal-active-set",
+    "primal-active-set",
+    "interior-point-qp",
+    "augmented-lagrangian",
+    "proximal-point",
 )
-EXACT = ("qp-dual-active-set", *CONVEX)
+EXACT = ("dual-active-set", *CONVEX)
 ALL = (*STRICT, *CONVEX)
-ACTIVE = ("qp-dual-active-set", "qp-proximal-active-set", "qp-primal-active-set")
+ACTIVE = ("dual-active-set", "proximal-active-set", "primal-active-set")
 
 
 def solved(name: str, problem: QP, tolerance: float = 1e-6, **how: Any) -> Any:
@@ -130,7 +130,7 @@ def test_problems_without_a_point_are_proved_to_be_so(name: str) -> None:
     for problem in (rows, bounds, equalities):
         output = solvers.get(name).run(problem)
         assert output.claim is not Claim.SOLVED
-        if name in ACTIVE or (name == "qp-interior-point" and problem is not equalities):
+        if name in ACTIVE or (name == "interior-point-qp" and problem is not equalities):
             assert output.claim is Claim.INFEASIBLE, output.message
             assert "to rounding" in output.message
             assert problem.certifies_infeasibility(output.certificate)
@@ -239,13 +239,13 @@ def test_the_history_ends_in_the_answer(name: str) -> None:
     assert output.counters["iterations"] >= 1
 
 
-@pytest.mark.parametrize("name", ["qp-interior-point", "qp-augmented-lagrangian", "qp-proximal-point", "qp-nesterov"])
+@pytest.mark.parametrize("name", ["interior-point-qp", "augmented-lagrangian", "proximal-point", "nesterov-qp"])
 def test_sparse_and_dense_agree(name: str) -> None:
     problem = banded(90, np.random.default_rng(0))
     full = QP.build(
         problem.Q.toarray(), problem.p, problem.A.toarray(), problem.b, problem.C.toarray(), problem.d, problem.lb
     )
-    tolerance = 1e-4 if name == "qp-nesterov" else 1e-8
+    tolerance = 1e-4 if name == "nesterov-qp" else 1e-8
     one, other = solved(name, problem, tolerance), solved(name, full, tolerance)
     np.testing.assert_allclose(one.point.z, other.point.z, atol=1e4 * tolerance)
 
@@ -255,7 +255,7 @@ def test_a_limit_is_said(name: str) -> None:
     problem = planted.qp(np.random.default_rng(2), 25, 20, 2)[0]
     output = solvers.get(name).run(problem, Budget(tolerance=1e-12, iterations=1))
     assert output.claim in (Claim.MAX_ITER, Claim.SOLVED)
-    assert output.counters["iterations"] <= 1 or name == "qp-proximal-active-set"
+    assert output.counters["iterations"] <= 1 or name == "proximal-active-set"
 
 
 @pytest.mark.parametrize("name", STRICT)
@@ -280,8 +280,8 @@ def test_the_compiled_error_is_that_of_the_formulation() -> None:
         for noise in (0.0, 1e-8, 1e-3):
             parts = tuple(scale * v + noise * rng.standard_normal(v.size) for v in point.arrays().values())
             expected = problem.residuals(type(point)(*parts)).error
-            assert Measure(problem).error(parts) == pytest.approx(expected, rel=1e-6, abs=1e-14)
-    assert Measure(problem).error((parts[0] * np.nan, *parts[1:])) == np.inf
+            assert ErrorMeasure(problem).error(parts) == pytest.approx(expected, rel=1e-6, abs=1e-14)
+    assert ErrorMeasure(problem).error((parts[0] * np.nan, *parts[1:])) == np.inf
 
 
 def test_the_compiled_equilibration_is_that_of_numpy() -> None:

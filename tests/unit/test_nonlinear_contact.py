@@ -87,7 +87,7 @@ def test_a_chain_of_one_link_is_the_pendulum():
 @pytest.mark.parametrize("name", INSTANCES)
 def test_newton_solves_every_planted_problem(name):
     problem = INSTANCES[name].problem
-    out = solvers.get("newton-contact").run(problem, Budget(tolerance=1e-10))
+    out = solvers.get("newton-nfc").run(problem, Budget(tolerance=1e-10))
     assert out.claim is Claim.SOLVED
     assert judge(problem, out.point, 1e-10).solved
 
@@ -97,7 +97,7 @@ def test_newton_converges_quadratically(name):
     """Distances to the last iterate, once the contacts have settled: order 1.8 at least in the last step."""
     seen = []
     budget = Budget(tolerance=1e-13, iterations=12)
-    solvers.get("newton-contact").run(INSTANCES[name].problem, budget, record=lambda k, e, point: seen.append(point()))
+    solvers.get("newton-nfc").run(INSTANCES[name].problem, budget, record=lambda k, e, point: seen.append(point()))
     far = [np.linalg.norm(p.v - seen[-1].v) for p in seen[:-1]]
     far = [x for x in far if x > 1e-9]
     assert len(far) >= 3
@@ -108,7 +108,7 @@ def test_newton_needs_one_step_for_linear_dynamics(rng):
     v = ca.SX.sym("v", 3)
     F = Map.from_casadi(v, 2 * v - ca.DM([-1.0, 0.5, 0.0]))
     problem = NonlinearFrictionContact(F=F, H=np.eye(3), w=np.zeros(3), mu=[0.5])
-    out = solvers.get("newton-contact").run(problem, Budget(tolerance=1e-12))
+    out = solvers.get("newton-nfc").run(problem, Budget(tolerance=1e-12))
     assert out.counters["iterations"] == 1
     np.testing.assert_allclose(out.point.r, [1.0, -0.5, 0.0], atol=1e-12)
 
@@ -119,7 +119,7 @@ def test_newton_finds_the_answer_by_hand():
     F = Map.from_casadi(v, v**3 + v + ca.DM([2.0, -3.0]))
     for mu, expected in ((2.0, [2.0, -3.0]), (0.5, [2.0, -1.0])):
         problem = NonlinearFrictionContact(F=F, H=np.eye(2), w=np.zeros(2), mu=[mu], dimension=2)
-        out = solvers.get("newton-contact").run(problem, Budget(tolerance=1e-12))
+        out = solvers.get("newton-nfc").run(problem, Budget(tolerance=1e-12))
         np.testing.assert_allclose(out.point.r, expected, atol=1e-10)
         # v_T³ + v_T = 3 + r_T
         np.testing.assert_allclose(out.point.v, [0.0, 0.0 if mu > 1 else 1.0], atol=1e-10)
@@ -132,7 +132,7 @@ def test_shorter_steps_where_newton_overshoots():
     problem = NonlinearFrictionContact(
         F=F, H=np.eye(2), w=np.array([5.0, 0.0]), mu=[0.5], dimension=2, start=[3.0, 0.0]
     )
-    out = solvers.get("newton-contact").run(problem, Budget(tolerance=1e-10))
+    out = solvers.get("newton-nfc").run(problem, Budget(tolerance=1e-10))
     assert out.claim is Claim.SOLVED
     np.testing.assert_allclose(out.point.v, 0.0, atol=1e-9)
 
@@ -142,7 +142,7 @@ def test_singular_dynamics_take_a_proximal_step():
     v = ca.SX.sym("v", 2)
     F = Map.from_casadi(v, v**3 - ca.DM([8.0, 0.0]))
     problem = NonlinearFrictionContact(F=F, H=np.eye(2), w=np.array([-2.0, 0.0]), mu=[0.5], dimension=2)
-    out = solvers.get("newton-contact").run(problem, Budget(tolerance=1e-8))
+    out = solvers.get("newton-nfc").run(problem, Budget(tolerance=1e-8))
     assert out.claim is Claim.SOLVED
     assert out.point.v[0] == pytest.approx(2.0, abs=1e-6)
 
@@ -157,13 +157,13 @@ def test_a_solver_of_gfc_may_be_inside(monkeypatch):
         def solve(self, prepared, budget, options, start=None, record=None):
             asked.append(budget.tolerance)
             assert isinstance(start, GFCPoint)
-            from cpbench.solvers.native.contact.newton_contact import _local
+            from cpbench.solvers.native.contact.nonlinear_dynamics import _local
 
             out = solvers.get("nsgs").run(_local(prepared), budget)
             return SolverOutput(claim=out.claim, point=GFCPoint(v=start.v, r=out.point.r), counters=out.counters)
 
     monkeypatch.setitem(solvers._items, "test-global", Global())
-    newton = solvers.get("newton-contact")
+    newton = solvers.get("newton-nfc")
     problem = INSTANCES["spin-8"].problem
     out = newton.run(problem, Budget(tolerance=1e-10), newton.spec.options(inner="test-global"))
     assert judge(problem, out.point, 1e-10).solved
@@ -173,14 +173,14 @@ def test_a_solver_of_gfc_may_be_inside(monkeypatch):
 
 
 def test_an_inner_solver_of_another_node_is_named():
-    newton = solvers.get("newton-contact")
+    newton = solvers.get("newton-nfc")
     with pytest.raises(UnknownName, match="lemke"):
         newton.run(INSTANCES["drag-1"].problem, None, newton.spec.options(inner="lemke"))
 
 
 def test_from_the_answer_there_is_nothing_to_do():
     instance = INSTANCES["spin-20"]
-    out = solvers.get("newton-contact").run(instance.problem, Budget(tolerance=1e-10), start=instance.solution)
+    out = solvers.get("newton-nfc").run(instance.problem, Budget(tolerance=1e-10), start=instance.solution)
     assert out.counters["iterations"] == 0
     assert isinstance(out.point, NFCPoint)
 
@@ -191,5 +191,5 @@ def test_what_cannot_be_solved_is_not_claimed():
     F = Map.from_casadi(v, ca.vertcat(v[0], v[1]))
     H, w = np.array([[1.0, 0, -1, 0], [0, 1, 0, 1]]), np.array([-1.0, 0, -1, 0])  # v ≥ 1 and −v ≥ 1
     problem = NonlinearFrictionContact(F=F, H=H, w=w, mu=[0.0, 0.0], dimension=2)
-    out = solvers.get("newton-contact").run(problem, Budget(tolerance=1e-8, seconds=2.0))
+    out = solvers.get("newton-nfc").run(problem, Budget(tolerance=1e-8, seconds=2.0))
     assert out.claim is not Claim.SOLVED

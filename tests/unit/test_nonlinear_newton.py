@@ -32,8 +32,8 @@ FUNCTIONS = {
     "smoothed": partial(smoothed, mu=0.1),
 }  # fmt: skip
 SOLVERS = (
-    "josephy-newton", "normal-map-newton", "path-search", "smoothing-newton", "semismooth-newton-ep",
-    "semismooth-newton-fb", "semismooth-newton-min", "semismooth-newton-pfb",
+    "josephy-newton", "newton-normal-map", "path-search", "smoothing-newton", "newton-ep-micp",
+    "newton-fb-micp", "newton-min-micp", "newton-pfb-micp",
 )  # fmt: skip
 
 
@@ -107,7 +107,7 @@ def test_the_classics(name: str, collection: str, instance: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", some_by_day([n for n in SOLVERS if n not in ("semismooth-newton-ep", "smoothing-newton")], 1)
+    "name", some_by_day([n for n in SOLVERS if n not in ("newton-ep-micp", "smoothing-newton")], 1)
 )
 def test_sparse_problems(name: str) -> None:
     for instance in ("bratu-20x20-12", "membrane-20x20", "minimal-surface-19x19"):
@@ -132,7 +132,7 @@ def test_iterates_may_leave_the_domain_or_not() -> None:
     micp = problem("nash-cournot", "nash-cournot-10")
     for project in (True, False):
         for start in (np.ones(10), np.full(10, 10.0)):
-            output = run("semismooth-newton-fb", micp, start, project=project)
+            output = run("newton-fb-micp", micp, start, project=project)
             assert micp.residuals(output.point).error <= 1e-10
 
 
@@ -141,10 +141,10 @@ def test_a_start_outside_of_the_domain_is_left() -> None:
 
     z = ca.SX.sym("z", 2)
     micp = MiCP(F=Map.from_casadi(z, ca.log(z) - 1.0), lb=np.zeros(2), ub=np.full(2, np.inf))
-    output = run("semismooth-newton-fb", micp)
+    output = run("newton-fb-micp", micp)
     assert np.abs(output.point.z - math.e).max() <= 1e-9
     nowhere = MiCP(F=Map.from_casadi(z, ca.log(-1.0 - z * z)), lb=np.zeros(2), ub=np.ones(2))
-    output = run("semismooth-newton-fb", nowhere)
+    output = run("newton-fb-micp", nowhere)
     assert output.claim is Claim.FAILED
     assert "not finite" in output.message
 
@@ -161,7 +161,7 @@ def order(name: str, micp: MiCP, start: Any = None) -> float:
     return math.log(c / b) / math.log(b / a)
 
 
-@pytest.mark.parametrize("name", ["josephy-newton", "semismooth-newton-fb"])
+@pytest.mark.parametrize("name", ["josephy-newton", "newton-fb-micp"])
 def test_convergence_is_quadratic(name: str) -> None:
     for collection, instance in (
         ("nash-cournot", "nash-cournot-5"),
@@ -321,6 +321,6 @@ def test_prices_have_a_kernel() -> None:
     """Demand does not notice the level of prices: each Jacobian is singular, and no regularized step may be spent on
     the ray of solutions."""
     micp = problem("walras", "cobb-douglas-40-12")
-    output = run("normal-map-newton", micp, restarts=0)
+    output = run("newton-normal-map", micp, restarts=0)
     assert micp.residuals(output.point).error <= 1e-10
     assert output.counters["iterations"] <= 50, "290 iterations and 3 restarts before"

@@ -44,8 +44,8 @@ def test_values_have_the_type_of_the_option() -> None:
 
 
 def test_globs_choose_among_the_names() -> None:
-    assert labels("newton-m*") == ["newton-min", "newton-min-mlcp"]
-    asked = [f"{name}[max_iterations=9]" for name in ("nsgs", "nsgs-coloured", "nsgs-global", "nsgs-rolling")]
+    assert labels("newton-m*") == ["newton-min", "newton-min-micp", "newton-min-mlcp"]
+    asked = [f"{name}[max_iterations=9]" for name in ("nsgs", "nsgs-coloured", "nsgs-gfc", "nsgs-rfc")]
     assert labels("nsgs*[max_iterations=9]") == asked
     assert labels("lemke", "l?mke", "lemke") == ["lemke"], "each once"
 

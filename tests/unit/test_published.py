@@ -24,15 +24,15 @@ CLOSE = 1e-3
 answer to that only. Other solutions of the same problem are farther away."""
 ENOUGH = 3
 KINDS: Mapping[str, tuple[str, ...]] = {
-    "semismooth Newton": ("semismooth-newton-fb", "vi-newton", "qvi-newton", "equation-newton"),
+    "semismooth Newton": ("newton-fb-micp", "newton-vi", "newton-qvi", "newton-equation"),
     "linearization": ("josephy-newton",),
-    "normal map": ("path-search", "normal-map-newton"),
+    "normal map": ("path-search", "newton-normal-map"),
     "smoothing": ("smoothing-newton",),
     "Powell's hybrid method": ("scipy-root-hybr",),
     "Levenberg and Marquardt": ("scipy-root-lm",),
     "interior point": ("casadi-ipopt-nlp",),
     "sequential quadratic program": ("casadi-sqpmethod", "scipy-slsqp"),
-    "projection": ("vi-extragradient", "qvi-projection"),
+    "projection": ("extragradient-vi", "projection-qvi"),
 }
 """Solvers by what their steps are made of: a kind has reproduced a solution when one of its solvers has."""
 HOMOGENEOUS = {"mathiesen": 1, "mathiesen-hard": 1}

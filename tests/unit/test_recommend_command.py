@@ -132,10 +132,10 @@ def test_a_problem_unlike_all_is_told_so(monkeypatch, capsys, tmp_path: Path, me
 def test_warm_goes_by_warm_rows_and_says_when_there_are_none(
     monkeypatch, capsys, tmp_path: Path, problems: list[Path]
 ) -> None:
-    measured = results(tmp_path / "cold.sqlite", problems[:2], {"lcp-enumeration": 0.1, "psor": 0.2, "pgs": 1.0})
+    measured = results(tmp_path / "cold.sqlite", problems[:2], {"enumeration-lcp": 0.1, "psor": 0.2, "pgs": 1.0})
     cold = told(monkeypatch, capsys, problems[2], "--results", measured, "--warm")
     assert cold["recommended"][0]["label"] == "psor"
-    assert "lcp-enumeration" not in {one["label"] for one in cold["recommended"]}, "it takes no starting point"
+    assert "enumeration-lcp" not in {one["label"] for one in cold["recommended"]}, "it takes no starting point"
     assert any("no warm start was measured" in remark for remark in cold["remarks"])
     assert "the file has no starting point (guesses), so the command starts cold" in cold["remarks"]
     assert "--start" not in cold["recommended"][0]["command"]

@@ -139,7 +139,7 @@ def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path
     with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
         asked = [plan.exact(), *plan.facets("inner", 8)]
         survey = lane.survey(storage.problem_files([str(scene)])[0], asked)
-        planned = plan.pairs([survey], [plan.Entry("lcp-enumeration")], asked, 1e-6, LIMITS, start="previous")
+        planned = plan.pairs([survey], [plan.Entry("enumeration-lcp")], asked, 1e-6, LIMITS, start="previous")
         store.plan(planned)
         execute([lane], store, planned)
         rows = store.table()

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,8 @@ from cpbench.errors import Ended
 from cpbench.formulations import FrictionContact
 from cpbench.solvers import solvers
 from cpbench.solvers.adapters import siconos
-from cpbench.solvers.adapters.siconos import Row, SiconosSolver
-from cpbench.solvers.adapters.siconos_fc3d import SiconosFC3D
+from cpbench.solvers.adapters.siconos import SiconosSolver
+from cpbench.solvers.adapters.siconos_families import SiconosContact
 from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
 from cpbench.solvers.base import Budget, Claim
 from cpbench.storage import save
@@ -41,9 +42,7 @@ def debian() -> None:
 
 def _nsgs(storage: str) -> SiconosSolver:
     row = solvers.get("siconos-fc3d-nsgs").row
-    return SiconosFC3D(
-        Row(name=storage, constant=row.constant, summary=row.summary, method="", citation="", storage=storage)
-    )
+    return SiconosContact(replace(row, name=storage, storage=storage))
 
 
 @pytest.mark.nightly

@@ -12,7 +12,7 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.matrices import dense
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.cone.cone_jacobians import box_jacobian, projection_jacobian
+from cpbench.solvers.native.cone.jacobians import box_jacobian, projection_jacobian
 from cpbench.solvers.native.nonlinear.natural_map import equilibrate
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
@@ -67,7 +67,7 @@ def test_newton_reaches_ten_digits_on_monotone_cone_problems(kind: str, sparse: 
     for seed in range(15):
         problem, _ = planted_conic.soclcp(np.random.default_rng(seed), None, kind, sparse=sparse)
         assert problem.symmetric == (kind != "monotone")
-        output = solvers.get("newton-cone").run(problem, TIGHT)
+        output = solvers.get("newton-soclcp").run(problem, TIGHT)
         assert output.claim is Claim.SOLVED, f"{seed}: {output.message}"
         assert judge(problem, output.point, TIGHT.tolerance).solved
 
@@ -82,7 +82,7 @@ def test_projection_and_contraction_alone_converge(monkeypatch: pytest.MonkeyPat
     x, w = planted_conic.pair(rng, K)
     M = G - G.T
     problem = SOCLCP(M=M, q=w - M @ x, **cone_fields(K))
-    output = solvers.get("newton-cone").run(problem, Budget(tolerance=1e-6))
+    output = solvers.get("newton-soclcp").run(problem, Budget(tolerance=1e-6))
     assert output.claim is Claim.SOLVED, output.message
     assert output.counters["factorizations"] == 1
     assert judge(problem, output.point, 1e-6).solved
@@ -90,7 +90,7 @@ def test_projection_and_contraction_alone_converge(monkeypatch: pytest.MonkeyPat
 
 def test_newton_says_what_it_did_not_reach() -> None:
     """Indefinite M: solved only where it is, else the error in words, both by the measure that it stops by."""
-    solver = solvers.get("newton-cone")
+    solver = solvers.get("newton-soclcp")
     for seed in range(10):
         problem, _ = planted_conic.soclcp(np.random.default_rng(seed), None, "any")
         output = solver.run(problem, Budget(tolerance=1e-8, iterations=300))
@@ -105,7 +105,7 @@ def test_newton_says_what_it_did_not_reach() -> None:
 @pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
 def test_clarabel_reaches_ten_digits(kind: str) -> None:
     """Every kind of factor, cylinders too; by polishing, without which it stops at 1e-9 or so."""
-    solver = solvers.get("clarabel-cone")
+    solver = solvers.get("clarabel-coneqp")
     for seed in range(12):
         rng = np.random.default_rng(seed)
         problem, _ = planted_conic.coneqp(rng, 12, None, kind)
@@ -122,13 +122,13 @@ def test_clarabel_agrees_with_a_formula() -> None:
     rng = np.random.default_rng(5)
     for K in (SHAPES, planted_conic.cone(rng, cylinders=True)):
         c = 2.0 * rng.standard_normal(K.rows)
-        output = solvers.get("clarabel-cone").run(ConeQP.over(np.eye(K.rows), -c, K), TIGHT)
+        output = solvers.get("clarabel-coneqp").run(ConeQP.over(np.eye(K.rows), -c, K), TIGHT)
         np.testing.assert_allclose(output.point.x, K.project(c), atol=1e-8)
         np.testing.assert_allclose(output.point.y, K.project(c) - c, atol=1e-8)
 
 
 def test_clarabel_tells_infeasible_and_unbounded() -> None:
-    solver = solvers.get("clarabel-cone")
+    solver = solvers.get("clarabel-coneqp")
     orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 2))
     crossed = ConeQP.over(np.eye(1), np.zeros(1), orthant, np.array([[1.0], [-1.0]]), -np.ones(2))
     assert solver.run(crossed).claim is Claim.INFEASIBLE
@@ -144,7 +144,7 @@ def test_apgd_finds_the_minimum_of_clarabel() -> None:
         kind = ("positive definite", "singular semidefinite")[seed % 2]
         problem, _ = planted_conic.plain_coneqp(np.random.default_rng(seed), None, kind)
         one = solvers.get("apgd").run(problem, Budget(tolerance=1e-8))
-        other = solvers.get("clarabel-cone").run(problem, Budget(tolerance=1e-8))
+        other = solvers.get("clarabel-coneqp").run(problem, Budget(tolerance=1e-8))
         assert one.claim is Claim.SOLVED, f"{seed}: {one.message}"
         scale = abs(problem.objective(other.point.x))
         assert abs(problem.objective(one.point.x) - problem.objective(other.point.x)) <= 1e-7 * (1 + scale)

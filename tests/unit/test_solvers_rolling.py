@@ -13,7 +13,7 @@ from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge
 
-SOLVER = "nsgs-rolling"
+SOLVER = "nsgs-rfc"
 
 
 def one_contact(D: np.ndarray, q: np.ndarray, mu: float, mu_r: float) -> np.ndarray:

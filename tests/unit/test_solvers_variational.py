@@ -13,13 +13,13 @@ from cpbench.generators import generators
 from cpbench.graph import arrive, lift
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench.solvers.native.nonlinear.natural_newton import Conditions
+from cpbench.solvers.native.nonlinear.natural_newton import VIConditions
 from cpbench.testing import cases
 from cpbench.testing import planted_nonlinear as plant
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 
-PROJECTION = ("vi-projection", "vi-extragradient", "vi-solodov-svaiter", "vi-golden-ratio", "vi-projected-reflected")
+PROJECTION = ("projection-vi", "extragradient-vi", "solodov-svaiter", "golden-ratio", "projected-reflected")
 INSTANCES = {
     i.name: i.problem
     for c in generators
@@ -30,7 +30,7 @@ INSTANCES = {
 PROBLEMS = INSTANCES | {f"{node}-{case.name}": case.problem for node in ("vi", "qvi") for case in cases(node)}
 
 
-UNITS_BY_F = {("vi-projection", 8), ("vi-newton", 8)}
+UNITS_BY_F = {("projection-vi", 8), ("newton-vi", 8)}
 """Answers that the natural map accepts, being over ‖F‖ at 0, and the verdict does not, with units by rows."""
 POLES = {"mathiesen-polyhedron"}
 """Newton ends at z₂ = −1e-24, F₂ = 1e23 > 0: the natural map is 0 there; but F₂ → −∞ for z₂ → 0 within the set."""
@@ -50,7 +50,7 @@ def _solved(solver: str, problem, tolerance: float, by_verdict: bool = True):
 def test_newton_solves_every_problem(name: str) -> None:
     """Those in POLES by its own measure alone, which does not make their answers right."""
     problem = PROBLEMS[name]
-    _solved(f"{problem.node}-newton", problem, 1e-10, name not in POLES)
+    _solved(f"newton-{problem.node}", problem, 1e-10, name not in POLES)
 
 
 @pytest.mark.parametrize("name", ["generalized-2", "generalized-10"])
@@ -58,7 +58,7 @@ def test_newton_goes_on_until_the_parts_are_solved_too(name: str) -> None:
     """Of these cubic equations the natural map is below 1e-6 a step before the part that is worst."""
     (problem,) = [i.problem for i in generators.get("ge-planted").instances() if i.name == name]
     arrival = arrive(problem, "vi")
-    output = solvers.get("vi-newton").run(arrival.problem, Budget(tolerance=1e-6))
+    output = solvers.get("newton-vi").run(arrival.problem, Budget(tolerance=1e-6))
     assert output.claim is Claim.SOLVED
     assert judge(problem, lift(arrival.problem, output.point), 1e-6).solved
 
@@ -70,7 +70,7 @@ SIMPLE = ("vi-box", "vi-ball", "vi-second-order", "vi-whole-space", "harker-pang
 @pytest.mark.parametrize("solver", PROJECTION)
 def test_projections_solve_monotone_problems_on_simple_sets(solver: str, name: str) -> None:
     curved = name in ("vi-ball", "vi-second-order", "balls-5")  # rounding ends a line search on F(y)ᵀr there
-    tolerance = 1e-8 if curved and solver == "vi-solodov-svaiter" else 1e-10
+    tolerance = 1e-8 if curved and solver == "solodov-svaiter" else 1e-10
     assert _solved(solver, PROBLEMS[name], tolerance).counters["iterations"] > 0
 
 
@@ -80,26 +80,26 @@ def test_a_rotation_is_solved_by_all_but_the_fixed_point(solver: str) -> None:
 
     problem = VI(F=graph(2, lambda x: np.array([x[1] - 1.0, 1.0 - x[0]])), lb=[-5.0, -5.0], ub=[5.0, 5.0])
     output = solvers.get(solver).run(problem, Budget(tolerance=1e-9, iterations=3000))
-    assert judge(problem, output.point, 1e-9).solved == (solver != "vi-projection")
-    assert (output.claim is Claim.SOLVED) == (solver != "vi-projection")
+    assert judge(problem, output.point, 1e-9).solved == (solver != "projection-vi")
+    assert (output.claim is Claim.SOLVED) == (solver != "projection-vi")
 
 
 @pytest.mark.parametrize("name", [n for n in PROBLEMS if PROBLEMS[n].node == "qvi" and not PROBLEMS[n].g.rows])
 def test_projection_on_moving_sets(name: str) -> None:
-    _solved("qvi-projection", PROBLEMS[name], 1e-10)
+    _solved("projection-qvi", PROBLEMS[name], 1e-10)
 
 
-@pytest.mark.parametrize("solver", [*PROJECTION, "qvi-projection"])
+@pytest.mark.parametrize("solver", [*PROJECTION, "projection-qvi"])
 def test_rows_are_refused_with_a_way_out(solver: str) -> None:
     node = solvers.get(solver).spec.node
     problem = PROBLEMS["vi-everything" if node == "vi" else "qvi-moving-rows"]
     why = solvers.get(solver).obstacle(problem)
     assert why is not None
-    assert f"{node}-newton" in why
+    assert f"newton-{node}" in why
 
 
 @pytest.mark.parametrize("power", [-8, 8])
-@pytest.mark.parametrize("solver", [*PROJECTION, "vi-newton"])
+@pytest.mark.parametrize("solver", [*PROJECTION, "newton-vi"])
 def test_units_do_not_matter(solver: str, power: int) -> None:
     """F in other units is solved as well: step lengths are measured. Those in UNITS_BY_F stop too early for the
     verdict: their claims are true by their own measure alone, which does not make their answers right."""
@@ -118,7 +118,7 @@ def test_newton_converges_quadratically() -> None:
     F = graph(3, lambda x: np.exp(x) + M @ x - np.array([40.0, 5.0, -9.0]))
     errors: list[float] = []
     problem = VI(F=F, lb=np.zeros(3), start=[5.0, 5.0, 5.0])
-    solvers.get("vi-newton").run(problem, Budget(tolerance=1e-13), record=lambda k, error, point: errors.append(error))
+    solvers.get("newton-vi").run(problem, Budget(tolerance=1e-13), record=lambda k, error, point: errors.append(error))
     steps = np.log([e for e in errors if e > 1e-13])
     orders = np.diff(steps)[1:] / np.diff(steps)[:-1]
     assert errors[-1] <= 1e-13
@@ -145,7 +145,7 @@ def _off_corners(node: str) -> dict[str, VI | QVI]:
 def test_the_newton_matrix_is_the_derivative(node: str, name: str) -> None:
     """At random points, where the natural map is differentiable: against central differences."""
     problem = _off_corners(node)[name]
-    field, rng = Conditions(problem), np.random.default_rng(501)
+    field, rng = VIConditions(problem), np.random.default_rng(501)
     compared = 0
     for _ in range(5):
         x = rng.standard_normal(field.size)
@@ -167,14 +167,14 @@ def test_the_newton_matrix_is_the_derivative(node: str, name: str) -> None:
 
 def test_the_start_is_where_it_begins() -> None:
     problem, seen = PROBLEMS["vi-box"], []
-    for solver in (*PROJECTION, "vi-newton"):
+    for solver in (*PROJECTION, "newton-vi"):
         seen.clear()
         solvers.get(solver).run(problem, Budget(iterations=1), record=lambda k, error, point: seen.append(point()))
         np.testing.assert_array_equal(seen[0].z, problem.project(problem.start))
 
 
 def test_equations_without_root_are_not_solved() -> None:
-    output = solvers.get("equation-newton").run(Equation(F=graph(1, lambda x: x * x + 1.0)), Budget(iterations=300))
+    output = solvers.get("newton-equation").run(Equation(F=graph(1, lambda x: x * x + 1.0)), Budget(iterations=300))
     assert output.claim is not Claim.SOLVED
 
 

@@ -58,8 +58,8 @@ def test_the_seed_alone_decides_what_is_tried() -> None:
 
 
 def test_brackets_fix_an_option_or_say_what_to_choose_from() -> None:
-    here = space("nsgs-rolling[shuffle=true,omega=0.8:1.2:0.2]")
-    assert here.entry == Entry("nsgs-rolling", {"shuffle": True})
+    here = space("nsgs-rfc[shuffle=true,omega=0.8:1.2:0.2]")
+    assert here.entry == Entry("nsgs-rfc", {"shuffle": True})
     assert here.domains["omega"].choices == (0.8, 1.0, 1.2)
     assert here.size == 3
     every = list(here.configurations(0))

@@ -21,6 +21,7 @@ from cpbench.formulations.base import Kind
 from cpbench.graph import nodes_of_maps
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 from cpbench.solvers.external.declared import declare_text
+from cpbench.solvers.renamed import first_name
 
 PREVIOUS = "previous"
 """The start policy by which a step of a sequence starts from the answer to the step before."""
@@ -123,7 +124,7 @@ class Pair:
         parts = [
             self.fingerprint,
             self.request.name,
-            self.entry.solver,
+            first_name(self.entry.solver),
             json.dumps(dict(self.entry.options), sort_keys=True),
             repr(self.tolerance),
             self.start,

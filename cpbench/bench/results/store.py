@@ -24,6 +24,7 @@ from cpbench.bench.results.seal_key import Key
 from cpbench.bench.results.seals import Audit
 from cpbench.bench.results.whole import whole_table
 from cpbench.errors import StoreError
+from cpbench.solvers.renamed import current_label
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, Status
 
 if TYPE_CHECKING:
@@ -349,6 +350,8 @@ class Store:
         """Facts of the run by name, with the refused files under `refused`, the solves that tell the machine's drift
         under `references`."""
         values = {name: json.loads(value) for name, value in self._database.read("SELECT name, value FROM meta")}
+        if "solvers" in values:
+            values["solvers"] = {current_label(label): sheet for label, sheet in values["solvers"].items()}
         values["refused"] = self._database.read("SELECT address, reason FROM refused ORDER BY address")
         values["references"] = self.references()
         return values
@@ -382,12 +385,12 @@ class Store:
         found = self._database.read(f"SELECT {_ALL} FROM rows WHERE key = ?", (key,))
         if not found:
             raise StoreError(f"{self.path}: no row {key}")
-        return dict(zip((*PLANNED, *MEASURED), found[0], strict=True))
+        return _row(found[0])
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Every row as a dictionary, in the order in which they were planned."""
         for values in self._database.stream(f"SELECT {_ALL} FROM rows ORDER BY rowid"):
-            yield dict(zip((*PLANNED, *MEASURED), values, strict=True))
+            yield _row(values)
 
     def ending(self, key: str) -> tuple[str, bytes | None]:
         """How a row ended: its status, and its compressed answer where one is kept."""
@@ -414,6 +417,12 @@ class Store:
     def table(self) -> pd.DataFrame:
         """All rows, in the order problem, label."""
         return whole_table(self._database)
+
+
+def _row(values: tuple[Any, ...]) -> dict[str, Any]:
+    """Return a row as a dictionary, under the name that its solver has now."""
+    row = dict(zip((*PLANNED, *MEASURED), values, strict=True))
+    return row | {name: row[name] and current_label(row[name]) for name in ("solver", "label")}
 
 
 _KEPT = ("answers", "histories", "certificates")

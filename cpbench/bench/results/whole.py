@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.solvers.renamed import current_label
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +126,10 @@ def _distinct(names: Sequence[str], texts: Iterable[str]) -> pd.DataFrame:
     import pandas as pd
 
     once: dict[Any, Any] = {}
-    return pd.DataFrame([[once.setdefault(v, v) for v in json.loads(text)] for text in texts], columns=list(names))
+    frame = pd.DataFrame([[once.setdefault(v, v) for v in json.loads(text)] for text in texts], columns=list(names))
+    for name in {"solver", "label"} & set(names):
+        frame[name] = [label and current_label(label) for label in frame[name]]
+    return frame
 
 
 def _order(problem: Values, label: Values, key: pd.Series) -> Values | None:

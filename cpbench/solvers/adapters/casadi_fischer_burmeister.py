@@ -17,9 +17,9 @@ METHODS = ("newton", "fast_newton", "kinsol")
 
 @dataclass(frozen=True)
 class RootfinderOptions:
-    """`method` : newton (with line search), fast_newton (plain) or kinsol (of SUNDIALS). `max_iterations` : unless the
-    budget bounds them. `smoothing` : s in √(x² + w² + s²), relative to the tolerance; it keeps the Jacobian defined
-    where x = w = 0."""
+    """Options of casadi-fischer-burmeister, casadi-fischer-burmeister-mlcp. `method` : newton (with line search),
+    fast_newton (plain) or kinsol (of SUNDIALS). `max_iterations` : unless the budget bounds them. `smoothing` : s in
+    √(x² + w² + s²), relative to the tolerance; it keeps the Jacobian defined where x = w = 0."""
 
     method: str = "newton"
     max_iterations: int = 200
@@ -76,15 +76,15 @@ class FischerBurmeister(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         x = np.asarray(prepared.rootfinder(prepared.mcp.start(start)))
-        told = prepared.rootfinder.stats()
-        limited = told["unified_return_status"] == "SOLVER_RET_LIMITED"
-        claim = Claim.SOLVED if told["success"] else Claim.MAX_ITER if limited else Claim.FAILED
+        stats = prepared.rootfinder.stats()
+        limited = stats["unified_return_status"] == "SOLVER_RET_LIMITED"
+        claim = Claim.SOLVED if stats["success"] else Claim.MAX_ITER if limited else Claim.FAILED
         return SolverOutput(
             claim=claim,
             point=prepared.mcp.point(x),
             # kinsol tells no number
-            counters={"iterations": int(told["iter_count"])} if "iter_count" in told else {},
-            message=f"{options.method}: {told['return_status']}",
+            counters={"iterations": int(stats["iter_count"])} if "iter_count" in stats else {},
+            message=f"{options.method}: {stats['return_status']}",
         )
 
 

@@ -17,14 +17,14 @@ UNKNOWNS = 4000
 
 
 def too_large(n: int) -> str | None:
-    """Why a problem of n unknowns is too large, else None."""
+    """Return why a problem of n unknowns is too large, else None."""
     if n <= UNKNOWNS:
         return None
     return f"n = {n} unknowns: CasADi's expressions and sparse factors are given at most {UNKNOWNS}"
 
 
 def as_dm(M: Matrix) -> Any:
-    """A CasADi matrix, sparse where M is."""
+    """Return a CasADi matrix, sparse where M is."""
     import casadi as ca
 
     return ca.DM(sp.csc_matrix(M)) if sp.issparse(M) else ca.DM(np.asarray(M))

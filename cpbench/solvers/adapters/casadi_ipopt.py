@@ -31,14 +31,15 @@ CLOSE = 100.0
 
 @dataclass(frozen=True)
 class IpoptOptions:
-    """`max_iterations` : unless the budget bounds them. `first` : every component of the first (v, w)."""
+    """Options of casadi-ipopt, casadi-ipopt-mlcp. `max_iterations` : unless the budget bounds them. `first` : every
+    component of the first (v, w)."""
 
     max_iterations: int = 3000
     first: float = 1.0
 
 
 @dataclass(frozen=True)
-class Program:
+class IpoptProgram:
     """The scaled problem, Ipopt for it, and the error that is asked for."""
 
     mcp: ScaledMCP
@@ -61,7 +62,7 @@ class IpoptComplementarity(Solver):
             return "has no unknown (n = 0): Ipopt refuses an empty program"
         return too_large(n)
 
-    def setup(self, problem: LCP | MLCP, budget: Budget, options: IpoptOptions) -> Program:
+    def setup(self, problem: LCP | MLCP, budget: Budget, options: IpoptOptions) -> IpoptProgram:
         import casadi as ca
 
         mcp = scaled_mcp(problem)
@@ -83,11 +84,11 @@ class IpoptComplementarity(Solver):
         if math.isfinite(budget.seconds):
             ipopt["max_wall_time"] = budget.seconds
         quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "ipopt": ipopt}
-        return Program(mcp, ca.nlpsol("complementarity", "ipopt", program, quiet), error)
+        return IpoptProgram(mcp, ca.nlpsol("complementarity", "ipopt", program, quiet), error)
 
     def solve(
         self,
-        prepared: Program,
+        prepared: IpoptProgram,
         budget: Budget,
         options: IpoptOptions,
         start: Any | None = None,
@@ -98,9 +99,9 @@ class IpoptComplementarity(Solver):
         first[:free] = 0.0
         lower = np.where(np.arange(first.size) < free, -np.inf, 0.0)
         result = prepared.solver(x0=first, lbx=lower, ubx=np.inf, lbg=0.0, ubg=0.0)
-        told = prepared.solver.stats()
-        claim = CLAIMS.get(told["return_status"], Claim.FAILED)
-        message, found = told["return_status"], np.asarray(result["x"]).ravel()
+        stats = prepared.solver.stats()
+        claim = CLAIMS.get(stats["return_status"], Claim.FAILED)
+        message, found = stats["return_status"], np.asarray(result["x"]).ravel()
         apart = norm(np.minimum(found[free:n], found[n:]))  # its objective has the relaxed bounds: it may be negative
         if claim is Claim.SOLVED and apart > prepared.error:
             claim = Claim.INACCURATE if apart <= CLOSE * prepared.error else Claim.FAILED
@@ -108,7 +109,7 @@ class IpoptComplementarity(Solver):
         return SolverOutput(
             claim=claim,
             point=prepared.mcp.point(found[:n]),
-            counters={"iterations": max(int(told["iter_count"]), 0)},
+            counters={"iterations": max(int(stats["iter_count"]), 0)},
             message=message,
         )
 

@@ -27,13 +27,13 @@ SQP_CLAIMS = {
 
 @dataclass(frozen=True)
 class NLPOptions:
-    """`max_iterations` : of the guest, unless the budget bounds them."""
+    """Options of casadi-ipopt-nlp, casadi-sqpmethod. `max_iterations` : of the guest, unless the budget bounds them."""
 
     max_iterations: int = fixed(3000)
 
 
 @dataclass(frozen=True)
-class Program:
+class CasadiProgram:
     """The problem and CasADi's solver for it."""
 
     problem: NLP
@@ -48,7 +48,7 @@ class CasadiNLP(Solver):
 
     @abstractmethod
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
-        """Of the guest."""
+        """Return the options of CasADi's solver."""
 
     def obstacle(self, problem: NLP) -> str | None:
         n = problem.start.size
@@ -56,21 +56,23 @@ class CasadiNLP(Solver):
             return "has no unknown (n = 0): CasADi's solvers refuse an empty program"
         return too_large(n)
 
-    def setup(self, problem: NLP, budget: Budget, options: NLPOptions) -> Program:
+    def setup(self, problem: NLP, budget: Budget, options: NLPOptions) -> CasadiProgram:
         import casadi as ca
 
         z = ca.SX.sym("z", problem.start.size)
         program = {"x": z, "f": problem.f.sx(z), "g": ca.vertcat(problem.g.sx(z), problem.h.sx(z))}
         limit = budget.iterations or options.max_iterations
         quiet = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
-        return Program(problem, ca.nlpsol("program", self.plugin, program, quiet | dict(self.settings(limit, budget))))
+        return CasadiProgram(
+            problem, ca.nlpsol("program", self.plugin, program, quiet | dict(self.settings(limit, budget)))
+        )
 
     def warmup(self) -> None:
         self.run(small_program())
 
     def solve(
         self,
-        prepared: Program,
+        prepared: CasadiProgram,
         budget: Budget,
         options: NLPOptions,
         start: Any | None = None,
@@ -80,12 +82,12 @@ class CasadiNLP(Solver):
         first = problem.at_start if start is None else np.clip(start.z, problem.lb, problem.ub)
         upper = np.where(np.arange(m + problem.h.rows) < m, np.inf, 0.0)
         result = prepared.solver(x0=first, lbx=problem.lb, ubx=problem.ub, lbg=np.zeros(upper.size), ubg=upper)
-        told = prepared.solver.stats()
+        stats = prepared.solver.stats()
         z, own = (np.asarray(result[name], dtype=float).ravel() for name in ("x", "lam_g"))
         point = answer(problem, z, -own[:m], -own[m:]) if np.isfinite(np.concatenate([z, own])).all() else None
-        ended = self.claims.get(told["return_status"], Claim.FAILED)
-        counters = {"iterations": max(int(told["iter_count"]), 0)}
-        return concluded(problem, point, budget, ended, told["return_status"], counters)
+        ended = self.claims.get(stats["return_status"], Claim.FAILED)
+        counters = {"iterations": max(int(stats["iter_count"]), 0)}
+        return concluded(problem, point, budget, ended, stats["return_status"], counters)
 
 
 def _spec(name: str, summary: str, method: str, citation: str, licence: str, *, quick: bool = False) -> SolverSpec:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.solvers.adapters.casadi_guest import CITATION, INSTALL
-from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Claim, SolverSpec, Trait, register
@@ -13,7 +13,8 @@ from cpbench.solvers.base import Claim, SolverSpec, Trait, register
 
 @register
 class CasadiQPOASES(QPBackend):
-    """`casadi.conic` with the plugin qpoases, dense; the object is made with the tolerances, in `solve`."""
+    """qpOASES through `casadi.conic` with the plugin qpoases, dense; the object is made with the tolerances, in
+    `solve`."""
 
     spec = SolverSpec(
         name="casadi-qpoases",
@@ -39,7 +40,7 @@ class CasadiQPOASES(QPBackend):
         "Maximum number of working set recalculations performed.": Claim.MAX_ITER,
     }
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import casadi as ca
 
         n = form.q.size
@@ -58,13 +59,13 @@ class CasadiQPOASES(QPBackend):
             lbx=-np.inf if form.lb is None else form.lb,
             ubx=np.inf if form.ub is None else form.ub,
         )
-        told = solver.stats()
+        stats = solver.stats()
         multipliers = np.asarray(result["lam_a"]).ravel()
-        return Answer(
-            status=told["return_status"],
+        return BackendAnswer(
+            status=stats["return_status"],
             x=np.asarray(result["x"]).ravel(),
             z=multipliers[: h.size],
             y=multipliers[h.size :],
             z_box=np.asarray(result["lam_x"]).ravel(),
-            counters={"iterations": int(told["iter_count"])},
+            counters={"iterations": int(stats["iter_count"])},
         )

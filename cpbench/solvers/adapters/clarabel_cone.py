@@ -1,7 +1,7 @@
 """Clarabel on quadratic programs over products of cones, called directly.
 
 What Clarabel calls solved, almost solved or stuck is measured; if it is not good enough it gets a few Newton steps
-(`cone_polish`, option `polish`), and the claim is about what was measured last.
+(`native.cone.polish`, option `polish`), and the claim is about what was measured last.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from cpbench.solvers.adapters.cone_program import ConeProgram
 from cpbench.solvers.adapters.cone_solver import ConeSolver
 from cpbench.solvers.adapters.conic_models import ClarabelModel, ConicModel
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
-from cpbench.solvers.native.cone.cone_polish import polish
+from cpbench.solvers.native.cone.polish import polish
 
 
 @dataclass(frozen=True)
 class ClarabelConeOptions:
-    """`polish` : the most Newton steps on an answer that is not good enough."""
+    """Options of clarabel-coneqp. `polish` : the most Newton steps on an answer that is not good enough."""
 
     polish: int = 10
 
@@ -29,7 +29,7 @@ class ClarabelCone(ConeSolver):
     """Interior point on the homogeneous embedding with Nesterov–Todd scaling; every factor becomes Lorentz cones."""
 
     spec = SolverSpec(
-        name="clarabel-cone",
+        name="clarabel-coneqp",
         node="coneqp",
         summary="interior point on the homogeneous embedding, second-order and rolling cones, in Rust",
         method="interior point",

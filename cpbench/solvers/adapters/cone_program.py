@@ -33,12 +33,12 @@ class ConeProgram:
     back: Any
 
     def point(self, x: Any, y: Any) -> ConeQPPoint:
-        """Our point from x̂ and ŷ."""
+        """Return our point from x̂ and ŷ."""
         return ConeQPPoint(x=self.x_unit * x[: self.problem.p.size], y=self.back * (self.T.T @ y))
 
 
 def obstacle(problem: ConeQP) -> str | None:
-    """Why a conic solver cannot take the program."""
+    """Return why a conic solver cannot take the program."""
     if problem.p.size == 0:
         return "has no unknown (n = 0): there is nothing to minimise"
     if not problem.convex:
@@ -48,7 +48,7 @@ def obstacle(problem: ConeQP) -> str | None:
 
 
 def cone_program(problem: ConeQP) -> ConeProgram:
-    """`problem` scaled, over {0}, ℝ₊ and Lorentz cones."""
+    """Return `problem` scaled, over {0}, ℝ₊ and Lorentz cones."""
     K = problem.K
     forces = max(matrices.max_abs(problem.p), matrices.max_abs(problem.Q) * problem.x_unit) or 1.0
     unit, sizes = problem.x_unit or 1.0, problem.block_sizes

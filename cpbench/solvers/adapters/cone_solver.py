@@ -19,13 +19,13 @@ class ConeSolver(Solver):
 
     @abstractmethod
     def model(self, prepared: ConeProgram, budget: Budget) -> ConicModel:
-        """The solver's model of the program."""
+        """Return the solver's model of the program."""
 
     @abstractmethod
     def finish(
         self, problem: ConeQP, point: ConeQPPoint, claim: Claim, tolerance: float, options: Any
     ) -> tuple[ConeQPPoint, float, dict[str, int]]:
-        """The answer in the end, its judged error, and what was counted on the way to it."""
+        """Return the answer in the end, its judged error, and what was counted on the way to it."""
 
     def obstacle(self, problem: ConeQP) -> str | None:
         return obstacle(problem)

@@ -25,7 +25,7 @@ INFEASIBILITY = 1e-7
 
 @dataclass(frozen=True)
 class ConicEnd:
-    """How a solve ended: the guest's word, our claim, x, the multipliers y ∈ K* of s, and its iterations."""
+    """Result of a conic solve: the guest's word, our claim, x, the multipliers y ∈ K* of s, and its iterations."""
 
     status: str
     claim: Claim

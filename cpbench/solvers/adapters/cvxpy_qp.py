@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cpbench.solvers.adapters.cvxpy_claims import CLAIMS
-from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings, translate
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
@@ -22,7 +22,7 @@ _NOT_CVXPYS = ("raise_error",)
 
 @dataclass(frozen=True)
 class CvxpyQPOptions:
-    """`solver` : clarabel, osqp, piqp or scs."""
+    """Options of cvxpy-qp. `solver` : clarabel, osqp, piqp or scs."""
 
     solver: str = "clarabel"
 
@@ -60,7 +60,7 @@ class CvxpyQP(QPBackend):
             prepared, self.call(prepared, {"solver": options.solver, **translate(options.solver, budget)})
         )
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import cvxpy as cp
 
         own = {name: value for name, value in settings.items() if name not in ("solver", *_NOT_CVXPYS)}
@@ -76,7 +76,7 @@ class CvxpyQP(QPBackend):
             warnings.simplefilter("ignore")  # of inaccurate solutions, which the claim says
             model.solve(solver=settings["solver"].upper(), **own)
         iterations = model.solver_stats.num_iters
-        return Answer(
+        return BackendAnswer(
             status=model.status,
             x=x.value,
             z=rows[0].dual_value if rows else None,

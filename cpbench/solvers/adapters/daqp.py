@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Claim, SolverSpec, Trait, register
@@ -50,7 +50,7 @@ class Daqp(QPBackend):
         "time limit": Claim.MAX_ITER,
     }
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import daqp
 
         n = form.q.size
@@ -67,7 +67,7 @@ class Daqp(QPBackend):
         matrix = np.vstack(rows) if rows else np.zeros((0, n))
         x, _, flag, info = daqp.solve(form.P.copy(), form.q.copy(), matrix, upper, lower, sense, **settings)
         lam = np.asarray(info["lam"])
-        return Answer(
+        return BackendAnswer(
             status=_FLAGS.get(flag, f"exit flag {flag}"),
             x=x,
             z_box=lam[:bounds],

@@ -13,7 +13,7 @@ DENSE_BYTES = 4e9
 
 
 def too_large(problem: LCP, arrays: int) -> str | None:
-    """Why a guest that keeps so many dense n x n arrays does not get this problem, else None."""
+    """Return why a guest that keeps so many dense n x n arrays does not get this problem, else None."""
     n = problem.q.size
     size = 8.0 * arrays * n * n
     if size <= DENSE_BYTES:
@@ -25,7 +25,8 @@ def too_large(problem: LCP, arrays: int) -> str | None:
 
 
 def dense_matrix(problem: LCP) -> Dense:
-    """M in C order, read-only whether the problem is dense or sparse: one type for guests that compile for types."""
+    """Return M in C order, read-only whether the problem is dense or sparse: one type for guests that compile for
+    types."""
     M = np.ascontiguousarray(matrices.dense(problem.M))
     if M.flags.writeable:
         M.setflags(write=False)

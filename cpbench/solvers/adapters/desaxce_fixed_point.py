@@ -33,6 +33,8 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.cones import Law, RollingCoulomb
 from cpbench.formulations.contact import FCPoint, LocalContact
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.adapters.conic_models import ConicModel
@@ -53,7 +55,7 @@ STALL = 300
 
 @dataclass(frozen=True)
 class DeSaxceOptions:
-    """`max_iterations` : convex programs."""
+    """Options of the methods of this module. `max_iterations` : convex programs."""
 
     max_iterations: int = 1000
 
@@ -73,31 +75,38 @@ class ScaledContact:
     size: Vector
 
     def shift(self, x: Vector) -> Vector:
-        """What is frozen, s e_N + skew x; shape (n,)."""
+        """Return the frozen term, s e_N + skew x; shape (n,)."""
         rest = self.skew @ x
         U = (self.P @ x + rest + self.q).reshape(self.problem.nc, -1)
         return rest + (self.law.shift(U) - U).ravel()
 
 
-class DeSaxceFixedPoint(Solver):
+class ConicFixedPoint(Solver):
     """The fixed point on De Saxcé's term around one conic solver."""
 
     @abstractmethod
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
-        """The conic solver's model of the program with s = 0."""
+        """Return the conic solver's model of the program with s = 0."""
 
     def obstacle(self, problem: LocalContact) -> str | None:
         asymmetry = matrices.asymmetry(problem.W)
         if asymmetry > ASYMMETRY:
             return (
                 f"needs W symmetric, asymmetry = {asymmetry:.1e} > {ASYMMETRY:.0e}: its steps are "
-                "minimisations; use nsgs or nsgs-rolling"
+                "minimisations; use nsgs or nsgs-rfc"
             )
         if not matrices.is_psd(problem.W, INDEFINITE):
             return (
                 f"needs W positive semidefinite: scaled to unit diagonal it has an eigenvalue below -{INDEFINITE:.0e}"
             )
         return None
+
+    def warmup(self) -> None:
+        if self.spec.node == "fc":
+            self.run(FrictionContact(W=np.eye(3), q=np.array([-1.0, 2.0, 0.0]), mu=np.array([0.5])))
+        else:
+            q = np.array([-1.0, 2.0, 0.0, 0.0, 1.0])
+            self.run(RollingFrictionContact(W=np.eye(5), q=q, mu=np.array([0.5]), mu_r=np.array([0.1])))
 
     def setup(self, problem: LocalContact, budget: Budget, options: Any) -> ScaledContact:
         D = (np.sqrt(problem.rho)[:, None] * problem.lengths).ravel()

@@ -12,8 +12,19 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.matrices import max_abs
 from cpbench.solvers.adapters.dense_lcp import dense_matrix, too_large
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, package_version
+from cpbench.solvers.base import (
+    Budget,
+    Claim,
+    Record,
+    Solver,
+    SolverOutput,
+    SolverSpec,
+    Trait,
+    package_version,
+    register,
+)
 
 CITATION = "Tedrake and the Drake Development Team: Drake, model-based design and verification for robotics (2019)"
 LICENCE = "BSD-3-Clause"
@@ -25,7 +36,7 @@ class DrakeLCP(Solver):
 
     @abstractmethod
     def guest(self) -> Any:
-        """Drake's solver object."""
+        """Return Drake's solver object."""
 
     def obstacle(self, problem: LCP) -> str | None:
         if problem.q.size == 0:
@@ -63,3 +74,64 @@ class DrakeLCP(Solver):
 
     def version(self) -> str:
         return package_version("pydrake")
+
+
+@register
+class DrakeLemke(DrakeLCP):
+    """Drake's `UnrevisedLemkeSolver`: complementary pivoting that solves a linear system for each pivot.
+
+    It has no perturbation and no lexicographic rule: a cycle ends it, as does a ray.
+    """
+
+    spec = SolverSpec(
+        name="drake-lemke",
+        node="lcp",
+        summary="Drake's UnrevisedLemkeSolver: Lemke's pivoting with a linear solve a pivot, dense",
+        method="pivoting",
+        citation=f"Dai and Drumwright, arXiv:1608.03491 (2016); {CITATION}",
+        requires=("pydrake",),
+        install="pip install drake",
+        licence=LICENCE,
+        traits=frozenset({Trait.DETERMINISTIC}),
+    )
+
+    def obstacle(self, problem: LCP) -> str | None:
+        if not max_abs(problem.M):
+            return "M = 0: Drake's zero tolerance n·eps·max|M| would be 0, on which its Lemke aborts"
+        return super().obstacle(problem)
+
+    def guest(self) -> Any:
+        from pydrake.solvers import UnrevisedLemkeSolver
+
+        return UnrevisedLemkeSolver()
+
+
+@register
+class DrakeMoby(DrakeLCP):
+    """Drake's `MobyLcpSolver`: Lemke's pivoting, and where it fails again on M + 10ᵏ·I, k = −20, −19, ..., 0.
+
+    It tests an answer of a regularized problem on that problem, not on the one that was asked: its success is passed on
+    as its claim, true or not. Ties are broken by the first index, which may cycle.
+    """
+
+    spec = SolverSpec(
+        name="drake-moby",
+        node="lcp",
+        summary="Drake's MobyLcpSolver: Lemke, then Lemke on M + λI with growing λ, dense",
+        method="pivoting",
+        citation=f"Drumwright: Moby, a rigid body dynamics library; {CITATION}",
+        requires=("pydrake",),
+        install="pip install drake",
+        licence=LICENCE,
+        traits=frozenset({Trait.DETERMINISTIC}),
+        known_failures={
+            "check_infeasibility_is_proved_or_not_claimed_solved": "kSolutionFound where w₁ = −z₂ − z₃ − δ < 0, "
+            "Pang's problem, at residual δ: 1e-4 here, 1.0 for δ = 1",
+            "case-any": "kSolutionFound for a nonsymmetric M of no class, n = 12, at error 0.47",
+        },
+    )
+
+    def guest(self) -> Any:
+        from pydrake.solvers import MobyLcpSolver
+
+        return MobyLcpSolver()

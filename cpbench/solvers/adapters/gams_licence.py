@@ -20,7 +20,7 @@ PUBLISHING = (
 
 
 def refusal() -> tuple[int, str]:
-    """GAMS' return code and complaints when it is started on an empty file (20 ms); (0, '') when all is well."""
+    """Return GAMS' return code and complaints when it is started on an empty file (20 ms); (0, '') when all is well."""
     with tempfile.TemporaryDirectory(prefix="gams-") as folder:
         empty = Path(folder) / "empty.gms"
         empty.touch()
@@ -28,19 +28,19 @@ def refusal() -> tuple[int, str]:
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=60)
     if done.returncode == 0:
         return 0, ""
-    said = [line.removeprefix("***").strip() for line in done.stdout.splitlines() if line.startswith("***")]
-    return done.returncode, "; ".join(said[:2]) or f"GAMS ended with return code {done.returncode}"
+    complaints = [line.removeprefix("***").strip() for line in done.stdout.splitlines() if line.startswith("***")]
+    return done.returncode, "; ".join(complaints[:2]) or f"GAMS ended with return code {done.returncode}"
 
 
 def system_directory() -> Path:
-    """Where gamspy takes GAMS from."""
+    """Return where gamspy takes GAMS from."""
     import gamspy
 
     return Path(gamspy.get_option("GAMS_SYSDIR"))
 
 
 def licence_file() -> Path:
-    """The licence that gamspy uses: GAMSPY_LICENSE_PATH, an installed one, the demo licence in the package."""
+    """Return the licence that gamspy uses: GAMSPY_LICENSE_PATH, an installed one, the demo licence in the package."""
     from gamspy.utils import _get_license_path
 
     return Path(_get_license_path(os.fspath(system_directory())))
@@ -48,7 +48,7 @@ def licence_file() -> Path:
 
 @cache
 def most_rows() -> int | None:
-    """Rows and columns that the licence allows, None for a licence without that limit."""
+    """Return rows and columns that the licence allows, None for a licence without that limit."""
     try:
         text = licence_file().read_text(errors="replace")
     except (ImportError, OSError):

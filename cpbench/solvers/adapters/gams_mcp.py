@@ -52,10 +52,10 @@ class GamsMCP(Solver):
 
     @abstractmethod
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """Its option file."""
+        """Return the lines of its option file."""
 
     def rows(self, problem: LCP | MLCP) -> int:
-        """Rows of the model that is solved in the end."""
+        """Return rows of the model that is solved in the end."""
         return sum(problem.point_sizes.values())
 
     def availability(self) -> Availability:
@@ -98,12 +98,12 @@ class GamsMCP(Solver):
         return SolverOutput(
             claim=claim,
             point=prepared.point(x) if np.isfinite(x).all() else None,
-            counters={"iterations": int(model.num_iterations)} if _told(model.num_iterations) else {},
+            counters={"iterations": int(model.num_iterations)} if _known(model.num_iterations) else {},
             message=f"{ended}, {found}",
         )
 
     def warmup(self) -> None:
-        """Starts GAMS, which stays: its threads and its process are no solve's."""
+        """Start GAMS, which stays: its threads and its process are no solve's."""
         one = np.eye(1)
         problems = {
             "lcp": LCP(M=np.eye(2), q=np.array([-1.0, -2.0])),
@@ -112,7 +112,7 @@ class GamsMCP(Solver):
         self.run(problems[self.spec.node])
 
     def version(self) -> str:
-        """Of GAMS, whose solvers have no other."""
+        """Return the version of GAMS, whose solvers have no other."""
         return package_version("gamspy_base")
 
 
@@ -127,7 +127,7 @@ def gams_spec(
     starts: bool = False,
     **more: Any,
 ) -> Any:
-    """What the specs of all of them share; `starts`: it begins at the levels that its variables have."""
+    """Return the spec of one of them; `starts`: it begins at the levels that its variables have."""
     return SolverSpec(
         name=name,
         node=node,
@@ -147,7 +147,7 @@ def gams_spec(
 
 @cache
 def gams_availability(guest: str) -> Availability:
-    """Whether GAMS starts with its licence and has the solver; costs one start of GAMS a process, 20 ms."""
+    """Return whether GAMS starts with its licence and has the solver; costs one start of GAMS a process, 20 ms."""
     try:
         return _installed(guest) or _licensed()
     except Exception as error:
@@ -155,7 +155,7 @@ def gams_availability(guest: str) -> Availability:
 
 
 def _installed(guest: str) -> Availability | None:
-    """`missing` for a solver that GAMS does not know yet, else None."""
+    """Return `missing` for a solver that GAMS does not know yet, else None."""
     from gamspy.utils import getInstalledSolvers
 
     if guest.upper() in getInstalledSolvers(os.fspath(gams_licence.system_directory())):
@@ -165,15 +165,15 @@ def _installed(guest: str) -> Availability | None:
 
 @cache
 def _licensed() -> Availability:
-    code, said = gams_licence.refusal()
+    code, message = gams_licence.refusal()
     if code == 0:
         return Availability("ok")
     licence = code == gams_licence.LICENSING
-    return Availability("licence", f"{said}; {gams_licence.ADVICE}") if licence else Availability("broken", said)
+    return Availability("licence", f"{message}; {gams_licence.ADVICE}") if licence else Availability("broken", message)
 
 
 def _empty(problem: LCP | MLCP) -> tuple[int, int]:
-    """How many rows and columns of the problem's matrix have no entry."""
+    """Return how many rows and columns of the problem's matrix have no entry."""
     if isinstance(problem, LCP):
         return _idle(problem.M, axis=1), _idle(problem.M, axis=0)
     A, B, C, D = problem.A, problem.B, problem.C, problem.D
@@ -182,10 +182,10 @@ def _empty(problem: LCP | MLCP) -> tuple[int, int]:
 
 
 def _idle(*matrices: Matrix, axis: int) -> int:
-    """Rows (axis 1) or columns (axis 0) in which none of the matrices has an entry that is not 0."""
+    """Return rows (axis 1) or columns (axis 0) in which none of the matrices has an entry that is not 0."""
     return int((sum(np.asarray((M != 0).sum(axis=axis)).ravel() for M in matrices) == 0).sum())
 
 
-def _told(value: Any) -> bool:
-    """GAMS has numbers beyond 1e299 for what it does not know."""
+def _known(value: Any) -> bool:
+    """Return whether GAMS knows the value: it has numbers beyond 1e299 for what it does not."""
     return value is not None and 0.0 <= value < 1e299

@@ -51,10 +51,10 @@ class GamsMiCP(Solver):
 
     @abstractmethod
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """Its option file."""
+        """Return its option file."""
 
     def rows(self, problem: MiCP) -> int:
-        """Rows of the model that is solved in the end."""
+        """Return rows of the model that is solved in the end."""
         return problem.start.size
 
     def availability(self) -> Availability:
@@ -95,10 +95,10 @@ class GamsMiCP(Solver):
             (folder / "model.gms").write_text(gams_model.model(prepared, first, self.guest, limits))
             settings = self.settings(tolerance, budget).items()
             (folder / f"{self.guest}.opt").write_text("".join(f"{key} {value}\n" for key, value in settings))
-            told = _run(folder, self.guest, budget)
-        if isinstance(told, str):
-            return SolverOutput(claim=Claim.FAILED, message=told)
-        ended, found, iterations, z = int(told[0]), int(told[1]), told[2], told[3:]
+            values = _run(folder, self.guest, budget)
+        if isinstance(values, str):
+            return SolverOutput(claim=Claim.FAILED, message=values)
+        ended, found, iterations, z = int(values[0]), int(values[1]), values[2], values[3:]
         if ended == LICENCE:
             raise Unavailable("licence", f"{self.guest} has no licence; {gams_licence.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
@@ -117,12 +117,12 @@ class GamsMiCP(Solver):
         )
 
     def version(self) -> str:
-        """Of GAMS, whose solvers have no other."""
+        """Return the version of GAMS, whose solvers have no other."""
         return package_version("gamspy_base")
 
 
 def _run(folder: Path, guest: str, budget: Budget) -> Any:
-    """The numbers that the model wrote, or what went wrong in a line."""
+    """Return the numbers that the model wrote, or what went wrong in a line."""
     command = [str(gams_licence.system_directory() / "gams"), "model.gms", "logOption=0", "threads=1"]
     command.append(f"license={gams_licence.licence_file()}")
     seconds = budget.seconds + GRACE if math.isfinite(budget.seconds) else None
@@ -136,13 +136,13 @@ def _run(folder: Path, guest: str, budget: Budget) -> Any:
     if not written.exists():
         listing = folder / "model.lst"
         text = listing.read_text(errors="replace") if listing.exists() else ""
-        said = [line.strip("* ") for line in text.splitlines() if line.startswith("****")]
-        return f"GAMS ended with return code {done.returncode}: {'; '.join(said[:2]) or 'no message'}"
+        complaints = [line.strip("* ") for line in text.splitlines() if line.startswith("****")]
+        return f"GAMS ended with return code {done.returncode}: {'; '.join(complaints[:2]) or 'no message'}"
     return np.array([_read(word) for word in written.read_text().split()])
 
 
 def _read(word: str) -> float:
-    """A number of GAMS: it may be UNDF, NA, EPS or an infinity."""
+    """Return a number of GAMS: it may be UNDF, NA, EPS or an infinity."""
     named = {"UNDF": math.nan, "NA": math.nan, "EPS": 0.0, "+INF": math.inf, "-INF": -math.inf}
     return named[word] if word in named else float(word)
 
@@ -166,7 +166,8 @@ class PathMiCP(GamsMiCP):
     )
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """Its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget bounds."""
+        """Return the option file: its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget
+        bounds."""
         return {"convergence_tolerance": tolerance, "cumulative_iteration_limit": budget.iterations or 1_000_000}
 
 
@@ -184,7 +185,7 @@ class MilesMiCP(GamsMiCP):
     )
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """`contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
+        """Return the option file: `contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
         return {"contol": tolerance}
 
 
@@ -202,10 +203,10 @@ class NlpecMiCP(GamsMiCP):
     )
 
     def rows(self, problem: MiCP) -> int:
-        """A product for every bound, and an objective."""
+        """Return a product for every bound, and an objective."""
         return problem.start.size + int(np.isfinite([problem.lb, problem.ub]).sum()) + 1
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """`testTol` is what NLPEC checks complementarity by; CONOPT keeps its own tolerances. It is named, since it
-        is none of the solvers whose results may not be published."""
+        """Return the option file: `testTol` is NLPEC's check of complementarity; CONOPT keeps its own tolerances.
+        It is named, since it is none of the solvers whose results may not be published."""
         return {"testTol": tolerance, "subSolver": "conopt"}

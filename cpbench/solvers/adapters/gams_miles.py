@@ -15,7 +15,7 @@ class Miles(GamsMCP):
     guest = "miles"
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """`contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
+        """Return the option file: `contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
         return {"contol": tolerance}
 
 

@@ -46,19 +46,19 @@ BINARY: Mapping[Operator, str] = {
 
 
 def without_operator(F: Map) -> list[str]:
-    """Names of operators of F that GAMS has not, in a model of this kind."""
+    """Return names of operators of F that GAMS has not, in a model of this kind."""
     known = {*UNARY, *BINARY, Operator.POW}
     return sorted(Operator(int(head)).name for head in np.unique(F.heads) if Operator(int(head)) not in known)
 
 
 def idle(F: Map) -> tuple[int, int]:
-    """How many rows have no unknown, and how many unknowns no row."""
+    """Return how many rows have no unknown, and how many unknowns no row."""
     pattern = F.jacobian(np.zeros(F.inputs))
     return int((np.diff(pattern.indptr) == 0).sum()), F.inputs - np.unique(pattern.indices).size
 
 
 def lengths(F: Map) -> float:
-    """About how many characters the expressions of F have, written out."""
+    """Return about how many characters the expressions of F have, written out."""
     size = [8.0] * F.inputs + [24.0] * F.constants.size
     for a, b in zip(F.left.tolist(), F.right.tolist(), strict=True):
         size.append(8.0 + size[a] + (size[b] if b >= 0 else 0.0))
@@ -66,7 +66,7 @@ def lengths(F: Map) -> float:
 
 
 def expressions(F: Map) -> list[str]:
-    """One for every row."""
+    """Return one expression for every row."""
     first = F.inputs + F.constants.size
     texts = [f"x{i}" for i in range(F.inputs)] + [_number(c) for c in F.constants.tolist()]
     for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):
@@ -84,7 +84,7 @@ def expressions(F: Map) -> list[str]:
 
 
 def model(problem: MiCP, start: Vector, guest: str, limits: Mapping[str, float]) -> str:
-    """The whole file: it writes the statuses, iterations and levels to answer.txt."""
+    """Return the whole file: it writes the statuses, iterations and levels to answer.txt."""
     n = problem.start.size
     lines = ["$offDigit", "$offListing", "option limRow=0, limCol=0, solPrint=off;"]
     lines += [f"Variable x{i}; Equation e{i};" for i in range(n)]
@@ -99,8 +99,8 @@ def model(problem: MiCP, start: Vector, guest: str, limits: Mapping[str, float])
     lines += [f"m.{name}={_number(value)};" for name, value in limits.items()]
     lines.append("solve m using mcp;")
     lines.append("file answer /answer.txt/; answer.nr=2; answer.nd=15; answer.nw=25; put answer;")
-    told = ["m.solveStat", "m.modelStat", "m.iterUsd", *(f"x{i}.l" for i in range(n))]
-    lines += [f"put {value} /;" for value in told]
+    printed = ["m.solveStat", "m.modelStat", "m.iterUsd", *(f"x{i}.l" for i in range(n))]
+    lines += [f"put {value} /;" for value in printed]
     return "\n".join([*lines, "putclose;"])
 
 

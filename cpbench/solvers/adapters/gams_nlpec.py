@@ -16,13 +16,13 @@ class Nlpec(GamsMCP):
     guest = "nlpec"
 
     def rows(self, problem: LCP | MLCP) -> int:
-        """A product for every pair, and an objective."""
+        """Return a product for every pair, and an objective."""
         free = problem.a.size if isinstance(problem, MLCP) else 0
         return 2 * super().rows(problem) - free + 1
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """`testTol` is what NLPEC checks complementarity by; CONOPT keeps its own tolerances. It is named, since it
-        is none of the solvers whose results may not be published."""
+        """Return the option file: `testTol` is NLPEC's check of complementarity; CONOPT keeps its own tolerances.
+        It is named, since it is none of the solvers whose results may not be published."""
         return {"testTol": tolerance, "subSolver": "conopt"}
 
 

@@ -9,13 +9,14 @@ from cpbench.solvers.adapters.gams_mcp import GamsMCP, gams_spec
 from cpbench.solvers.base import Budget, SolverSpec, register
 
 
-class Path(GamsMCP):
+class GamsPath(GamsMCP):
     """Newton's method on the normal map, each linear problem solved by Lemke's pivoting."""
 
     guest = "path"
 
     def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """Its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget bounds."""
+        """Return the option file: its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget
+        bounds."""
         return {"convergence_tolerance": tolerance, "cumulative_iteration_limit": budget.iterations or 1_000_000}
 
 
@@ -33,14 +34,14 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 
 
 @register
-class PathLCP(Path):
+class PathLCP(GamsPath):
     """For the LCP."""
 
     spec: ClassVar[SolverSpec] = _spec("gams-path", "lcp")
 
 
 @register
-class PathMLCP(Path):
+class PathMLCP(GamsPath):
     """For the MLCP, its equations as they are."""
 
     spec: ClassVar[SolverSpec] = _spec("gams-path-mlcp", "mlcp")

@@ -98,7 +98,7 @@ _workspaces: dict[int, Workspace] = {}
 
 
 def workspace() -> Workspace:
-    """The workspace of this process."""
+    """Return the workspace of this process."""
     if os.getpid() not in _workspaces:
         _workspaces[os.getpid()] = Workspace()
     return _workspaces[os.getpid()]
@@ -106,7 +106,7 @@ def workspace() -> Workspace:
 
 @contextlib.contextmanager
 def _own_interrupt() -> Iterator[None]:
-    """gamspy takes SIGINT for itself; it stays ours."""
+    """Return gamspy takes SIGINT for itself; it stays ours."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -118,8 +118,8 @@ def _own_interrupt() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def explained(who: str) -> Iterator[None]:
-    """What gamspy raises, as what it is: a refused licence, a dead process, or its own summary of errors."""
+def explained(solver: str) -> Iterator[None]:
+    """Return gamspy's exception as what it is: a refused licence, a dead process, or its own summary of errors."""
     try:
         yield
     except Unavailable:
@@ -127,18 +127,18 @@ def explained(who: str) -> Iterator[None]:
     except Exception as error:
         lost = _workspaces.pop(os.getpid(), None)  # nobody knows what is left of it
         code = lost.ended() if lost else None
-        refused, said = _refusal()
+        refused, message = _refusal()
         if refused == gams_licence.LICENSING:
-            raise Unavailable("licence", f"{said}; {gams_licence.ADVICE}") from None
+            raise Unavailable("licence", f"{message}; {gams_licence.ADVICE}") from None
         if getattr(error, "return_code", None) == gams_licence.LICENSING:
             raise Unavailable("licence", f"{_summary(error)}; {gams_licence.ADVICE}") from None
         if code is not None and code != 0:
-            raise Ended(who, code) from None
+            raise Ended(solver, code) from None
         raise RuntimeError(f"{type(error).__name__}: {_summary(error)}") from error
 
 
 def _refusal() -> tuple[int, str]:
-    """What GAMS says of its licence; nothing where it cannot even be asked."""
+    """Return what GAMS says of its licence; nothing where it cannot even be asked."""
     try:
         return gams_licence.refusal()
     except Exception:
@@ -146,6 +146,6 @@ def _refusal() -> tuple[int, str]:
 
 
 def _summary(error: Exception) -> str:
-    """The lines that GAMS marks with stars, else the first line."""
+    """Return the lines that GAMS marks with stars, else the first line."""
     lines = str(error).splitlines() or [""]
     return "; ".join(line.strip("* ") for line in lines if line.startswith("****")) or lines[0]

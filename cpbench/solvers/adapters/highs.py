@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Claim, SolverSpec, Trait, register
@@ -42,7 +42,7 @@ class Highs(QPBackend):
         "Time limit reached": Claim.MAX_ITER,
     }
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import highspy
 
         n = form.q.size
@@ -73,12 +73,12 @@ class Highs(QPBackend):
         solver = highspy.Highs()
         _set(solver, {"output_flag": False} | settings)
         if solver.passModel(model) == highspy.HighsStatus.kError:
-            return Answer(status="model refused")
+            return BackendAnswer(status="model refused")
         solver.run()
         solution, info = solver.getSolution(), solver.getInfo()
         dual = -np.array(solution.row_dual)
         counted = max(int(info.qp_iteration_count), int(info.simplex_iteration_count), 0)
-        return Answer(
+        return BackendAnswer(
             status=solver.modelStatusToString(solver.getModelStatus()),
             x=np.array(solution.col_value) if solution.value_valid else None,
             z=dual[: h.size],

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.qp import QP
-from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings, translate
 from cpbench.solvers.base import Availability, Budget, Claim, SolverSpec, Trait, register
@@ -38,18 +38,18 @@ class JaxBackend(QPBackend):
 
     @abstractmethod
     def arrays(self, form: StandardForm) -> tuple[Any, ...]:
-        """What the function is called with."""
+        """Return the arguments of the function."""
 
     @abstractmethod
     def function(self, iterations: int) -> Callable[..., Any]:
-        """The function of these arrays, a tolerance and a limit of iterations, not compiled.
+        """Return the function of these arrays, a tolerance and a limit of iterations, not compiled.
 
         `iterations` : that limit, for a function that must know it when it is compiled.
         """
 
     @abstractmethod
-    def answer(self, form: StandardForm, results: tuple[Any, ...]) -> Answer:
-        """What its results, as NumPy arrays, mean."""
+    def answer(self, form: StandardForm, results: tuple[Any, ...]) -> BackendAnswer:
+        """Return the answer that its results, as NumPy arrays, stand for."""
 
     def availability(self) -> Availability:
         with warnings.catch_warnings():
@@ -61,7 +61,7 @@ class JaxBackend(QPBackend):
         self._compiled(self.arrays(form), translate(self.spec.name, budget))
         return form
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import jax
 
         arrays = self.arrays(form)
@@ -77,7 +77,7 @@ class JaxBackend(QPBackend):
 
 @lru_cache(maxsize=KEPT)
 def _compile(backend: JaxBackend, iterations: int, shapes: tuple[tuple[int, ...], ...]) -> Callable[..., Any]:
-    """The backend's function, compiled for arrays of these shapes."""
+    """Return the backend's function, compiled for arrays of these shapes."""
     import jax
 
     with jax.enable_x64(True):
@@ -139,14 +139,14 @@ class JaxoptOsqp(JaxBackend):
 
         return solve
 
-    def answer(self, form: StandardForm, results: tuple[Any, ...]) -> Answer:
+    def answer(self, form: StandardForm, results: tuple[Any, ...]) -> BackendAnswer:
         x, y, state, iterations = results
         k = 0 if form.b is None else form.b.size
         counters = {"iterations": int(iterations)}
         if not np.isfinite(x).all():
-            return Answer(status="not finite", counters=counters)
+            return BackendAnswer(status="not finite", counters=counters)
         status = "solved" if state == _SOLVED else "iteration limit"
-        return Answer(status=status, x=x, y=y[:k], z=y[k:], counters=counters)
+        return BackendAnswer(status=status, x=x, y=y[:k], z=y[k:], counters=counters)
 
 
 @register
@@ -185,9 +185,9 @@ class Qpax(JaxBackend):
 
         return lambda *data: qpax.solve_qp(*data[:-2], solver_tol=data[-2], max_iter=data[-1])
 
-    def answer(self, form: StandardForm, results: tuple[Any, ...]) -> Answer:
+    def answer(self, form: StandardForm, results: tuple[Any, ...]) -> BackendAnswer:
         x, _, z, y, converged, iterations = results
         counters = {"iterations": int(iterations)}
         if not all(np.isfinite(v).all() for v in (x, y, z)):
-            return Answer(status="not finite", counters=counters)
-        return Answer(status="converged" if converged else "iteration limit", x=x, z=z, y=y, counters=counters)
+            return BackendAnswer(status="not finite", counters=counters)
+        return BackendAnswer(status="converged" if converged else "iteration limit", x=x, z=z, y=y, counters=counters)

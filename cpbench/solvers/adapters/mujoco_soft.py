@@ -41,7 +41,7 @@ LARGEST = 6_000
 
 @dataclass(frozen=True)
 class MuJoCoOptions:
-    """`method` : newton, cg or pgs. `max_iterations` : the most."""
+    """Options of mujoco-soft. `method` : newton, cg or pgs. `max_iterations` : the most."""
 
     method: str = "newton"
     max_iterations: int = 1_000
@@ -49,8 +49,8 @@ class MuJoCoOptions:
 
 @dataclass(frozen=True)
 class _Scene:
-    """`model`, `data` : MuJoCo's. `J` : JJᵀ = Q − R, scaled. `active` : the unknowns of its rows. `row` : where those
-    are among MuJoCo's constraints. `unit` : x = unit·f. `theta` : R = θD."""
+    """MuJoCo's scene of a problem. `model`, `data` : MuJoCo's. `J` : JJᵀ = Q − R, scaled. `active` : the unknowns of
+    its rows. `row` : where those are among MuJoCo's constraints. `unit` : x = unit·f. `theta` : R = θD."""
 
     problem: ConeQP
     model: Any
@@ -158,7 +158,7 @@ class MuJoCoSoft(Solver):
 
 
 def _contacts(K: ProductCone) -> list[tuple[NDArray[np.intp], float]]:
-    """The unknowns and μ of every contact that K becomes; unknowns that K keeps at 0 are in none."""
+    """Return the unknowns and μ of every contact that K becomes; unknowns that K keeps at 0 are in none."""
     found: list[tuple[NDArray[np.intp], float]] = []
     for kind, rows, mu, _ in K.groups:
         if kind == Cone.NONNEGATIVE:
@@ -174,7 +174,7 @@ def _is_identity(problem: ConeQP) -> bool:
 
 
 def _scaled(problem: ConeQP, contacts: list[tuple[NDArray[np.intp], float]]) -> tuple[Dense, Vector, float]:
-    """Q of the active unknowns over w, the mean of its diagonal; D, its mean over each contact; w."""
+    """Return Q of the active unknowns over w, the mean of its diagonal; D, its mean over each contact; w."""
     active = np.concatenate([rows for rows, _ in contacts])
     Q = matrices.dense(problem.Q)[np.ix_(active, active)]
     w = float(Q.diagonal().mean())
@@ -186,7 +186,7 @@ def _scaled(problem: ConeQP, contacts: list[tuple[NDArray[np.intp], float]]) -> 
 
 
 def _factor(Q: Dense, D: Vector, theta: float) -> Dense | None:
-    """J with JJᵀ = Q − θD, lower triangular, or None."""
+    """Return J with JJᵀ = Q − θD, lower triangular, or None."""
     root = np.sqrt(D)
     S = Q / np.outer(root, root)
     S[np.diag_indices_from(S)] -= theta
@@ -197,7 +197,7 @@ def _factor(Q: Dense, D: Vector, theta: float) -> Dense | None:
 
 
 def _split(Q: Dense, D: Vector) -> tuple[float, Dense]:
-    """The largest θ = 10⁻¹, 10⁻², … that leaves Q − θD a factor, and the factor."""
+    """Return the largest θ = 10⁻¹, 10⁻², … that leaves Q − θD a factor, and the factor."""
     for k in range(1, DECADES + 1):
         J = _factor(Q, D, 10.0**-k)
         if J is not None:
@@ -206,7 +206,7 @@ def _split(Q: Dense, D: Vector) -> tuple[float, Dense]:
 
 
 def _scene(n: int, contacts: list[tuple[int, float]]) -> tuple[Any, Any]:
-    """A scene of n unit masses on rails, and a contact of so many rows and that μ for each of `contacts`."""
+    """Return a scene of n unit masses on rails, and a contact of so many rows and that μ for each of `contacts`."""
     import mujoco
 
     spec = mujoco.MjSpec()

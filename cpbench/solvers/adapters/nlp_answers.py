@@ -23,7 +23,7 @@ DENSE_UNKNOWNS = 2000
 
 
 def answer(problem: NLP, z: Any, lam: Any, mu: Any) -> NLPPoint:
-    """The point of z within its bounds, multipliers of g and h in our sign (λ < 0 is rounding, cut to 0)."""
+    """Return the point of z within its bounds, multipliers of g and h in our sign (λ < 0 is rounding, cut to 0)."""
     z = np.clip(np.array(z, dtype=float).ravel(), problem.lb, problem.ub)
     lam, mu = np.maximum(np.ravel(lam), 0.0), np.array(mu, dtype=float).ravel()
     with np.errstate(all="ignore"):
@@ -34,15 +34,15 @@ def answer(problem: NLP, z: Any, lam: Any, mu: Any) -> NLPPoint:
 
 
 def judged(problem: NLP, point: NLPPoint) -> float:
-    """The largest of what the node judges."""
+    """Return the largest of what the node judges."""
     return max(problem.residuals(point).measured.values())
 
 
 def concluded(
     problem: NLP, point: NLPPoint | None, budget: Budget, ended: Claim, message: str, counters: Mapping[str, int]
 ) -> SolverOutput:
-    """Solved exactly when what the node judges is at most our tolerance, whatever the guest says; else `ended`, where
-    a guest's own `solved` becomes inaccurate or failed."""
+    """Claim solved exactly when what the node judges is at most our tolerance, whatever the guest says; else
+    `ended`, where a guest's own `solved` becomes inaccurate or failed."""
     if point is None or not point.finite:
         return SolverOutput(claim=Claim.FAILED if ended is Claim.SOLVED else ended, message=message, counters=counters)
     error = judged(problem, point)
@@ -64,7 +64,7 @@ def compile_program(problem: NLP) -> None:
 
 
 def small_program() -> NLP:
-    """min exp(z) − 2z, for a warm-up."""
+    """Return min exp(z) − 2z, for a warm-up."""
     from cpbench.expressions import Builder, Operator
 
     build = Builder(1)

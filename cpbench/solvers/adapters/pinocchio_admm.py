@@ -32,9 +32,9 @@ BEFORE_THE_LOOP = 1
 
 @dataclass(frozen=True)
 class PinocchioADMMOptions:
-    """`anderson` : iterates that Anderson's acceleration looks back on, 0 for none. `max_iterations` : the most.
-    `lanczos` : vectors for the largest eigenvalue of W, from which the first ρ is made; Pinocchio's default, as many as
-    rows, takes 2.4 s of 2.5 on 1350.
+    """Options of pinocchio-admm. `anderson` : iterates that Anderson's acceleration looks back on, 0 for none.
+    `max_iterations` : the most. `lanczos` : vectors for the largest eigenvalue of W, from which the first ρ is made;
+    Pinocchio's default, as many as rows, takes 2.4 s of 2.5 on 1350.
     """
 
     anderson: int = 0

@@ -26,7 +26,8 @@ FINEST = 1e-14
 
 @dataclass(frozen=True)
 class PinocchioContacts:
-    """`G`, `g` : W/w and q/s in Pinocchio's order. `order` : their components in ours. `unit` : s/w, a force.
+    """A problem as Pinocchio takes it. `G`, `g` : W/w and q/s in Pinocchio's order. `order` : their components in
+    ours. `unit` : s/w, a force.
 
     `models`, `data` : std::vectors of the contacts' cones.
     """
@@ -40,18 +41,18 @@ class PinocchioContacts:
     data: Any
 
     def guess(self, r: Vector) -> Vector:
-        """Reactions in Pinocchio's order and unit."""
+        """Return reactions in Pinocchio's order and unit."""
         return np.ascontiguousarray(r[self.order] / self.unit)
 
     def reactions(self, x: Vector) -> Vector:
-        """The way back."""
+        """Return the way back."""
         r = np.empty_like(x)
         r[self.order] = x * self.unit
         return r
 
 
 def obstacle(problem: FrictionContact) -> str | None:
-    """What keeps a problem from either solver."""
+    """Return what keeps a problem from either solver."""
     if problem.dimension != 3:
         return f"has contacts of dimension {problem.dimension}; Pinocchio's friction cones have 3"
     asymmetry = matrices.asymmetry(problem.W)
@@ -64,7 +65,7 @@ def obstacle(problem: FrictionContact) -> str | None:
 
 
 def contacts(problem: FrictionContact) -> PinocchioContacts:
-    """The problem as Pinocchio takes it; W stays sparse if it is."""
+    """Return the problem as Pinocchio takes it; W stays sparse if it is."""
     import pinocchio as pin
 
     mean = float(problem.W.diagonal().mean()) if problem.nc else 0.0
@@ -87,7 +88,7 @@ def contacts(problem: FrictionContact) -> PinocchioContacts:
 
 
 def tell(settings: Any, tolerance: float) -> None:
-    """What the absolute criteria get, which both solvers have, for data of size 1.
+    """Set the absolute criteria, which both solvers have, for data of size 1.
 
     The relative ones end a run where an iterate hardly moves, which is no sign of a solution: they are off.
     """

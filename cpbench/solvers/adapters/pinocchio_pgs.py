@@ -41,7 +41,7 @@ SHALLOW = 2**21
 
 @dataclass(frozen=True)
 class PinocchioPGSOptions:
-    """`over_relaxation` : ω in ]0, 2[. `max_iterations` : sweeps."""
+    """Options of pinocchio-pgs. `over_relaxation` : ω in ]0, 2[. `max_iterations` : sweeps."""
 
     over_relaxation: float = 1.0
     max_iterations: int = 100_000
@@ -124,7 +124,7 @@ class PinocchioPGS(Solver):
 
 
 def _deep(n: int, solve: Callable[..., bool], *arguments: Any) -> bool:
-    """`solve(*arguments)` where a copy of W fits on the stack.
+    """Run `solve(*arguments)` where a copy of W fits on the stack.
 
     Pinocchio 4.1 makes one there: with the usual 8 MB, W of 1024 rows ends in a segmentation fault.
     """

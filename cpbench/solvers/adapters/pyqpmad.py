@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg as sla
 
-from cpbench.solvers.adapters.qp_backend import Answer, QPBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Claim, SolverSpec, Trait, register
@@ -39,7 +39,7 @@ class Pyqpmad(QPBackend):
         "MAXIMAL_NUMBER_OF_ITERATIONS": Claim.MAX_ITER,
     }
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import pyqpmad
 
         parameters = pyqpmad.SolverParameters()
@@ -65,7 +65,7 @@ class Pyqpmad(QPBackend):
             )
         except RuntimeError as cause:
             if "Infeasible" in str(cause):
-                return Answer(status=_INFEASIBLE, remarks=(str(cause),))
+                return BackendAnswer(status=_INFEASIBLE, remarks=(str(cause),))
             raise
         active = solver.get_inequality_dual()
         bounds = 0 if form.lb is None else form.q.size
@@ -84,7 +84,7 @@ class Pyqpmad(QPBackend):
             y = sla.lstsq(form.A[:, ~fixed].T, -gradient[~fixed], check_finite=False)[0]
         if fixed.any():
             z_box[fixed] = -(gradient + (form.A.T @ y if k else 0.0))[fixed]
-        return Answer(
+        return BackendAnswer(
             status=status.name,
             x=x,
             z=z,

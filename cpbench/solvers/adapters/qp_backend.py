@@ -29,8 +29,8 @@ EIGENVALUE_LIMIT = 1000
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a backend returned: its own word for how it ended, x and the multipliers, counters."""
+class BackendAnswer:
+    """Result of a backend: its own word for how it ended, x and the multipliers, counters."""
 
     status: str
     x: Any | None = None
@@ -60,7 +60,7 @@ class QPBackend(Solver):
     claims: ClassVar[Mapping[str, Claim]] = {}
 
     @abstractmethod
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         """Run the backend; its exceptions pass through."""
 
     def obstacle(self, problem: QP) -> str | None:
@@ -106,8 +106,8 @@ class QPBackend(Solver):
     ) -> SolverOutput:
         return self.output(prepared, self.call(prepared, translate(self.spec.name, budget)))
 
-    def output(self, form: StandardForm, answer: Answer) -> SolverOutput:
-        """The claim and the point that the backend's answer means."""
+    def output(self, form: StandardForm, answer: BackendAnswer) -> SolverOutput:
+        """Return the claim and the point that the backend's answer means."""
         claim = self.claims.get(answer.status, Claim.FAILED)
         point = None
         # with these claims x is a ray or the last iterate of a proof, not an answer
@@ -127,13 +127,14 @@ class QPBackend(Solver):
 class QPSolversBackend(QPBackend):
     """A backend called through the function that qpsolvers has for it."""
 
-    @abstractmethod
     def guest_function(self) -> Any:
-        """qpsolvers' `<backend>_solve_problem`; importing it imports every backend that is installed."""
+        """Return qpsolvers' `<backend>_solve_problem`; importing it imports every backend that is installed."""
+        name = self.spec.name
+        return getattr(importlib.import_module(f"qpsolvers.solvers.{name}_"), f"{name}_solve_problem")
 
     @abstractmethod
     def status(self, solution: Any, settings: Settings) -> str:
-        """The backend's own word for how it ended."""
+        """Return the backend's own word for how it ended."""
 
     def counters(self, solution: Any) -> Mapping[str, int]:
         return {}
@@ -147,12 +148,12 @@ class QPSolversBackend(QPBackend):
         assert form.guest is not None  # made here, so that it is not timed as part of the solve
         return form
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             solution = self.guest_function()(form.guest, **settings)
         status = self.status(solution, settings)
-        return Answer(
+        return BackendAnswer(
             status=status,
             x=solution.x,
             z=solution.z,

@@ -48,7 +48,7 @@ class StandardForm:
         return qpsolvers.Problem(self.P, self.q, self.G, self.h, self.A, self.b, self.lb, self.ub)
 
     def point(self, x: Any, z: Any, y: Any, z_box: Any) -> QPPoint:
-        """Our point from a backend's answer and multipliers."""
+        """Return our point from a backend's answer and multipliers."""
         n, m, k = self.q.size, self.m, self.k
         nu = np.zeros(n)
         if self.lb is not None or self.ub is not None:
@@ -65,7 +65,7 @@ class StandardForm:
 
 
 def standard_form(problem: QP, *, sparse: bool, bounds_as_rows: bool, needs_inequality: bool = False) -> StandardForm:
-    """`problem` for a backend: csc or dense writable copies, bounds apart or as rows.
+    """Convert `problem` for a backend: csc or dense writable copies, bounds apart or as rows.
 
     `needs_inequality` gives a problem without inequalities the void row 0ᵀx ≤ 1.
     """
@@ -114,7 +114,7 @@ def standard_form(problem: QP, *, sparse: bool, bounds_as_rows: bool, needs_ineq
 
 
 def _store(M: Matrix, sparse: bool) -> Any:
-    """`M` as a writable csc_matrix (qpsolvers looks for that very class) or a writable C-ordered array."""
+    """Return `M` as a writable csc_matrix (qpsolvers looks for that very class) or a writable C-ordered array."""
     if sparse:
         return sp.csc_matrix(M, copy=True)
     return np.array(matrices.dense(M), order="C")

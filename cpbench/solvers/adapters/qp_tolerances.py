@@ -25,12 +25,12 @@ unbounded, which it is not."""
 
 
 def translate(backend: str, budget: Budget) -> Settings:
-    """Settings of `backend` for `budget`; raises KeyError on a backend that is not in the table."""
+    """Return settings of `backend` for `budget`; raises KeyError on a backend that is not in the table."""
     return TABLE[backend](budget)
 
 
 def _limits(budget: Budget, iterations: str, default: int, seconds: str = "") -> Settings:
-    """The iteration limit, and the time limit where the backend has one and the budget's is finite."""
+    """Return the iteration limit, and the time limit where the backend has one and the budget's is finite."""
     limits: Settings = {iterations: default if budget.iterations is None else budget.iterations}
     if seconds and math.isfinite(budget.seconds):
         limits[seconds] = budget.seconds
@@ -42,7 +42,7 @@ def _proofs(primal: str, dual: str, e: float) -> Settings:
 
 
 def _clarabel(budget: Budget) -> Settings:
-    """Residuals relative to max(1, norms of data and iterates), gap absolute or relative: a tenth of ε, at the
+    """Return residuals relative to max(1, norms of data and iterates), gap absolute or relative: a tenth of ε, at the
     price of one more iteration of the quadratic end phase."""
     e = 0.1 * budget.tolerance
     return (
@@ -53,27 +53,28 @@ def _clarabel(budget: Budget) -> Settings:
 
 
 def _piqp(budget: Budget) -> Settings:
-    """error ≤ eps_abs + eps_rel·scale, in the ∞-norm, gap likewise. No time limit."""
+    """Return error ≤ eps_abs + eps_rel·scale, in the ∞-norm, gap likewise. No time limit."""
     e = 0.1 * budget.tolerance
     gap = {"check_duality_gap": True, "eps_duality_gap_abs": e, "eps_duality_gap_rel": e}
     return {"eps_abs": e, "eps_rel": e} | gap | _limits(budget, "max_iter", 250)
 
 
 def _cvxopt(budget: Budget) -> Settings:
-    """2-norm residuals relative to max(1, ‖data‖), gap absolute or relative. No time limit."""
+    """Return 2-norm residuals relative to max(1, ‖data‖), gap absolute or relative. No time limit."""
     e = 0.1 * budget.tolerance
     return {"feastol": e, "abstol": e, "reltol": e} | _limits(budget, "maxiters", 200)
 
 
 def _ecos(budget: Budget) -> Settings:
-    """On the second-order cone form ‖(x, t)‖ a gap δ leaves a stationarity of order √δ: the gap gets (ε/4)² (with ε²
-    the error was up to 1.95 ε at lb = ub), not below 1e-14 where it only stalls. No time limit."""
+    """Translate ε for ECOS. On the second-order cone form ‖(x, t)‖ a gap δ leaves a stationarity of order √δ: the
+    gap gets (ε/4)² (with ε² the error was up to 1.95 ε at lb = ub), not below 1e-14 where it only stalls. No time
+    limit."""
     gap = max((0.25 * budget.tolerance) ** 2, 1e-14)
     return {"feastol": 0.1 * budget.tolerance, "abstol": gap, "reltol": gap} | _limits(budget, "max_iters", 200)
 
 
 def _osqp(budget: Budget) -> Settings:
-    """error ≤ eps_abs + eps_rel·scale in the ∞-norm; the scale of the dual residual is a norm of the sum
+    """Return error ≤ eps_abs + eps_rel·scale in the ∞-norm; the scale of the dual residual is a norm of the sum
     Aᵀλ + Cᵀμ + ν: a quarter of ε. The gap is only checked when asked for. ADMM may need many cheap iterations."""
     e = 0.25 * budget.tolerance
     gap = {"check_dualgap": True, "raise_error": False}
@@ -86,7 +87,7 @@ def _osqp(budget: Budget) -> Settings:
 
 
 def _scs(budget: Budget) -> Settings:
-    """As OSQP, gap included."""
+    """Translate ε as for OSQP, gap included."""
     e = 0.25 * budget.tolerance
     return ({"eps_abs": e, "eps_rel": e, "eps_infeas": min(e, INFEASIBILITY)}) | _limits(
         budget, "max_iters", 200_000, "time_limit_secs"
@@ -94,7 +95,7 @@ def _scs(budget: Budget) -> Settings:
 
 
 def _proxqp(budget: Budget) -> Settings:
-    """Absolute residuals only (eps_rel = 0); the gap, checked when asked for, absolute or relative. The signs of
+    """Return absolute residuals only (eps_rel = 0); the gap, checked when asked for, absolute or relative. The signs of
     the multipliers are no part of its test. No time limit."""
     e = 0.1 * budget.tolerance
     gap = {"check_duality_gap": True, "eps_duality_gap_abs": e, "eps_duality_gap_rel": e}
@@ -102,7 +103,7 @@ def _proxqp(budget: Budget) -> Settings:
 
 
 def _qpalm(budget: Budget) -> Settings:
-    """error ≤ eps_abs + eps_rel·scale, no gap: a hundredth of ε (a tenth left gaps of 2e-4 at ε = 1e-6)."""
+    """Return error ≤ eps_abs + eps_rel·scale, no gap: a hundredth of ε (a tenth left gaps of 2e-4 at ε = 1e-6)."""
     e = 0.01 * budget.tolerance
     return (
         {"eps_abs": e, "eps_rel": e}
@@ -112,16 +113,16 @@ def _qpalm(budget: Budget) -> Settings:
 
 
 def _daqp(budget: Budget) -> Settings:
-    """Active set: the primal violation that ends it gets a tenth of ε; its multipliers keep their sign to 1e-12.
-    A singular Q is regularised by proximal steps of 1e-6, only where needed (that is what the minus says): a
-    size that follows ε was measured to be no better."""
+    """Translate ε for an active set method: the primal violation that ends it gets a tenth of ε; its multipliers
+    keep their sign to 1e-12. A singular Q is regularised by proximal steps of 1e-6, only where needed (that is what
+    the minus says): a size that follows ε was measured to be no better."""
     return {"primal_tol": 0.1 * budget.tolerance, "dual_tol": 1e-12, "eps_prox": -1e-6} | _limits(
         budget, "iter_limit", 10_000, "time_limit"
     )
 
 
 def _highs(budget: Budget) -> Settings:
-    """Absolute feasibilities, 1e-10 at least (HiGHS refuses less). The regularization of the Hessian is the real
+    """Return absolute feasibilities, 1e-10 at least (HiGHS refuses less). The regularization of the Hessian is the real
     limit: it leaves a stationarity of its size times |z|, and a singular Q fails when it is made too small."""
     e = max(0.1 * budget.tolerance, 1e-10)
     return {
@@ -132,12 +133,12 @@ def _highs(budget: Budget) -> Settings:
 
 
 def _kvxopt(budget: Budget) -> Settings:
-    """As CVXOPT, of which it is a fork."""
+    """Translate ε as for CVXOPT, of which it is a fork."""
     return _cvxopt(budget)
 
 
 def _qtqp(budget: Budget) -> Settings:
-    """Clarabel's criteria, 2-norms and ‖x‖ + ‖s‖ in the scale: a tenth of ε. No time limit. The record of its
+    """Return Clarabel's criteria, 2-norms and ‖x‖ + ‖s‖ in the scale: a tenth of ε. No time limit. The record of its
     iterations is asked for, because it tells their number."""
     e = 0.1 * budget.tolerance
     return (
@@ -148,15 +149,15 @@ def _qtqp(budget: Budget) -> Settings:
 
 
 def _sip(budget: Budget) -> Settings:
-    """Residuals and gap, absolute and relative."""
+    """Return residuals and gap, absolute and relative."""
     e = 0.1 * budget.tolerance
     return {"eps_abs": e, "eps_rel": e} | _limits(budget, "max_iterations", 1000, "time_limit")
 
 
 def _pyqpmad(budget: Budget) -> Settings:
-    """Active set. Its one number is the absolute violation that ends it and the size below which a pivot is 0:
-    above its default 1e-12 it calls a problem with an objective in units of 1e8 infeasible, or solved at an error of
-    1e-2. So that is the most, and 1e-14 the least. No time limit."""
+    """Translate ε for an active set method. Its one number is the absolute violation that ends it and the size below
+    which a pivot is 0: above its default 1e-12 it calls a problem with an objective in units of 1e8 infeasible, or
+    solved at an error of 1e-2. So that is the most, and 1e-14 the least. No time limit."""
     return {"tolerance": min(max(1e-6 * budget.tolerance, 1e-14), 1e-12)} | _limits(budget, "max_iter", 10_000)
 
 
@@ -165,8 +166,8 @@ COMMERCIAL_LEAST = 1e-9
 
 
 def _gurobi(budget: Budget) -> Settings:
-    """Absolute feasibilities; the gap, relative, ends its barrier. One thread; DualReductions = 0 makes it say whether
-    infeasible or unbounded."""
+    """Return absolute feasibilities; the gap, relative, ends its barrier. One thread; DualReductions = 0 makes it
+    say whether infeasible or unbounded."""
     e = 0.1 * budget.tolerance
     feasibility = max(e, COMMERCIAL_LEAST)
     return (
@@ -177,13 +178,13 @@ def _gurobi(budget: Budget) -> Settings:
 
 
 def _copt(budget: Budget) -> Settings:
-    """Absolute feasibilities; it has no tolerance on the gap of its barrier. One thread."""
+    """Return absolute feasibilities; it has no tolerance on the gap of its barrier. One thread."""
     e = max(0.1 * budget.tolerance, COMMERCIAL_LEAST)
     return {"FeasTol": e, "DualTol": e, "Threads": 1} | _limits(budget, "BarIterLimit", 1000, "TimeLimit")
 
 
 def _mosek(budget: Budget) -> Settings:
-    """Feasibilities and gap relative to the data (MSK_DPAR_INTPNT_QO_TOL_*): a tenth of ε. One thread."""
+    """Return feasibilities and gap relative to the data (MSK_DPAR_INTPNT_QO_TOL_*): a tenth of ε. One thread."""
     e = 0.1 * budget.tolerance
     return (
         {"intpnt_qo_tol_pfeas": e, "intpnt_qo_tol_dfeas": e, "intpnt_qo_tol_rel_gap": e, "num_threads": 1}
@@ -193,23 +194,23 @@ def _mosek(budget: Budget) -> Settings:
 
 
 def _jaxopt_osqp(budget: Budget) -> Settings:
-    """Absolute residuals in the ∞-norm, no gap: a tenth of ε. No time limit."""
+    """Return absolute residuals in the ∞-norm, no gap: a tenth of ε. No time limit."""
     return {"tolerance": 0.1 * budget.tolerance} | _limits(budget, "iterations", 20_000)
 
 
 def _qpax(budget: Budget) -> Settings:
-    """Absolute residuals and products sz in the ∞-norm: a tenth of ε. No time limit, no proofs."""
+    """Return absolute residuals and products sz in the ∞-norm: a tenth of ε. No time limit, no proofs."""
     return {"tolerance": 0.1 * budget.tolerance} | _limits(budget, "iterations", 100)
 
 
 def _qpoases(budget: Budget) -> Settings:
-    """Exact active set: the end of its homotopy, by default at 5e6·eps = 1.1e-9 (relative), follows ε only below.
-    `CPUtime` bounds CPU, not wall, seconds."""
+    """Return exact active set: the end of its homotopy, by default at 5e6·eps = 1.1e-9 (relative), follows ε only
+    below. `CPUtime` bounds CPU, not wall, seconds."""
     return {"terminationTolerance": min(0.1 * budget.tolerance, 1.1e-9)} | _limits(budget, "nWSR", 10_000, "CPUtime")
 
 
 def _quadprog(budget: Budget) -> Settings:
-    """Exact active set in machine precision: it has no tolerance, no iteration limit and no time limit."""
+    """Return exact active set in machine precision: it has no tolerance, no iteration limit and no time limit."""
     return {}
 
 

@@ -12,7 +12,7 @@ from functools import cache
 from typing import Any, ClassVar
 
 from cpbench.errors import Unavailable
-from cpbench.solvers.adapters.qp_backend import Answer, QPSolversBackend
+from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPSolversBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
 from cpbench.solvers.adapters.qp_tolerances import Settings
 from cpbench.solvers.base import Availability, Claim, SolverSpec, Trait, register
@@ -33,11 +33,11 @@ class LicensedBackend(QPSolversBackend):
 
     @abstractmethod
     def licence(self) -> str:
-        """What is wrong with the licence, "" when a small problem could be solved. Asked once a process."""
+        """Return what is wrong with the licence, "" when a small problem could be solved. Asked once a process."""
 
     @abstractmethod
     def refused(self, cause: Exception) -> bool:
-        """Whether an exception of the backend is about its licence."""
+        """Return whether an exception of the backend is about its licence."""
 
     def availability(self) -> Availability:
         state = super().availability()
@@ -48,7 +48,7 @@ class LicensedBackend(QPSolversBackend):
         value = int(solution.extras["status"])
         return self.words.get(value, f"status {value}")
 
-    def call(self, form: StandardForm, settings: Settings) -> Answer:
+    def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         try:
             return super().call(form, settings)
         except Exception as cause:
@@ -127,11 +127,6 @@ class Copt(LicensedBackend):
 
         return isinstance(cause, coptpy.CoptError) and cause.retcode == _COPT_LICENCE
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.copt_ import copt_solve_problem
-
-        return copt_solve_problem
-
 
 @register
 class Gurobi(LicensedBackend):
@@ -190,11 +185,6 @@ class Gurobi(LicensedBackend):
 
         about = (gurobipy.GRB.Error.NO_LICENSE, gurobipy.GRB.Error.SIZE_LIMIT_EXCEEDED)
         return isinstance(cause, gurobipy.GurobiError) and cause.errno in about
-
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.gurobi_ import gurobi_solve_problem
-
-        return gurobi_solve_problem
 
 
 @register

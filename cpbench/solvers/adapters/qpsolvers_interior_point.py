@@ -42,11 +42,6 @@ class Clarabel(QPSolversBackend):
         "MaxTime": Claim.MAX_ITER,
     }
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.clarabel_ import clarabel_solve_problem
-
-        return clarabel_solve_problem
-
     def status(self, solution: Any, settings: Settings) -> str:
         return str(solution.extras["status"])
 
@@ -72,50 +67,25 @@ class Cvxopt(QPSolversBackend):
     needs_inequality = True  # without one it solves a single KKT system, wrongly where Q is singular (HS52: error 0.5)
     claims = {"optimal": Claim.SOLVED, "iteration limit": Claim.MAX_ITER}
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.cvxopt_ import cvxopt_solve_problem
-
-        return cvxopt_solve_problem
-
     def status(self, solution: Any, settings: Settings) -> str:
-        return _cvxopt_status(solution, settings)
+        # "unknown" is all it says of a singular KKT matrix and of the iteration limit alike
+        stopped = solution.extras.get("iterations", 0) >= settings["maxiters"]
+        return "iteration limit" if stopped and not solution.found else solution.extras["status"]
 
     def counters(self, solution: Any) -> Mapping[str, int]:
         return {"iterations": int(solution.extras["iterations"])} if "iterations" in solution.extras else {}
 
 
 @register
-class Kvxopt(QPSolversBackend):
-    spec = SolverSpec(
+class Kvxopt(Cvxopt):
+    spec = dataclasses.replace(
+        Cvxopt.spec,
         name="kvxopt",
-        node="qp",
         summary="fork of CVXOPT with more of SuiteSparse: path following with Nesterov-Todd scaling",
-        method="interior point",
         citation="Vandenberghe, The CVXOPT linear and quadratic cone program solvers, 2010; kvxopt",
         requires=("qpsolvers", "kvxopt"),
-        install="pip install cpbench[gpl]",
-        licence="GPL-3.0-or-later",
-        traits=frozenset({Trait.SPARSE, Trait.DETERMINISTIC}),
         by_default=False,  # the algorithm of cvxopt
-        known_failures={
-            "planted-unconstrained-psd": "refuses rank([Q; C; A]) < n by an exception",
-        },
     )
-    sparse = None
-    bounds_as_rows = True
-    needs_inequality = True  # as cvxopt
-    claims = {"optimal": Claim.SOLVED, "iteration limit": Claim.MAX_ITER}
-
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.kvxopt_ import kvxopt_solve_problem
-
-        return kvxopt_solve_problem
-
-    def status(self, solution: Any, settings: Settings) -> str:
-        return _cvxopt_status(solution, settings)
-
-    def counters(self, solution: Any) -> Mapping[str, int]:
-        return {"iterations": int(solution.extras["iterations"])} if "iterations" in solution.extras else {}
 
 
 @register
@@ -158,11 +128,6 @@ class Ecos(QPSolversBackend):
         "maxit": Claim.MAX_ITER,
     }
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.ecos_ import ecos_solve_problem
-
-        return ecos_solve_problem
-
     def status(self, solution: Any, settings: Settings) -> str:
         flag = int(solution.extras["exitFlag"])
         return self.words.get(flag, f"exit flag {flag}")
@@ -193,11 +158,6 @@ class Piqp(QPSolversBackend):
         "PIQP_MAX_ITER_REACHED": Claim.MAX_ITER,
     }
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.piqp_ import piqp_solve_problem
-
-        return piqp_solve_problem
-
     def status(self, solution: Any, settings: Settings) -> str:
         return solution.extras["info"].status.name
 
@@ -227,11 +187,6 @@ class Qtqp(QPSolversBackend):
         "unbounded": Claim.UNBOUNDED,
         "hit_max_iter": Claim.MAX_ITER,
     }
-
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.qtqp_ import qtqp_solve_problem
-
-        return qtqp_solve_problem
 
     def status(self, solution: Any, settings: Settings) -> str:
         return str(solution.extras["status"].value)
@@ -264,11 +219,6 @@ class Sip(QPSolversBackend):
         "TIMEOUT": Claim.MAX_ITER,
     }
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.sip_ import sip_solve_problem
-
-        return sip_solve_problem
-
     def setup(self, problem: QP, budget: Budget, options: Any) -> StandardForm:
         form = super().setup(problem, budget, options)
         # it refuses a Q that is symmetric to rounding only
@@ -281,9 +231,3 @@ class Sip(QPSolversBackend):
 
     def counters(self, solution: Any) -> Mapping[str, int]:
         return {"iterations": int(solution.extras["sip_output"].num_iterations)}
-
-
-def _cvxopt_status(solution: Any, settings: Settings) -> str:
-    """CVXOPT's word; "unknown" is all it says of a singular KKT matrix and of the iteration limit alike."""
-    stopped = solution.extras.get("iterations", 0) >= settings["maxiters"]
-    return "iteration limit" if stopped and not solution.found else solution.extras["status"]

@@ -35,11 +35,6 @@ class Osqp(QPSolversBackend):
         "run time limit reached": Claim.MAX_ITER,
     }
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.osqp_ import osqp_solve_problem
-
-        return osqp_solve_problem
-
     def status(self, solution: Any, settings: Settings) -> str:
         return solution.extras["info"].status
 
@@ -73,11 +68,6 @@ class ProxQP(QPSolversBackend):
         "PROXQP_MAX_ITER_REACHED": Claim.MAX_ITER,
     }
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.proxqp_ import proxqp_solve_problem
-
-        return proxqp_solve_problem
-
     def status(self, solution: Any, settings: Settings) -> str:
         return solution.extras["info"].status.name
 
@@ -109,11 +99,6 @@ class Qpalm(QPSolversBackend):
         "maximum iterations reached": Claim.MAX_ITER,
         "time limit exceeded": Claim.MAX_ITER,
     }
-
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.qpalm_ import qpalm_solve_problem
-
-        return qpalm_solve_problem
 
     def status(self, solution: Any, settings: Settings) -> str:
         return solution.extras["info"].status
@@ -154,11 +139,6 @@ class Scs(QPSolversBackend):
         "unbounded": Claim.UNBOUNDED,
         "unbounded_inaccurate": Claim.UNBOUNDED,
     }
-
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.scs_ import scs_solve_problem
-
-        return scs_solve_problem
 
     def status(self, solution: Any, settings: Settings) -> str:
         value = int(solution.extras["status_val"])

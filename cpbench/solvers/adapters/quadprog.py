@@ -28,11 +28,6 @@ class Quadprog(QPSolversBackend):
     definite = True
     claims = {"solved": Claim.SOLVED, "no solution": Claim.INFEASIBLE}
 
-    def guest_function(self) -> Any:
-        from qpsolvers.solvers.quadprog_ import quadprog_solve_problem
-
-        return quadprog_solve_problem
-
     def status(self, solution: Any, settings: Settings) -> str:
         # quadprog only ever raises "constraints are inconsistent, no solution"; qpsolvers turns it into found=False
         return "solved" if solution.found else "no solution"

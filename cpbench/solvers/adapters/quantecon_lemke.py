@@ -25,7 +25,8 @@ class QuantEconLemkeOptions:
 
 @register
 class QuantEconLemke(Solver):
-    """`quantecon.optimize.lcp_lemke`, covering vector e. Exact pivoting: it has no tolerance to translate.
+    """QuantEcon's Lemke, `quantecon.optimize.lcp_lemke`, covering vector e. Exact pivoting: it has no tolerance to
+    translate.
 
     M and q go in as they are, for its pivot tolerance is its own business, units of the data included.
     """

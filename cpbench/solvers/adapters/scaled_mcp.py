@@ -42,25 +42,25 @@ class ScaledMCP:
     strictness: float
 
     def tolerance(self, budget: Budget) -> float:
-        """On the residual of x, in any usual norm."""
+        """Return the tolerance on the residual of x, in any usual norm."""
         return max(SAFETY * budget.tolerance * self.strictness, FLOOR)
 
     def point(self, x: Any) -> LCPPoint | MLCPPoint:
-        """The answer to the problem that was asked."""
+        """Return the answer to the problem that was asked."""
         found = self.unit * np.asarray(x, dtype=float).ravel()
         if isinstance(self.problem, LCP):
             return LCPPoint(found)
         return MLCPPoint(u=found[: self.free], v=found[self.free :])
 
     def start(self, point: LCPPoint | MLCPPoint | None) -> Vector:
-        """x of a starting point; 0 without one."""
+        """Return x of a starting point; 0 without one."""
         if point is None:
             return np.zeros(self.k.size)
         return np.concatenate(list(point.arrays().values())) / self.unit
 
 
 def scaled_mcp(problem: LCP | MLCP) -> ScaledMCP:
-    """An LCP or MLCP in its own units; a dense problem stays dense, a sparse one sparse."""
+    """Return an LCP or MLCP in its own units; a dense problem stays dense, a sparse one sparse."""
     if isinstance(problem, LCP):
         unit, size = problem.z_unit or 1.0, max_abs(problem.q) or 1.0
         strictness = min(1.0, size / unit)

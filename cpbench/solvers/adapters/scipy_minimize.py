@@ -36,7 +36,7 @@ from cpbench.solvers.options import fixed
 
 @dataclass(frozen=True)
 class MinimizeOptions:
-    """`max_iterations` : of the guest, unless the budget bounds them."""
+    """Options of scipy-slsqp, scipy-trust-constr. `max_iterations` : of the guest, unless the budget bounds them."""
 
     max_iterations: int = fixed(2000)
 
@@ -54,7 +54,7 @@ class _OutOfTime(Exception):
 
 
 class ScipyMinimize(Solver):
-    """What the two share. Tolerance: the guest's own is set far below ours; the node's conditions decide."""
+    """Base of the two minimizers. Tolerance: the guest's own is set far below ours; the node's conditions decide."""
 
     def obstacle(self, problem: NLP) -> str | None:
         if problem.start.size == 0:
@@ -104,7 +104,7 @@ class ScipyMinimize(Solver):
     def minimize(
         self, problem: NLP, first: Any, limit: int, tolerance: float, look: Callable[..., None]
     ) -> tuple[Any, NLPPoint]:
-        """SciPy's result and the answer that it is; `look` is called at every iterate."""
+        """Return SciPy's result and the answer that it is; `look` is called at every iterate."""
 
 
 def _spec(

@@ -40,7 +40,7 @@ CLOSE = 100.0
 
 @dataclass(frozen=True)
 class RootOptions:
-    """`max_evaluations` : of F, unless the budget bounds them."""
+    """Options of the methods of this module. `max_evaluations` : of F, unless the budget bounds them."""
 
     max_evaluations: int = fixed(20_000)
 
@@ -139,8 +139,8 @@ class ScipyRoot(Solver):
             with np.errstate(all="ignore"):
                 watched(first)
                 jacobian = watched.jacobian if self.exact else None
-                said = root(watched, first, jac=jacobian, method=self.guest, options=more).message
-                message = " ".join(str(said).split())  # one of MINPACK's has two lines
+                reason = root(watched, first, jac=jacobian, method=self.guest, options=more).message
+                message = " ".join(str(reason).split())  # one of MINPACK's has two lines
         except _Enough:
             message = watched.message
         except (ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:  # F or a step is no number

@@ -16,7 +16,7 @@ class ScsCone(ConeSolver):
     """Douglas–Rachford splitting of the homogeneous embedding; every factor becomes Lorentz cones."""
 
     spec = SolverSpec(
-        name="scs-cone",
+        name="scs-coneqp",
         node="coneqp",
         summary="splitting of the homogeneous embedding (ADMM), second-order and rolling cones",
         method="ADMM",

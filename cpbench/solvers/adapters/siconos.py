@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 import cpbench.solvers.guests
 from cpbench.formulations.base import Kind
 from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
-from cpbench.solvers.base import Availability, Budget, Record, SolverOutput, SolverSpec, Trait, solvers
+from cpbench.solvers.base import Availability, Budget, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import HandedOver, ServedSolver
 
 PYTHON = "CPBENCH_SICONOS_PYTHON"
@@ -35,7 +35,7 @@ MOST_INDEX_SETS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class SiconosEntry:
     """A solver of Siconos as it stands in the table of its family.
 
     Attributes
@@ -76,19 +76,19 @@ class Row:
     @property
     def known_failures(self) -> Mapping[str, str]:
         """In the words of a spec."""
-        told = {f"case-{case}": f"info 0, our error {error:.1e}" for case, error in self.false.items()}
-        told |= {f"case-{case}": how for case, how in self.ends.items()} | dict(self.failures)
+        failures = {f"case-{case}": f"info 0, our error {error:.1e}" for case, error in self.false.items()}
+        failures |= {f"case-{case}": how for case, how in self.ends.items()} | dict(self.failures)
         if self.early:
             errors = ", ".join(f"{error:.1e} ({case})" for case, error in self.early.items())
-            told["check_one_iteration_claims_nothing_false"] = f"info 0 after one iteration, our error {errors}"
+            failures["check_one_iteration_claims_nothing_false"] = f"info 0 after one iteration, our error {errors}"
         if self.impossible:
-            told["check_infeasibility_is_proved_or_not_claimed_solved"] = f"info 0: {', '.join(self.impossible)}"
-        return told
+            failures["check_infeasibility_is_proved_or_not_claimed_solved"] = f"info 0: {', '.join(self.impossible)}"
+        return failures
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What the guest is told with every solve."""
+class SiconosSettings:
+    """Settings that the guest gets with every solve."""
 
     tolerance: float
     max_iter: int
@@ -102,7 +102,7 @@ class SiconosSolver(ServedSolver):
     carried_by: ClassVar[str] = "npy-dir"
     """The exchange."""
 
-    def __init__(self, row: Row) -> None:
+    def __init__(self, row: SiconosEntry) -> None:
         self.row = row
         spec = SolverSpec(
             name=row.name,
@@ -127,8 +127,8 @@ class SiconosSolver(ServedSolver):
     def solve(
         self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        told = Settings(inner=self.row.inner, **translate(budget, self.row.bound))
-        return super().solve(prepared, budget, told, start, record)
+        settings = SiconosSettings(inner=self.row.inner, **translate(budget, self.row.bound))
+        return super().solve(prepared, budget, settings, start, record)
 
     def version(self) -> str:
         return str(about(interpreter()).get("version", ""))
@@ -143,26 +143,21 @@ class SiconosSolver(ServedSolver):
 
 
 def index_sets(n: int) -> str | None:
-    """The obstacle of enumeration."""
+    """Return the obstacle of enumeration."""
     return f"2^{n} index sets to try, at most 2^{MOST_INDEX_SETS} are" if n > MOST_INDEX_SETS else None
-
-
-def register_family(cls: type[SiconosSolver], *rows: Row) -> None:
-    """Put a solver for every row into the registry."""
-    for row in rows:
-        solvers.add(row.name, cls(row))
 
 
 @cache
 def interpreter() -> str:
-    """The Python that runs Siconos."""
+    """Return the Python that runs Siconos."""
     own = sys.executable if importlib.util.find_spec("siconos") else "/usr/bin/python3"
     return os.environ.get(PYTHON) or own
 
 
 @cache
 def about(python: str) -> Mapping[str, Any]:
-    """Version and constants of the Siconos that a Python has, or state and detail; asked once for the whole family."""
+    """Return version and constants of the Siconos that a Python has, or state and detail; asked once for the whole
+    family."""
     try:
         asked = subprocess.run([python, str(GUEST)], capture_output=True, text=True, timeout=PATIENCE, check=False)
     except FileNotFoundError:
@@ -171,7 +166,7 @@ def about(python: str) -> Mapping[str, Any]:
         return {"state": "broken", "detail": f"{python}: {cause}"}
     if asked.returncode == 0:
         return json.loads(asked.stdout.splitlines()[-1])
-    said = asked.stderr.strip()
-    if said.endswith("No module named 'siconos'"):
+    message = asked.stderr.strip()
+    if message.endswith("No module named 'siconos'"):
         return {"state": "missing", "detail": f"{python} has no siconos; {INSTALL}"}
-    return {"state": "broken", "detail": said or f"{python} ended with {asked.returncode}"}
+    return {"state": "broken", "detail": message or f"{python} ended with {asked.returncode}"}

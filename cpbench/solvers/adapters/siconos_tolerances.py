@@ -46,6 +46,6 @@ class Bound(IntEnum):
 
 
 def translate(budget: Budget, bound: Bound) -> Mapping[str, Any]:
-    """The two settings under the names of the guest's options."""
+    """Return the two settings under the names of the guest's options."""
     limit = int(bound) if budget.iterations is None else budget.iterations
     return {"tolerance": FACTOR * budget.tolerance, "max_iter": limit}

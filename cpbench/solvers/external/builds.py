@@ -32,7 +32,7 @@ Tables = dict[str, dict[str, Any]]
 
 
 def tables(label: str, root: Path, plugin: str, python: str | None = None) -> Tables:
-    """NAME@`label` -> its table, for each solver that the plugin of a checkout has. Raises CpbenchError.
+    """Return NAME@`label` -> its table, for each solver that the plugin of a checkout has. Raises CpbenchError.
 
     The solvers become known to this process too: one build a process.
     """
@@ -78,7 +78,7 @@ def _classes(root: Path, path: Path, python: str | None) -> Tables:
 
 
 def _defaults(options: Any) -> dict[str, Any]:
-    """Those that a table can have; a solver that is not told of an option takes its own default."""
+    """Return the defaults that a table can have; a solver that is not told of an option takes its own default."""
     values = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
     return {
         name: value
@@ -88,7 +88,7 @@ def _defaults(options: Any) -> dict[str, Any]:
 
 
 def as_toml(found: Tables) -> str:
-    """The tables in a file that `--plugin` takes."""
+    """Return the tables in a file that `--plugin` takes."""
     return "\n".join(
         "\n".join([f"[solver.{toml_text.value(name)}]", *toml_text.lines(table), ""]) for name, table in found.items()
     )

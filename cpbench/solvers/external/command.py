@@ -77,7 +77,7 @@ class CommandSolver(Solver):
         return HandedOver.make(problem, exchanges.get(self.exchange), self.matrices)
 
     def setup(self, problem: HandedOver, budget: Budget, options: Any) -> HandedOver:
-        """No answer of a solve before this one may be taken for its own."""
+        """Remove the answers of earlier solves, which might be taken for this one's."""
         (problem.room().parent / CLAIM).unlink(missing_ok=True)
         return problem
 
@@ -103,10 +103,10 @@ class CommandSolver(Solver):
 
     def collect(self, output: SolverOutput) -> SolverOutput:
         handed: Any = output.point
-        told = _told(self.spec.name, handed)
-        if told.claim in ANSWERED and not handed.answered():
+        result = _claimed_output(self.spec.name, handed)
+        if result.claim in ANSWERED and not handed.answered():
             raise ProgramError(f"{self.spec.name}: exited with code 0 and wrote no answer")
-        return dataclasses.replace(told, point=handed.answer(self.spec.name, told.claim))
+        return dataclasses.replace(result, point=handed.answer(self.spec.name, result.claim))
 
     def version(self) -> str:
         return ""
@@ -116,7 +116,7 @@ class CommandSolver(Solver):
         return Availability("missing", lacking) if lacking else Availability("ok")
 
     def _run(self, command: list[str], seconds: float) -> int:
-        """The exit code; what it prints goes where our stderr goes."""
+        """Return the exit code; what it prints goes where our stderr goes."""
         try:
             process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=2, env={**os.environ, **self.env}, cwd=self.cwd
@@ -135,7 +135,7 @@ class CommandSolver(Solver):
 
 
 def words(command: str, options: Iterable[str]) -> tuple[str, ...]:
-    """The words of a command; raises CpbenchError on one that cannot be split or has an unknown placeholder."""
+    """Return the words of a command; raises CpbenchError on one that cannot be split or has an unknown placeholder."""
     known = [*PLACEHOLDERS, *options]
     try:
         split = tuple(shlex.split(command))
@@ -156,8 +156,8 @@ def _text(value: Any) -> str:
     return str(value) if isinstance(value, int | Path) or not math.isinf(value) else "inf"
 
 
-def _told(who: str, handed: HandedOver) -> SolverOutput:
-    """What a `claim.json` says, solved where there is none; raises ProgramError."""
+def _claimed_output(solver: str, handed: HandedOver) -> SolverOutput:
+    """Return what a `claim.json` says, solved where there is none; raises ProgramError."""
     answer = handed.path("answer")
     for path in (answer / CLAIM, answer.parent / CLAIM):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
@@ -165,10 +165,10 @@ def _told(who: str, handed: HandedOver) -> SolverOutput:
                 text = file.read(_MOST + 1)
             path.unlink()  # what is left in a folder is the answer
             try:
-                said = json.loads(text) if len(text) <= _MOST else None
+                claimed = json.loads(text) if len(text) <= _MOST else None
             except (ValueError, RecursionError):
-                said = None
-            if not isinstance(said, dict):
-                raise ProgramError(f"{who}: wrote a {CLAIM} that is no JSON object: {text[:200]!r}")
-            return output(who, {"claim": "solved", **said}, handed)
+                claimed = None
+            if not isinstance(claimed, dict):
+                raise ProgramError(f"{solver}: wrote a {CLAIM} that is no JSON object: {text[:200]!r}")
+            return output(solver, {"claim": "solved", **claimed}, handed)
     return SolverOutput(claim=Claim.SOLVED, point=handed)

@@ -142,16 +142,16 @@ def declare_text(text: str) -> str | None:
     try:
         found = tomllib.loads(f"table = {table}")
     except (ValueError, RecursionError) as cause:
-        said = str(cause).replace("(at line 1, column", "(column")
-        raise CpbenchError(f"solver '{text}': is no inline table of TOML, as {{serve=\"./mine\"}}: {said}") from None
+        reason = str(cause).replace("(at line 1, column", "(column")
+        raise CpbenchError(f"solver '{text}': is no inline table of TOML, as {{serve=\"./mine\"}}: {reason}") from None
     declare(name, found["table"], "")
     _texts[name] = text.strip()
     return name
 
 
 def origin(name: str) -> tuple[str, str]:
-    """What makes a solver known to another command: the file for its --plugin, and what to write for its name, which
-    differs for a variant of the command line. The file is '' for solvers that are known everywhere."""
+    """Return what makes a solver known to another command: the file for its --plugin, and what to write for its
+    name, which differs for a variant of the command line. The file is '' for solvers that are known everywhere."""
     text = _texts.get(name, name)
     if text != name:
         name = name.partition(AT)[0]
@@ -187,7 +187,7 @@ def _program(name: str, table: Table) -> Solver:
 
 
 def _variant(name: str, table: Table, base: Solver) -> Solver:
-    """The solver that `base` is too, by another program, interpreter or with other variables."""
+    """Return the solver that `base` is too, by another program, interpreter or with other variables."""
     spec = dataclasses.replace(base.spec, name=name, requires=(), traits=base.spec.traits - {Trait.HISTORY})
     if "options" in table:
         spec = dataclasses.replace(spec, options=_options(name, table["options"]))
@@ -233,7 +233,7 @@ def _traits(table: Table) -> frozenset[Trait]:
 
 
 def _options(name: str, defaults: Table) -> type:
-    """A dataclass of options with these defaults, and their types."""
+    """Return a dataclass of options with these defaults, and their types."""
     if not defaults:
         return NoOptions
     fields = [(key, type(value), dataclasses.field(default=value)) for key, value in defaults.items()]
@@ -271,7 +271,8 @@ def _checked(name: str, table: Mapping[str, Any], place: str) -> dict[str, Any]:
 
 
 def _placed(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The table with paths that hold in any folder; a program runs in that of the file which says how to start it."""
+    """Return the table with paths that hold in any folder; a program runs in that of the file which says how to
+    start it."""
     placed = dict(table)
     if {"command", "serve", "interpreter", "cwd"} & table.keys():
         placed["cwd"] = os.path.normpath(folder / table.get("cwd", ""))

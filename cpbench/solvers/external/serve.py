@@ -51,7 +51,7 @@ class Desk:
             replies.write(json.dumps(self.answer(request)).encode() + b"\n")
 
     def answer(self, request: Mapping[str, Any]) -> Reply:
-        """The reply to one request; never raises."""
+        """Return the reply to one request; never raises."""
         steps = {
             "hello": self._hello,
             "warmup": self._warmup,
@@ -143,7 +143,7 @@ class Desk:
 
 
 def _exchange(path: Path) -> Exchange:
-    """The one that wrote a problem, as its name or its folder says; raises FormatError."""
+    """Return the one that wrote a problem, as its name or its folder says; raises FormatError."""
     if path.is_dir():
         mapped = any(path.glob("*.heads.npy"))
         return exchanges.get("mtx" if any(path.glob("*.mtx")) else "npy-map" if mapped else "npy-dir")

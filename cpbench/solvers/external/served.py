@@ -75,14 +75,14 @@ class HandedOver:
         return self.place.path / (name + self.exchange.suffix)
 
     def start(self, point: Any | None) -> str | None:
-        """Where the starting point stands, None for none."""
+        """Return where the starting point stands, None for none."""
         if point is None:
             return None
         self.exchange.write_answer(point, self.path("start"))
         return str(self.path("start"))
 
     def room(self) -> Path:
-        """The path for an answer: an empty folder, or no file."""
+        """Return the path for an answer: an empty folder, or no file."""
         path = self.path("answer")
         if self.exchange.suffix:
             path.unlink(missing_ok=True)
@@ -94,18 +94,18 @@ class HandedOver:
         return path
 
     def answered(self) -> bool:
-        """Whether anything was written into `room`."""
+        """Return whether anything was written into `room`."""
         path = self.path("answer")
         return any(entry.name != CLAIM for entry in path.iterdir()) if path.is_dir() else path.exists()
 
-    def answer(self, who: str, claim: Claim) -> Any | None:
-        """The answer that was written into `room`; raises ValueError where it is not what the claim needs."""
+    def answer(self, solver: str, claim: Claim) -> Any | None:
+        """Return the answer that was written into `room`; raises ValueError where it is not what the claim needs."""
         if claim not in ANSWERED and not self.answered():
             return None
         try:
             return self.exchange.read_answer(self.path("answer"), self.problem)
         except FormatError as cause:
-            raise ValueError(f"{who} claims {claim}, its answer {cause.field} {cause.cause}") from None
+            raise ValueError(f"{solver} claims {claim}, its answer {cause.field} {cause.cause}") from None
 
 
 class ServedSolver(Solver):
@@ -150,7 +150,7 @@ class ServedSolver(Solver):
     def solve(
         self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        """The point of the output is where it will be found: `collect` brings it."""
+        """Return the point of the output is where it will be found: `collect` brings it."""
         session = self._session
         if session is None or not session.alive or session.holds is not prepared:
             session = self._running()
@@ -199,7 +199,7 @@ class ServedSolver(Solver):
         return self.command, tuple(sorted(self.env.items())), self.cwd
 
     def _running(self) -> Session:
-        """The program, warm; started anew where it has ended since its last answer."""
+        """Return the program, warm; started anew where it has ended since its last answer."""
         session = self._session
         if session is None or not session.alive or session.ended():
             self.close()
@@ -220,18 +220,19 @@ class ServedSolver(Solver):
 
 
 def backstop(seconds: float) -> float:
-    """When a program that does not heed its limit is killed, should nobody else do it: a run does, at the limit."""
+    """Return when a program that does not heed its limit is killed, should nobody else do it: a run does, at the
+    limit."""
     return 1.5 * seconds + 5.0
 
 
-def output(who: str, reply: Mapping[str, Any], point: Any) -> SolverOutput:
-    """A claim with what else a program may say of its solve; raises ProgramError on a claim that is none."""
+def output(solver: str, reply: Mapping[str, Any], point: Any) -> SolverOutput:
+    """Return a claim with what else a program may say of its solve; raises ProgramError on a claim that is none."""
     try:
         claim = Claim(reply.get("claim"))
     except ValueError:
-        raise ProgramError(f"{who}: claims {reply.get('claim')!r:.100}, expected {', '.join(Claim)}") from None
-    told, iterations, seconds = reply.get("counters"), reply.get("iterations"), reply.get("seconds")
-    counters = dict(told) if isinstance(told, dict) else {}
+        raise ProgramError(f"{solver}: claims {reply.get('claim')!r:.100}, expected {', '.join(Claim)}") from None
+    counted, iterations, seconds = reply.get("counters"), reply.get("iterations"), reply.get("seconds")
+    counters = dict(counted) if isinstance(counted, dict) else {}
     if iterations is not None:
         counters["iterations"] = iterations
     measured = isinstance(seconds, int | float) and not isinstance(seconds, bool) and 0 <= seconds < math.inf
@@ -255,7 +256,8 @@ _spare: tuple[Key, Session] | None = None
 
 
 def missing(command: str, solver: Any) -> str:
-    """What to do where there is no such executable, "" where there is; a path is one from the solver's `cwd` on."""
+    """Return what to do where there is no such executable, "" where there is; a path is one from the solver's `cwd`
+    on."""
     if os.path.dirname(command):
         place = os.path.join(solver.cwd or "", command)
         found = shutil.which(place)
@@ -267,7 +269,7 @@ def missing(command: str, solver: Any) -> str:
 
 
 def _greet(solver: ServedSolver) -> _Greeting:
-    """What a program says when it is greeted, once a process."""
+    """Return a program's reply to the greeting, once a process."""
     global _spare
     known = _greetings.get(solver.key)
     if known is None:
@@ -286,7 +288,7 @@ def _greet(solver: ServedSolver) -> _Greeting:
 
 
 def _take_spare(key: Key) -> Session | None:
-    """The program of a key that was greeted and not used yet, if it is still there."""
+    """Return the program of a key that was greeted and not used yet, if it is still there."""
     global _spare
     if _spare is None or _spare[0] != key:
         return None
@@ -295,7 +297,7 @@ def _take_spare(key: Key) -> Session | None:
 
 
 def _started(solver: ServedSolver) -> tuple[Session, str]:
-    """The program, greeted, and its version; raises Unavailable with what it said on its way out."""
+    """Return the program, greeted, and its version; raises Unavailable with what it said on its way out."""
     if os.name != "posix":
         raise Unavailable("broken", "programs are served through pipes of POSIX, which this system has not")
     lacking = missing(solver.command[0], solver)
@@ -309,8 +311,8 @@ def _started(solver: ServedSolver) -> tuple[Session, str]:
         raise
     except CpbenchError as cause:
         session.kill()
-        said = "\n".join(filter(None, (session.words, str(cause))))
-        raise Unavailable("broken", f"{said}{_way_out(solver)}") from None
+        message = "\n".join(filter(None, (session.words, str(cause))))
+        raise Unavailable("broken", f"{message}{_way_out(solver)}") from None
     version = reply.get("version")
     return session, "" if version is None else str(version)
 

@@ -95,13 +95,13 @@ class Session:
         return self._words.decode(errors="replace").strip()[-WORDS:]
 
     def ended(self) -> bool:
-        """Whether the program has ended while nobody asked it anything."""
+        """Return whether the program has ended while nobody asked it anything."""
         if self.alive and self._end is not None:
             return any(descriptor == self._end for descriptor, _ in self._poll.poll(0))
         return not self.alive or self._code() is not None
 
     def pass_on(self) -> None:
-        """From here on what it says on stderr goes to ours; what it said until now is forgotten."""
+        """Copy its stderr to ours from here on; what it wrote until now is dropped."""
         self._words, self._passing_on = b"", True
 
     def ask(self, do: str, seconds: float, /, **request: Any) -> dict[str, Any]:
@@ -134,7 +134,7 @@ class Session:
         self.kill()
 
     def kill(self) -> None:
-        """SIGKILL to the program and to all that it started; harmless when done before."""
+        """Kill the program and all that it started (SIGKILL); harmless when done before."""
         if not self.alive:
             return
         self.alive = False
@@ -149,7 +149,7 @@ class Session:
     # ------------------------------------------------------------------------------------------- within
 
     def _nothing_left(self, do: str) -> None:
-        """A program that speaks without being asked is out of step from then on."""
+        """Raise where the program has written without being asked: it is out of step from then on."""
         left = self._rest + _read(self._out)
         if left:
             raise ProgramError(f"{self.name}: printed {_shown(left)} before it was asked to {do}: {_ADVICE}")
@@ -167,7 +167,7 @@ class Session:
                 self._over(do)
 
     def _line(self, do: str, deadline: float, seconds: float) -> bytes:
-        """The next line on its stdout; what it sent before it died still counts."""
+        """Return the next line on its stdout; what it sent before it died still counts."""
         found = b""
         while True:
             ended = self._wait(do, deadline, seconds)
@@ -191,17 +191,17 @@ class Session:
             patience = min(left, _LOOK if self._end is None else 3600.0)
             ready = [descriptor for descriptor, _ in self._poll.poll(math.ceil(1000 * patience))]
             if self._err in ready:
-                said = _read(self._err)
-                if not said:  # closed, as programs may
+                text = _read(self._err)
+                if not text:  # closed, as programs may
                     self._poll.unregister(self._err)
-                self._pass(said)
+                self._pass(text)
             if self._end in ready or (self._end is None and not ready and self._code() is not None):
                 return True
             if self._out in ready:
                 return False
 
     def _over(self, do: str, found: bytes = b"") -> NoReturn:
-        """It ended, or closed its stdout or stdin; raises what there is to say."""
+        """Raise the exception for a program that ended, or closed its stdout or stdin."""
         code = _wait(self._process, self._end, LAST_WORDS)
         if code:
             raise Ended(self.name, code)
@@ -228,7 +228,7 @@ class Session:
         return reply
 
     def _raise(self, reply: Mapping[str, Any]) -> None:
-        """What a reply other than ok stands for."""
+        """Raise the exception that a reply other than ok stands for."""
         if "unavailable" in reply:
             state = reply.get("state")
             raise Unavailable(state if state in STATES else "broken", str(reply["unavailable"])[:WORDS])
@@ -239,19 +239,19 @@ class Session:
         if "error" in reply:
             raise ProgramError(f"{self.name}: {str(reply['error'])[:WORDS]}")
 
-    def _pass(self, said: bytes) -> None:
-        if self._passing_on and said:
+    def _pass(self, text: bytes) -> None:
+        if self._passing_on and text:
             with contextlib.suppress(OSError):
-                os.write(2, said)
+                os.write(2, text)
         else:
-            self._words = (self._words + said)[-WORDS:]
+            self._words = (self._words + text)[-WORDS:]
 
 
 _ADVICE = "every answer is one JSON object on a line of stdout with ok = true or what is wrong; the rest is for stderr"
 
 
 def kill_tree(process: subprocess.Popen[bytes]) -> None:
-    """SIGKILL to a process and its descendants, and bury it."""
+    """Kill a process and its descendants (SIGKILL), and reap it."""
     family: list[psutil.Process] = []
     with contextlib.suppress(psutil.Error):
         first = psutil.Process(process.pid)
@@ -280,7 +280,7 @@ def wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:
 
 
 def _wait(process: subprocess.Popen[bytes], end: int | None, seconds: float) -> int | None:
-    """The return code of a process that ends within `seconds`, None when it goes on or somebody else buried it.
+    """Return the return code of a process that ends within `seconds`, None when it goes on or somebody else buried it.
 
     `Popen.wait` is not used: where its child was buried by another part of this process it tells of success.
     """
@@ -306,7 +306,7 @@ def _wait(process: subprocess.Popen[bytes], end: int | None, seconds: float) -> 
 
 
 def _descriptor(pid: int) -> int | None:
-    """What tells of the end of a process (Linux), None where nothing does."""
+    """Return a descriptor that is readable once the process has ended (Linux), else None."""
     try:
         return os.pidfd_open(pid)
     except (AttributeError, OSError):
@@ -314,7 +314,7 @@ def _descriptor(pid: int) -> int | None:
 
 
 def _read(descriptor: int) -> bytes:
-    """All that can be read now, at most `LONGEST` bytes."""
+    """Read all that can be read now, at most `LONGEST` bytes."""
     found = b""
     while (part := _read_once(descriptor)) and len(found) < LONGEST:
         found += part
@@ -322,7 +322,7 @@ def _read(descriptor: int) -> bytes:
 
 
 def _read_once(descriptor: int) -> bytes | None:
-    """Some of what can be read now; None where that is nothing, b"" at the end."""
+    """Read some of what can be read now; None where that is nothing, b"" at the end."""
     try:
         return os.read(descriptor, _CHUNK)
     except BlockingIOError:

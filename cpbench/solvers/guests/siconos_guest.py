@@ -90,7 +90,7 @@ def _answer(guest: Guest, line: str, replies: TextIO) -> None:
 
 
 class Guest:
-    """What the requests do, for one solver and the storage of its matrices."""
+    """Handlers of the requests, for one solver and the storage of its matrices."""
 
     def __init__(self, solver: str, storage: str) -> None:
         import siconos_maps  # before the first fork
@@ -123,7 +123,8 @@ class Guest:
         return {}
 
     def solve(self, request: dict[str, Any]) -> dict[str, Any]:
-        """`options`: "tolerance", "max_iter", and "inner": "" or the constant of the solver of the subproblems."""
+        """Solve; `options`: "tolerance", "max_iter", and "inner": "" or the constant of the solver of the
+        subproblems."""
         settings = request.get("options") or {}
         self.loaded.start(self.read(Path(request["start"])) if request.get("start") else {})
         begun = time.perf_counter()

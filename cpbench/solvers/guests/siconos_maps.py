@@ -39,7 +39,7 @@ BOX = 1
 
 
 def _array(address: int, *shape: int) -> Any:
-    """Memory of C as an array by columns."""
+    """Return memory of C as an array by columns."""
     numbers: Any = (ctypes.c_double * int(np.prod(shape))).from_address(address)
     return np.frombuffer(numbers).reshape(shape, order="F")
 
@@ -65,18 +65,18 @@ class Smooth:
         self.failure: Exception | None = None
 
     def unknowns(self, v: Any) -> Any:
-        """z of v, in the order of the problem."""
+        """Return z of v, in the order of the problem."""
         z = np.empty(self.n)
         z[self.order] = self.shift + self.sign * v
         return z
 
     def evaluate(self, v: int, out: int) -> None:
-        """Addresses of n numbers each."""
+        """Write F(z); both are addresses of n numbers."""
         self._write(_array(out, self.n), lambda: self.sign * self.value(self.unknowns(_array(v, self.n)))[self.order])
         self.evaluations += 1
 
     def differentiate(self, v: int, out: int) -> None:
-        """`out`: the address of n² numbers, by columns."""
+        """Write F′(z) to `out`, the address of n² numbers, by columns."""
         J = _array(out, self.n, self.n)
         J[:] = 0.0
         entries = np.empty(len(self.rows))
@@ -129,12 +129,12 @@ class Called(Loaded):
         return {"evaluations": self.smooth.evaluations, "jacobians": self.smooth.jacobians}
 
     def pointer(self, kind: Any, function: Callable[..., None]) -> tuple[Any, Any]:
-        """A field of a structure: a function of ours, which lives until the next solve."""
+        """Return a field of a structure: a function of ours, which lives until the next solve."""
         self.held.append(kind(function))
         return POINTER, ctypes.cast(self.held[-1], POINTER).value
 
     def functions(self) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
-        """F, its Jacobian, and the matrix that Siconos holds for it, as fields."""
+        """Return F, its Jacobian, and the matrix that Siconos holds for it, as fields."""
         smooth = self.smooth
         F = self.pointer(F_OF_SELF, lambda env, n, v, out: smooth.evaluate(v, out))
         J = self.pointer(
@@ -144,7 +144,7 @@ class Called(Loaded):
 
 
 def _ncp(data: Mapping[str, Any], solver: str) -> Called:
-    """NonlinearComplementarityProblem.h."""
+    """Return NonlinearComplementarityProblem.h."""
     smooth = Smooth(data, *_as_it_is(data))
 
     def make(called: Called) -> int:
@@ -156,7 +156,7 @@ def _ncp(data: Mapping[str, Any], solver: str) -> Called:
 
 
 def _mcp(data: Mapping[str, Any], solver: str) -> Called:
-    """MixedComplementarityProblem.h: free unknowns first, then those with a bound, measured from it."""
+    """Return MixedComplementarityProblem.h: free unknowns first, then those with a bound, measured from it."""
     lb, ub = data["lb"], data["ub"]
     free = np.isinf(lb) & np.isinf(ub)
     order = np.concatenate([np.flatnonzero(free), np.flatnonzero(~free)])
@@ -182,7 +182,7 @@ def _mcp(data: Mapping[str, Any], solver: str) -> Called:
 
 
 def _vi(data: Mapping[str, Any], solver: str) -> Called:
-    """VariationalInequality.h: a projection, and bounds for the solvers of boxes."""
+    """Return VariationalInequality.h: a projection, and bounds for the solvers of boxes."""
     smooth = Smooth(data, *_as_it_is(data))
     n, lb, ub = smooth.n, data["lb"], data["ub"]
     parts = [data.get(f"cone_{part}", np.zeros(0)) for part in ("kind", "size", "mu", "mu_r")]
@@ -219,5 +219,5 @@ LOADERS: Mapping[str, Callable[[Mapping[str, Any], str], Called]] = {"NCP": _ncp
 
 
 def load(solver: str, data: Mapping[str, Any]) -> Called:
-    """The structure that a solver takes: its constant says which (SICONOS_MCP_OLD_FB)."""
+    """Return the structure that a solver takes: its constant says which (SICONOS_MCP_OLD_FB)."""
     return LOADERS[solver.split("_")[1]](data, solver)

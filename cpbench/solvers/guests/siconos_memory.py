@@ -67,7 +67,7 @@ class SparseBlocks(ctypes.Structure):
 
 
 def copied(values: Any, kind: Any = np.float64) -> int:
-    """Address of a copy that belongs to C."""
+    """Return the address of a copy that belongs to C."""
     array = np.ascontiguousarray(values, dtype=kind).ravel()
     address = LIBC.malloc(max(array.nbytes, 8))
     ctypes.memmove(address, array.ctypes.data, array.nbytes)
@@ -75,7 +75,7 @@ def copied(values: Any, kind: Any = np.float64) -> int:
 
 
 def structure(**fields: tuple[Any, Any]) -> int:
-    """Address of a C structure of the given fields: name=(type, value), in order."""
+    """Return the address of a C structure of the given fields: name=(type, value), in order."""
     kind = type("Structure", (ctypes.Structure,), {"_fields_": [(name, t) for name, (t, _) in fields.items()]})
     made = kind(*(value for _, value in fields.values()))
     address = LIBC.malloc(ctypes.sizeof(made))
@@ -84,7 +84,8 @@ def structure(**fields: tuple[Any, Any]) -> int:
 
 
 def matrix(M: Any, storage: str, block: int) -> int:
-    """A NumericsMatrix in the asked storage: dense, blocks (square ones of `block` rows), or sparse (triplets)."""
+    """Return a NumericsMatrix in the asked storage: dense, blocks (square ones of `block` rows), or sparse
+    (triplets)."""
     if storage == "dense":
         return _dense(M if isinstance(M, np.ndarray) else M.toarray())
     if storage == "blocks":
@@ -117,7 +118,7 @@ def _sparse(M: Any) -> int:
 
 
 def _blocks(M: Any, b: int) -> int:
-    """Block rows with their blocks in order of columns; diagonal blocks are there even if they are zero."""
+    """Return block rows with their blocks in order of columns; diagonal blocks are there even if they are zero."""
     rows, columns, values = _triplets(M)
     n = M.shape[0] // b
     keys, at = np.unique(np.concatenate([(rows // b) * n + columns // b, np.arange(n) * (n + 1)]), return_inverse=True)
@@ -138,8 +139,8 @@ def _blocks(M: Any, b: int) -> int:
 
 
 def read(folder: Any) -> dict[str, Any]:
-    """The arrays of an npy-dir or npy-map: NAME.npy, or NAME.data.npy, .indices.npy, .indptr.npy and .shape.npy of a
-    CSR; the parts of a map keep their names (F.heads)."""
+    """Return the arrays of an npy-dir or npy-map: NAME.npy, or NAME.data.npy, .indices.npy, .indptr.npy and
+    .shape.npy of a CSR; the parts of a map keep their names (F.heads)."""
     data: dict[str, Any] = {}
     for path in sorted(folder.glob("*.npy")):
         name, _, part = path.stem.partition(".")
@@ -154,5 +155,5 @@ def read(folder: Any) -> dict[str, Any]:
 
 
 def version() -> str:
-    """What Siconos says: Debian's 4.4.0 calls itself 4.5.0."""
+    """Return the version that Siconos reports: Debian's 4.4.0 calls itself 4.5.0."""
     return str(siconos.version)

@@ -38,7 +38,7 @@ class Loaded:
         self._answer = answer
 
     def start(self, guess: Mapping[str, Any]) -> None:
-        """All unknowns 0, or what `guess` has of them."""
+        """Set all unknowns to 0, or what `guess` has of them."""
         for array in self.arrays:
             array[:] = 0.0
         for name, part in self._answer(*self.arrays).items():  # views into the arrays
@@ -54,16 +54,16 @@ class Loaded:
         return int(getattr(LIBRARY, self.driver)(problem, *unknowns, settings))
 
     def counters(self) -> dict[str, int]:
-        """What is counted beside iterations."""
+        """Return what is counted beside iterations."""
         return {}
 
     def answer(self) -> Mapping[str, Any]:
-        """The parts of the node's point."""
+        """Return the parts of the node's point."""
         return self._answer(*self.arrays)
 
 
 def _lcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
-    """LinearComplementarityProblem.h. Blocks have the most rows, up to 4, that divide n; n tells no better."""
+    """Return LinearComplementarityProblem.h. Blocks have the most rows, up to 4, that divide n; n tells no better."""
     n = len(data["q"])
     block = max(b for b in (1, 2, 3, 4) if n % b == 0)
     fields = {"size": (INT, n), "M": (POINTER, matrix(data["M"], storage, block)), "q": (POINTER, copied(data["q"]))}
@@ -71,8 +71,9 @@ def _lcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
 
 
 def _mlcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
-    """MixedLinearComplementarityProblem.h, in both of its storages (M, q and A, B, C, D, a, b) as Siconos' own files
-    have them. One block of equalities and one of complementarities, or one a row where M is stored in blocks."""
+    """Return MixedLinearComplementarityProblem.h, in both of its storages (M, q and A, B, C, D, a, b) as Siconos'
+    own files have them. One block of equalities and one of complementarities, or one a row where M is stored in
+    blocks."""
     A, B, C, D = (
         np.asfortranarray(data[name] if isinstance(data[name], np.ndarray) else data[name].toarray()) for name in "ABCD"
     )
@@ -102,7 +103,7 @@ def _mlcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
 
 
 def _relay(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
-    """RelayProblem.h."""
+    """Return RelayProblem.h."""
     n = len(data["q"])
     fields = {
         "size": (INT, n),
@@ -113,7 +114,7 @@ def _relay(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
 
 
 def _soclcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
-    """SecondOrderConeLinearComplementarityProblem.h: n, nc, M, q, cone ends, tau; second-order cones alone."""
+    """Return SecondOrderConeLinearComplementarityProblem.h: n, nc, M, q, cone ends, tau; second-order cones alone."""
     if (data["cone_kind"] != SECOND_ORDER).any():
         raise ValueError("has a factor that is no second-order cone")
     n, nc = len(data["q"]), len(data["cone_size"])
@@ -130,7 +131,7 @@ def _soclcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
 
 
 def _local(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
-    """FrictionContactProblem.h and RollingFrictionContactProblem.h."""
+    """Return FrictionContactProblem.h and RollingFrictionContactProblem.h."""
     rolling = "mu_r" in data
     drivers = {
         (2, 0): "fc2d_driver",
@@ -152,7 +153,7 @@ def _local(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
 
 
 def _global(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
-    """GlobalFrictionContactProblem.h and GlobalRollingFrictionContactProblem.h: Mv = Hr + q, u = Hᵀv + b."""
+    """Return GlobalFrictionContactProblem.h and GlobalRollingFrictionContactProblem.h: Mv = Hr + q, u = Hᵀv + b."""
     rolling = "mu_r" in data
     n, m, nc = len(data["f"]), len(data["w"]), len(data["mu"])
     f, w = data["f"], data["w"]

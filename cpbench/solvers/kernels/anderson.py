@@ -56,7 +56,8 @@ def _dot(a, b):
 
 @njit(error_model="numpy")
 def _least_squares(gram, count, last, L, diagonal, gamma):
-    """γ of the columns `last`, `last` − 1, … (cyclic), by LDLᵀ of their Gram matrix; `gamma` comes with ⟨Δf_j, f⟩."""
+    """Compute γ of the columns `last`, `last` − 1, … (cyclic), by LDLᵀ of their Gram matrix; `gamma` comes with
+    ⟨Δf_j, f⟩."""
     size = gram.shape[0]
     for j in range(count):
         at = (last - j) % size
@@ -134,7 +135,8 @@ def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table)
 
 @njit(error_model="numpy")
 def _no_contact_closes(q, dimension):
-    """Whether the error of r = 0 is exactly 0: no free velocity is towards the obstacle, so that every û is in K*."""
+    """Return whether the error of r = 0 is exactly 0: no free velocity is towards the obstacle, so that every û is
+    in K*."""
     closing = False
     for k in range(0, q.size, dimension):
         closing = closing or q[k] < 0.0
@@ -142,13 +144,13 @@ def _no_contact_closes(q, dimension):
 
 
 def work_size(n, contacts, memory):
-    """Numbers in `work` of `accelerated`."""
+    """Return the numbers in `work` of `accelerated`."""
     return ANSWER + 7 * n + contacts + 2 * memory * (n + memory + 1)
 
 
 @register_jitable
 def iterate(work, n, contacts):
-    """state, measured, best, r and λ in `work`, for the sweeps of `gauss_seidel` to go on from."""
+    """Return state, measured, best, r and λ in `work`, for the sweeps of `gauss_seidel` to go on from."""
     state, measured, best = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER], work[ANSWER:][:n]
     return state, measured, best, work[ANSWER + n :][:n], work[ANSWER + 7 * n :][:contacts]
 

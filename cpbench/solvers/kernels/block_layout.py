@@ -19,7 +19,7 @@ SINGULAR = 1e-12
 
 @njit(error_model="numpy")
 def _next_block(end, indices, at, width):
-    """Block column of the first block that is not behind `at`, -1 where there is none. end : of every row."""
+    """Return block column of the first block that is not behind `at`, -1 where there is none. end : of every row."""
     found = np.int64(-1)
     for t in range(at.size):
         if at[t] < end[t] and (found < 0 or indices[at[t]] < found):
@@ -63,7 +63,8 @@ def count(indptr, indices, width, apart, start):
     error_model="numpy",
 )
 def fill(indptr, indices, data, width, apart, down, right, start, column, blocks):
-    """The blocks that `count` counted: columns, and entries that lie `down` and `right` apart in `blocks` of zeros."""
+    """Write the blocks that `count` counted: columns, and entries that lie `down` and `right` apart in `blocks` of
+    zeros."""
     nc = start.size - 1
     d = (indptr.size - 1) // nc
     at, end = np.empty(d, np.int64), np.empty(d, np.int64)
@@ -87,7 +88,8 @@ def fill(indptr, indices, data, width, apart, down, right, start, column, blocks
 
 @njit(void(BLOCKS, float64[:, ::1]), cache=True, error_model="numpy")
 def one_contact_constants(D, local):
-    """The twelve numbers of every contact that `gauss_seidel` names, from the diagonal blocks, shape (nc, 3, 3)."""
+    """Write the twelve numbers of every contact that `gauss_seidel` names, from the diagonal blocks, shape (nc, 3,
+    3)."""
     for i in range(D.shape[0]):
         top = 0.0
         for t in range(3):

@@ -19,7 +19,7 @@ _INDEX = ir.IntType(64)
 
 @intrinsic
 def row_product(typingctx, first, last, column, blocks, r):
-    """(u0, u1, u2) = Σ_k B_k r[column_k] over first ≤ k < last.
+    """Return (u0, u1, u2) = Σ_k B_k r[column_k] over first ≤ k < last.
 
     first, last : uint64. column : uint32 array. r : float64 array, all contiguous. blocks : 9 numbers each, column
     after column, and one more in the end.

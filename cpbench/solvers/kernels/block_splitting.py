@@ -15,7 +15,7 @@ PIVOT_TOLERANCE, TIE_TOLERANCE = 1e-11, 1e-13
     error_model="numpy",
 )
 def solve_block(z, first, omega, block, w, new, reals, numbers):
-    """`new` from z and w of the unknowns that begin at `first`; 1 where something moves, else 0.
+    """Write `new` from z and w of the unknowns that begin at `first`; 1 where something moves, else 0.
 
     A block that Lemke's method does not solve (a ray: it is neither P nor copositive plus) has its unknowns relaxed one
     after the other, those with a positive diagonal. Workspace: reals (5b + 4 + b(b + 2)), numbers (8b + 4).
@@ -58,7 +58,7 @@ def solve_block(z, first, omega, block, w, new, reals, numbers):
     error_model="numpy",
 )
 def sweeps_dense(columns, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
-    """At most `errors.size` sweeps, in place on z and w; returns how many were done.
+    """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def sweeps_dense(columns, blocks, size, q, z, w, z_unit, omega, tolerance, error
     error_model="numpy",
 )
 def sweeps_sparse(start, rows, values, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
-    """As `sweeps_dense`; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
+    """Sweep as `sweeps_dense` does; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
     n = q.size
     new, reals, numbers = np.empty(size), np.empty(5 * size + 4 + size * (size + 2)), np.empty(8 * size + 4, np.int64)
     for s in range(errors.size):

@@ -20,8 +20,8 @@ from cpbench.solvers.kernels.vectors import finite
     nogil=True,
 )
 def blocking(col, rhs, upper, basic, own, ties, pivot_tolerance, tie_tolerance):
-    """How many rows block the entering variable, the rows in `ties`, n for its own upper bound `own`; -1 - row where
-    z_0 is among them."""
+    """Return how many rows block the entering variable, the rows in `ties`, n for its own upper bound `own`; -1 -
+    row where z_0 is among them."""
     n = rhs.size
     best, first = own, n
     for i in range(n):
@@ -58,7 +58,7 @@ def blocking(col, rhs, upper, basic, own, ties, pivot_tolerance, tie_tolerance):
     nogil=True,
 )
 def kept(column, col, ties, count, value, unit, sign, tie_tolerance):
-    """How many of the tied have the least ratio sign * column/col, moved to the front of `ties`; 0 is that of n.
+    """Return how many of the tied have the least ratio sign * column/col, moved to the front of `ties`; 0 is that of n.
 
     `column` is one of B⁻¹ but for the sign of its variable; where `unit` ≥ 0 it is that unit vector instead.
     """
@@ -82,7 +82,7 @@ def kept(column, col, ties, count, value, unit, sign, tie_tolerance):
 
 @njit("int64(float64[::1], int64[::1], int64)", cache=True, error_model="numpy", nogil=True)
 def largest(col, ties, count):
-    """Of ties that no column breaks, a bound that needs no pivot, else the largest pivot element."""
+    """Choose, of ties that no column breaks, a bound that needs no pivot, else the largest pivot element."""
     n = col.size
     r = ties[0]
     for t in range(count):

@@ -12,7 +12,7 @@ from cpbench.solvers.kernels.array_types import DATA, INDEX
     error_model="numpy",
 )
 def sweeps(start, column, value, diagonal, q, lower, upper, z, omega, threshold, most):
-    """z_i ← clip(z_i − ω w_i/M_ii) in place, one after the other; (sweeps done, whether `threshold` ended them).
+    """Return z_i ← clip(z_i − ω w_i/M_ii) in place, one after the other; (sweeps done, whether `threshold` ended them).
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from cpbench.solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
 
 @njit(int64(START, COLUMN, int64[::1]), cache=True)
 def colours(start, column, colour):
-    """Greedy: every contact has the first colour that no neighbour before it has; how many there are.
+    """Colour greedily: every contact has the first colour that no neighbour before it has; return their number.
 
     start, column : the neighbours, j of i where i is one of j.
     """
@@ -34,7 +34,7 @@ def colours(start, column, colour):
 
 @njit(void(START, COLUMN, DATA, int64[::1], int64[::1], int64, START, uint32[::1], VECTOR), cache=True)
 def reorder(start, column, blocks, contacts, place, size, new_start, new_column, new_blocks):
-    """The rows of `contacts` one after another, their columns renamed to `place`; `size` numbers a block."""
+    """Write the rows of `contacts` one after another, their columns renamed to `place`; `size` numbers a block."""
     for i in range(contacts.size):
         to = np.int64(new_start[i])
         for k in range(start[contacts[i]], start[contacts[i] + 1]):
@@ -52,7 +52,7 @@ def reorder(start, column, blocks, contacts, place, size, new_start, new_column,
     nogil=True,
 )
 def part(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, dimension):
-    """The contacts of `order`, in place on r; see `gauss_seidel`."""
+    """Sweep over the contacts of `order`, in place on r; see `gauss_seidel`."""
     if dimension == 3:
         sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, 1.0)
     else:

@@ -25,7 +25,8 @@ def align(columns, factor, C, age, slots, E, rows, block):
     nogil=True,
 )
 def prepare(W, count, E, rows, begin, t, x):
-    """The factors t (count, K) of K pivots from `begin` on the first columns W, and their entries x in those rows.
+    """Write the factors t (count, K) of K pivots from `begin` on the first columns W, and their entries x in those
+    rows.
 
     The caller takes t E from W, and `restore` puts x where the pivots are: written afresh, without cancellation.
     """
@@ -55,7 +56,7 @@ def prepare(W, count, E, rows, begin, t, x):
 
 @njit("void(float64[:,::1], int64, int64[::1], int64, float64[:,::1])", cache=True, nogil=True)
 def restore(W, count, rows, begin, x):
-    """W of the first columns in the rows of the pivots, as `prepare` has found them."""
+    """Restore W of the first columns in the rows of the pivots, as `prepare` has found them."""
     for c in range(count):
         for a in range(x.shape[1]):
             W[c, rows[begin + a]] = x[c, a]

@@ -14,7 +14,7 @@ ROUNDING = 1e-14
 
 @njit("boolean(float64[:,::1], float64[::1], int64, float64[:,::1], int64[::1])", cache=True, nogil=True)
 def _consistent(M, q, k, A, F):
-    """Whether M_FF x = -q_F has a solution, by elimination with complete pivoting."""
+    """Return whether M_FF x = -q_F has a solution, by elimination with complete pivoting."""
     for a in range(k):
         for b in range(k):
             A[a, b] = M[F[a], F[b]]
@@ -48,7 +48,7 @@ def _consistent(M, q, k, A, F):
     nogil=True,
 )
 def basis(M, q, mask, A, F, z, closest):
-    """What the basis of `mask` (bit i: i in F) is, its z in `z`; closest[0] grows to the least violation so far.
+    """Classify the basis of `mask` (bit i: i in F), its z in `z`; closest[0] grows to the least violation so far.
 
     M : (n, n), max|M| = 1. q : (n,). Workspace: A (n, n+1), F (n,).
     """

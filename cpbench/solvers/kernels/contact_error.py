@@ -40,8 +40,8 @@ def velocity_2d(start, column, blocks, q, r, i):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_most, energy_most):
-    """(max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`, contacts seen); NaN when
-    anything is. Fewer than all contacts are seen where a sum of squares exceeds what it is given at most."""
+    """Return (max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`, contacts seen); NaN
+    when anything is. Fewer than all contacts are seen where a sum of squares exceeds what it is given at most."""
     natural = energy = opening = 0.0
     rr = uu = qq = rr_e = uu_e = qq_e = 0.0
     for i in range(mu.size):
@@ -92,13 +92,13 @@ def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_mo
     error_model="numpy",
 )
 def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
-    """The error of `contact_residuals`."""
+    """Return the error of `contact_residuals`."""
     return _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, np.inf, np.inf)[0]
 
 
 @njit(fastmath=FAST, error_model="numpy")
 def _lengths(q, rho, r, dimension):
-    """max(‖q‖², ‖r‖²), and the same by energy: what the sums are divided by where velocities are not larger."""
+    """Return max(‖q‖², ‖r‖²), and the same by energy: what the sums are divided by where velocities are not larger."""
     rr = qq = rr_e = qq_e = 0.0
     for i in range(rho.size):
         own_q = own_r = 0.0
@@ -116,8 +116,8 @@ def _lengths(q, rho, r, dimension):
 def looked(
     start, column, blocks, diagonal, q, mu, rho, r, dimension, state, until, change, tolerance, measured
 ):  # fmt: skip
-    """(whether the error of r is known, the error): always where it is time, else where it is small. change : of the
-    sweep that made r."""
+    """Return (whether the error of r is known, the error): always where it is time, else where it is small. change :
+    of the sweep that made r."""
     it, square = state[ITERATION], tolerance * tolerance
     natural_most = energy_most = np.inf
     if it < state[NEXT_CHECK] and it != until:

@@ -21,7 +21,7 @@ TINY = 1e-15
 
 @njit(error_model="numpy")
 def _disk(radius, y1, y2, e):
-    """s of P_D(y_T) = s y_T; e gets y_T/‖y_T‖ where that is shortened, else 0."""
+    """Return s of P_D(y_T) = s y_T; e gets y_T/‖y_T‖ where that is shortened, else 0."""
     t = np.sqrt(y1 * y1 + y2 * y2)
     e[0] = e[1] = 0.0
     if radius <= 0.0:
@@ -34,7 +34,8 @@ def _disk(radius, y1, y2, e):
 
 @njit(error_model="numpy")
 def projections(old_radius, x, v, mu, rho_n, rho_t, phi, A, B, e):
-    """Φ of Alart and Curnier, or of Jean and Moreau (`old_radius`) at one contact; x, v, phi: (3,), A, B: (3, 3)."""
+    """Evaluate Φ of Alart and Curnier, or of Jean and Moreau (`old_radius`) at one contact; x, v, phi: (3,), A, B:
+    (3, 3)."""
     A[:] = 0.0
     B[:] = 0.0
     y0, y1, y2 = x[0] - rho_n * v[0], x[1] - rho_t * v[1], x[2] - rho_t * v[2]
@@ -60,7 +61,7 @@ def projections(old_radius, x, v, mu, rho_n, rho_t, phi, A, B, e):
 
 @njit(error_model="numpy")
 def _shifted(v, mu, e):
-    """v̂_N; e gets the derivative of ‖v_T‖, 0 at its kink."""
+    """Return v̂_N; e gets the derivative of ‖v_T‖, 0 at its kink."""
     t = np.sqrt(v[1] * v[1] + v[2] * v[2])
     e[0] = v[1] / t if t > 0.0 else 0.0
     e[1] = v[2] / t if t > 0.0 else 0.0
@@ -69,7 +70,7 @@ def _shifted(v, mu, e):
 
 @njit(error_model="numpy")
 def natural(x, v, mu, rho, phi, A, B, e):
-    """Φ of the natural map at one contact."""
+    """Evaluate Φ of the natural map at one contact."""
     A[:] = 0.0
     B[:] = 0.0
     hat = _shifted(v, mu, e)
@@ -107,7 +108,7 @@ def natural(x, v, mu, rho, phi, A, B, e):
 
 @njit(error_model="numpy")
 def jordan(x, v, mu, rho, phi, A, B, e):
-    """Φ of Fischer and Burmeister at one contact (Fukushima, Luo and Tseng 2001).
+    """Evaluate Φ of Fischer and Burmeister at one contact (Fukushima, Luo and Tseng 2001).
 
     With z = (a∘a + b∘b)^½ = √λ₁c₁ + √λ₂c₂ and L_x the multiplication by x: ∂φ/∂a = I − L_z⁻¹L_a, the same for b.
     λ₁ is a sum of squares here: the difference of the norm would lose half of the digits.
@@ -174,7 +175,7 @@ def jordan(x, v, mu, rho, phi, A, B, e):
 
 @njit(error_model="numpy")
 def one_contact(kind, x, v, mu, rho_n, rho_t, phi, A, B, e):
-    """Φ, A and B of that kind at one contact."""
+    """Evaluate Φ, A and B of that kind at one contact."""
     if kind == NATURAL_MAP:
         natural(x, v, mu, rho_n, phi, A, B, e)
     elif kind == FISCHER_BURMEISTER:

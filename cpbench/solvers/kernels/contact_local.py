@@ -21,7 +21,7 @@ BISECTIONS = 60
 
 @njit(error_model="numpy")
 def solve_3(M, b, x):
-    """x = M⁻¹b by Cramer's rule; False where M is singular."""
+    """Return x = M⁻¹b by Cramer's rule; False where M is singular."""
     c0 = M[1, 1] * M[2, 2] - M[1, 2] * M[2, 1]
     c1 = M[1, 2] * M[2, 0] - M[1, 0] * M[2, 2]
     c2 = M[1, 0] * M[2, 1] - M[1, 1] * M[2, 0]
@@ -43,14 +43,14 @@ def _velocity(D, w, r, u):
 
 @njit(error_model="numpy")
 def project(D, w, mu, rho, r, u):
-    """One step of the natural map from r, in place."""
+    """Take one step of the natural map from r, in place."""
     _velocity(D, w, r, u)
     r[0], r[1], r[2] = natural_step(r[0], r[1], r[2], u[0], u[1], u[2], mu, rho)
 
 
 @njit(error_model="numpy")
 def project_often(D, w, mu, rho, r, room):
-    """Steps of the natural map from r, in place, until r stays; the last ρ, which adapts to û."""
+    """Take steps of the natural map from r, in place, until r stays; return the last ρ, which adapts to û."""
     u, y, uy = room[0], room[1], room[2]
     _velocity(D, w, r, u)
     for _ in range(PROJECTIONS):
@@ -80,7 +80,8 @@ def project_often(D, w, mu, rho, r, room):
 
 @njit(error_model="numpy")
 def newton(D, w, mu, rho, r, room, A, B, J):
-    """Damped Newton steps on the function of Alart and Curnier from r, in place; False where they do not converge."""
+    """Take damped Newton steps on the function of Alart and Curnier from r, in place; False where they do not
+    converge."""
     u, phi, d, trial, e = room[0], room[1], room[2], room[3], room[4]
     _velocity(D, w, r, u)
     projections(False, r, u, mu, rho, rho, phi, A, B, e)
@@ -115,7 +116,7 @@ def newton(D, w, mu, rho, r, room, A, B, J):
 
 @njit(error_model="numpy")
 def _value(c, order, x):
-    """The derivative of that order of c₀ + c₁x + … + c₄x⁴."""
+    """Return the derivative of that order of c₀ + c₁x + … + c₄x⁴."""
     total = 0.0
     for k in range(4, order - 1, -1):
         factor = 1.0
@@ -127,7 +128,9 @@ def _value(c, order, x):
 
 @njit(error_model="numpy")
 def roots_in_unit(c, roots, split):
-    """Roots in (0, 1] of a polynomial of degree 4 where it changes its sign; how many. roots : (4,), split : (6,).
+    """Write the roots in (0, 1] of a polynomial of degree 4 where it changes its sign; return how many.
+
+    roots : (4,), split : (6,).
 
     Between two neighbouring roots of its derivative a polynomial is monotone: the roots of the third derivative split
     (0, 1] for those of the second, and so on.
@@ -167,7 +170,8 @@ def roots_in_unit(c, roots, split):
 
 @njit(error_model="numpy")
 def enumerate_modes(D, w, mu, r, room, roots, split):
-    """Of all r that solve the contact, open, sticking and sliding, the one nearest to r, in place; False for none.
+    """Choose, of all r that solve the contact, open, sticking and sliding, the one nearest to r, in place; False for
+    none.
 
     Sliding with u_T = −λr_T: (S + λI)r_T = −b, S = D_TT − D_TN D_NT/D_NN, so that ‖r_T‖² = μ²r_N² times det(S + λI)²
     is a polynomial of degree 4 in λ (Bonnefon and Daviet 2011). It is solved for λ ≤ 1 in units of S, and backwards

@@ -20,7 +20,7 @@ BLOCKS = float64[:, :, ::1]
     error_model="numpy",
 )
 def evaluate(kind, x, v, mu, rho, phi, A, B, moves):
-    """Φ, and its derivatives by contacts.
+    """Evaluate Φ, and its derivatives by contacts.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def evaluate(kind, x, v, mu, rho, phi, A, B, moves):
 
 @njit(void(DATA_2D, DATA_3D, DATA_3D, INDEX, float64[:, ::1]), cache=True, error_model="numpy")
 def dense_jacobian(W, A, B, contacts, J):
-    """A + BW over some contacts, J : (d·k, d·k)."""
+    """Assemble A + BW over some contacts, J : (d·k, d·k)."""
     d = A.shape[1]
     for p in range(contacts.size):
         i = contacts[p]
@@ -68,7 +68,7 @@ def dense_jacobian(W, A, B, contacts, J):
     error_model="numpy",
 )
 def sparse_jacobian(first, row, W, A, B, contacts, number, start, index, value):
-    """A + BW over some contacts by compressed columns; the number of its entries.
+    """Return a + BW over some contacts by compressed columns; the number of its entries.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ SHORTER, REDUCTIONS, LONGEST = 2.0 / 3.0, 60, 100.0
 
 @njit(fastmath=FAST, error_model="numpy")
 def _shifted(start, column, blocks, q, mu, d, x, F):
-    """F = û(x)."""
+    """Set F = û(x)."""
     product(start, column, blocks, d, x, F)
     for i in range(mu.size):
         f = d * i
@@ -38,7 +38,7 @@ def _shifted(start, column, blocks, q, mu, d, x, F):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _step(x, rho, F, mu, d, y):
-    """y = P_K(x − ρF)."""
+    """Set y = P_K(x − ρF)."""
     for i in range(mu.size):
         f = d * i
         last = x[f + 2] - rho * F[f + 2] if d == 3 else 0.0
@@ -55,7 +55,7 @@ def _step(x, rho, F, mu, d, y):
     error_model="numpy",
 )
 def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
-    """`iterations` in place on x and ρ, shape (1,); returns the evaluations of F."""
+    """Make `iterations` in place on x and ρ, shape (1,); return the evaluations of F."""
     F, G, y = np.empty(x.size), np.empty(x.size), np.empty(x.size)
     _shifted(start, column, blocks, q, mu, d, x, F)
     evaluations = 1

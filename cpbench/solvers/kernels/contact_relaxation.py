@@ -21,7 +21,7 @@ half of its omega. The cones keep the iterates bounded, so that they may swing f
 
 @njit(error_model="numpy")
 def _block(diagonal, i, dimension, D):
-    """D of contact i, with a second tangent that is apart from the rest in the plane."""
+    """Write D of contact i, with a second tangent that is apart from the rest in the plane."""
     if dimension == 3:
         for a in range(3):
             for b in range(3):
@@ -90,7 +90,7 @@ def relax(
     log_error,
     best,
 ):
-    """As the sweeps of `gauss_seidel`.
+    """Sweep as `gauss_seidel` does.
 
     Parameters
     ----------

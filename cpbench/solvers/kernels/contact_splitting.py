@@ -13,7 +13,7 @@ from cpbench.solvers.kernels.array_types import DATA, FAST, VECTOR
     error_model="numpy",
 )
 def advance(x, mu, rho, alpha, d, z, xi, shift, sizes):
-    """z ← P_K(x̃ + ξ) with x̃ = αx + (1 − α)z, ξ ← ξ + x̃ − z, shift ← μ‖u_T‖ with u_T = −ρξ_T; all in place.
+    """Set z ← P_K(x̃ + ξ) with x̃ = αx + (1 − α)z, ξ ← ξ + x̃ − z, shift ← μ‖u_T‖ with u_T = −ρξ_T; all in place.
 
     Parameters
     ----------

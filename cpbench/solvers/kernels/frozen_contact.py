@@ -23,7 +23,7 @@ LOCAL, LOCAL_GAIN = 20, 1e-2
 
 @njit(fastmath=FAST, error_model="numpy")
 def project(kind, y0, y1, y2, x0, x1, x2, mu, radius):
-    """The nearest point of the set to y; x is where the kept part comes from."""
+    """Return the nearest point of the set to y; x is where the kept part comes from."""
     if kind == NORMAL:
         return max(y0, 0.0), x1, x2
     if kind == CONE:
@@ -38,7 +38,7 @@ def project(kind, y0, y1, y2, x0, x1, x2, mu, radius):
 
 @njit(void(INDEX, INDEX, DATA, int64, VECTOR, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def product(start, column, blocks, d, x, out):
-    """out = Wx."""
+    """Set out = Wx."""
     for i in range(start.size - 1):
         if d == 3:
             u0 = u1 = u2 = 0.0
@@ -60,7 +60,7 @@ def product(start, column, blocks, d, x, out):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _projected_step(kind, z, step, gradient, mu, radius, d, x):
-    """x = P(z − step·gradient)."""
+    """Set x = P(z − step·gradient)."""
     for i in range(mu.size):
         f = d * i
         z2 = z[f + 2] if d == 3 else 0.0
@@ -88,7 +88,7 @@ def _projected_step(kind, z, step, gradient, mu, radius, d, x):
     error_model="numpy",
 )
 def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
-    """‖x − P(x − (Wx + p))‖ / max(‖x‖, ‖Wx + p‖, ‖p‖); Wx and `work` are written."""
+    """Return ‖x − P(x − (Wx + p))‖ / max(‖x‖, ‖Wx + p‖, ‖p‖); Wx and `work` are written."""
     product(start, column, blocks, d, x, Wx)
     gradient = Wx + p
     _projected_step(kind, x, 1.0, gradient, mu, radius, d, work)
@@ -109,7 +109,8 @@ def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
     error_model="numpy",
 )
 def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, state, iterations):
-    """`iterations` of Nesterov's method from (x, z), all of whose vectors are moved; returns the products with W.
+    """Make `iterations` of Nesterov's method from (x, z), all of whose vectors are moved; return the products with
+    W.
 
     As `native.cone.apgd`: the step is halved until the quadratic bound holds and grows a little in every
     iteration, the momentum is dropped where it points uphill.
@@ -156,7 +157,7 @@ def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, stat
     error_model="numpy",
 )
 def sweeps(start, column, blocks, diagonal, step, kind, p, mu, radius, d, x, count):
-    """`count` Gauss–Seidel sweeps, in place on x: each contact by projected gradient steps of its own length.
+    """Make `count` Gauss–Seidel sweeps, in place on x: each contact by projected gradient steps of its own length.
 
     diagonal : (nc·d·d,) blocks W_cc. step : (nc,) 1 over the largest eigenvalue of their symmetric parts.
     """

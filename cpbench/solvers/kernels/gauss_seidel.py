@@ -25,7 +25,7 @@ def fetch_row(start, blocks, i):
 
 @njit(fastmath=FAST, error_model="numpy")
 def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega):
-    """Σ‖change of r_c‖²/ρ_c of one sweep, in place on r; omega is not in it."""
+    """Return Σ‖change of r_c‖²/ρ_c of one sweep, in place on r; omega is not in it."""
     change = 0.0
     far = blocks.size > CACHED
     for place in range(order.size):
@@ -52,7 +52,7 @@ def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, 
 
 @njit(fastmath=FAST, error_model="numpy")
 def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
-    """As `sweep_3d`, 4 numbers a block; the local problem needs nothing but `diagonal`."""
+    """Sweep as `sweep_3d` does, 4 numbers a block; the local problem needs nothing but `diagonal`."""
     change = 0.0
     for place in range(order.size):
         i = order[place]
@@ -117,7 +117,7 @@ def sweeps_3d(
     log_error,
     best,
 ):
-    """Sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
+    """Return sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def sweeps_2d(
     log_error,
     best,
 ):
-    """As `sweeps_3d`, 4 numbers a block."""
+    """Sweep as `sweeps_3d` does, 4 numbers a block."""
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             shuffled(order, state)

@@ -16,7 +16,7 @@ MATRIX = float64[:, ::1]
     nogil=True,
 )
 def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
-    """(what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
+    """Return (what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
     n = q.size
     w = np.empty(n)
     code = lemke(M, q.copy(), z, max_pivots, pivot_tolerance, tie_tolerance)
@@ -30,7 +30,8 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
 
 @njit(float64(MATRIX), cache=True, nogil=True)
 def spread(M):
-    """By how much the largest entries of the rows differ, or those of the columns; those without any do not count."""
+    """Return by how much the largest entries of the rows differ, or those of the columns; those without any do not
+    count."""
     n = M.shape[0]
     column = np.zeros(n)
     low, high = np.inf, 0.0

@@ -8,7 +8,7 @@ from cpbench.solvers.kernels.array_types import DATA, DATA_2D
 
 @njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), cache=True, error_model="numpy", nogil=True)
 def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
-    """max(natural, unit_free, equality) of `cpbench.formulations.mlcp`; not finite when anything is.
+    """Return max(natural, unit_free, equality) of `cpbench.formulations.mlcp`; not finite when anything is.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
     nogil=True,
 )
 def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
-    """The judged error of unit * x. K : (N, N). of_u, of_v : (N,), workspace."""
+    """Return the judged error of unit * x. K : (N, N). of_u, of_v : (N,), workspace."""
     N = k.size
     for i in range(N):
         first = second = 0.0
@@ -74,7 +74,7 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
 
 @njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), cache=True, error_model="numpy", nogil=True)
 def error_of(K, k, n, row_unit, unit, v_unit, push, x):
-    """`error_with` in workspace of its own."""
+    """Run `error_with` in workspace of its own."""
     return error_with(K, k, n, row_unit, unit, v_unit, push, x, np.empty(k.size), np.empty(k.size))
 
 

@@ -28,7 +28,7 @@ VECTOR, MATRIX, INDEX = float64[::1], float64[:, ::1], int64[::1]
 
 @njit((MATRIX, INDEX, INDEX, int64, int64), cache=True, error_model="numpy")
 def exchange(T, basic, nonbasic, r, s):
-    """The variable of column s becomes basic in row r. Row and column of the pivot are written afresh."""
+    """Make the variable of column s basic in row r. Row and column of the pivot are written afresh."""
     inverse = 1.0 / T[r, s]
     for j in range(T.shape[1]):
         T[r, j] *= -inverse
@@ -44,7 +44,7 @@ def exchange(T, basic, nonbasic, r, s):
 
 @njit((int64, int64, INDEX, INDEX, INDEX, INDEX), cache=True)
 def _number(N, n, basic, nonbasic, row_of, column_of):
-    """Nothing has been exchanged."""
+    """Number the variables before any exchange."""
     for i in range(N):
         basic[i], nonbasic[i] = i, N + i
     for k in range(N - n):
@@ -120,7 +120,7 @@ def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
 
 @njit((MATRIX, VECTOR), cache=True)
 def without_rounding(M, q):
-    """What is left of a difference of equal numbers is put to 0: Lemke's method scales M and would enlarge it."""
+    """Set what is left of a difference of equal numbers to 0: Lemke's method scales M and would enlarge it."""
     for i in range(q.size):
         if abs(q[i]) <= ROUNDING:
             q[i] = 0.0
@@ -131,7 +131,7 @@ def without_rounding(M, q):
 
 @njit((MATRIX, INDEX, INDEX, MATRIX, VECTOR), cache=True)
 def remaining(T, row_of, column_of, M, q):
-    """The LCP of the pairs: M (m, m) and q (m,) are written."""
+    """Write the LCP of the pairs: M (m, m) and q (m,)."""
     for k in range(row_of.size):
         q[k] = T[row_of[k], T.shape[0]]
         for j in range(row_of.size):
@@ -141,7 +141,7 @@ def remaining(T, row_of, column_of, M, q):
 
 @njit((MATRIX, int64, INDEX, INDEX, INDEX, INDEX, DATA, VECTOR), cache=True)
 def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
-    """x of the whole problem from z of the pairs; free unknowns that are idle are 0."""
+    """Write x of the whole problem from z of the pairs; free unknowns that are idle are 0."""
     N = T.shape[0]
     x[:] = 0.0
     for k in range(z.size):
@@ -194,7 +194,7 @@ def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance)
 
 @njit(int64(VECTOR, VECTOR, int64, float64), cache=True, error_model="numpy")
 def lemke_mixed(data, answer, max_pivots, tolerance):
-    """One MLCP in two arrays, for every array of a call costs what ten unknowns do.
+    """Solve one MLCP in two arrays, for every array of a call costs what ten unknowns do.
 
     From the basis of the positive v of a start where there are any; from none where that matrix is singular or the
     pivots end elsewhere than in a solution. Returns pivots * CODES + outcome, pivots being Lemke's.
@@ -259,7 +259,7 @@ def lemke_mixed(data, answer, max_pivots, tolerance):
 
 @njit(int64(int64, int64), cache=True)
 def workspace(N, m):
-    """Numbers that `lemke_mixed` writes beside the answer."""
+    """Return numbers that `lemke_mixed` writes beside the answer."""
     return N * (N + 8) + m * (m + 2) + ((m + 4) * (m + 1) + 4 * (2 * m + 1) if m <= WHOLE else 0)
 
 

@@ -20,7 +20,7 @@ LAW = (DATA, DATA, int64, DATA, DATA, float64, float64)
     error_model="numpy",
 )
 def sweeps_dense(columns, divisors, k, n, row_unit, unit, v_unit, push, x, of_u, of_v, omega, tolerance, errors):
-    """At most `errors.size` sweeps, in place on x, of_u and of_v; returns how many were done.
+    """Make at most `errors.size` sweeps, in place on x, of_u and of_v; returns how many were done.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def sweeps_dense(columns, divisors, k, n, row_unit, unit, v_unit, push, x, of_u,
 def sweeps_sparse(
     start, rows, values, divisors, k, n, row_unit, unit, v_unit, push, x, of_u, of_v, omega, tolerance, errors
 ):
-    """As `sweeps_dense`; column j of K has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
+    """Sweep as `sweeps_dense` does; column j of K has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
     for s in range(errors.size):
         for i in range(k.size):
             new = x[i] - omega * (of_u[i] + of_v[i] + k[i]) / divisors[i]

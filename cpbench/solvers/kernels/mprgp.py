@@ -26,7 +26,7 @@ POWERS = 6
 
 @njit(types.void(INDEX, INDEX, DATA, DATA, VECTOR, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def multiply(start, column, values, x, out, state):
-    """out = Ax; zeros of x cost nothing where A is dense."""
+    """Set out = Ax; zeros of x cost nothing where A is dense."""
     n = x.size
     state[PRODUCTS] += 1
     if start.size == 0:
@@ -46,7 +46,7 @@ def multiply(start, column, values, x, out, state):
 
 @njit(types.void(INDEX, INDEX, DATA, VECTOR, VECTOR, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def power(start, column, values, x, work, state):
-    """A few steps of the power method from x, which is overwritten: state[LARGEST]."""
+    """Make a few steps of the power method from x, which is overwritten: state[LARGEST]."""
     for _ in range(POWERS):
         top = square = product = 0.0
         for i in range(x.size):
@@ -65,13 +65,13 @@ def power(start, column, values, x, work, state):
 
 @njit(float64(float64, float64, float64, float64), cache=True, error_model="numpy", inline="always")
 def free(x, g, low, high):
-    """φ of one unknown."""
+    """Return φ of one unknown."""
     return g if low < x < high else 0.0
 
 
 @njit(float64(float64, float64, float64, float64), cache=True, error_model="numpy", inline="always")
 def chopped(x, g, low, high):
-    """β of one unknown; 0 where its bounds are the same."""
+    """Return β of one unknown; 0 where its bounds are the same."""
     if x <= low:
         return min(g, 0.0) if x < high else 0.0
     return max(g, 0.0) if x >= high else 0.0
@@ -79,7 +79,7 @@ def chopped(x, g, low, high):
 
 @njit(float64(DATA, DATA, DATA, DATA), cache=True, error_model="numpy")
 def longest(x, p, lower, upper):
-    """The largest t with x − tp within the bounds."""
+    """Return the largest t with x − tp within the bounds."""
     t = np.inf
     for i in range(x.size):
         if p[i] > 0.0:
@@ -96,7 +96,7 @@ def longest(x, p, lower, upper):
     error_model="numpy",
 )
 def project(start, column, values, q, lower, upper, x, g, d, t, work, state):
-    """x ← P(x − td) and g afresh; False, with x and g as they were, where the objective would rise."""
+    """Return x ← P(x − td) and g afresh; False, with x and g as they were, where the objective would rise."""
     old_x, old_g = work[1], work[2]
     before = after = size = 0.0
     for i in range(x.size):
@@ -118,7 +118,7 @@ def project(start, column, values, q, lower, upper, x, g, d, t, work, state):
 
 @njit(types.void(VECTOR, VECTOR, DATA, DATA, float64, DATA, DATA), cache=True, error_model="numpy")
 def advance(x, g, p, Ap, t, lower, upper):
-    """x −= tp, kept within the bounds, and g −= tAp."""
+    """Move by x −= tp, kept within the bounds, and g −= tAp."""
     for i in range(x.size):
         x[i] = min(max(x[i] - t * p[i], lower[i]), upper[i])
         g[i] -= t * Ap[i]
@@ -134,7 +134,7 @@ def advance(x, g, p, Ap, t, lower, upper):
     error_model="numpy",
 )
 def run(start, column, values, q, lower, upper, weight, x, g, p, work, state, gamma, projected, threshold, most):
-    """At most `most` steps, in place on x, g, p and `state`; returns steps * CODES + outcome.
+    """Make at most `most` steps, in place on x, g, p and `state`; returns steps * CODES + outcome.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ LINEAR = 1e-14
 
 @njit(fastmath=FAST, error_model="numpy")
 def projected(x0, x1, x2, mu):
-    """P_K of one vector."""
+    """Return P_K of one vector."""
     t = np.sqrt(x1 * x1 + x2 * x2)
     if t <= mu * x0:
         return x0, x1, x2
@@ -37,14 +37,14 @@ def projected(x0, x1, x2, mu):
 
 @njit(fastmath=FAST, error_model="numpy")
 def natural_step(r0, r1, r2, u0, u1, u2, mu, rho):
-    """P_K(r - ρ û): a fixed point is a solution, whatever the block is like."""
+    """Return P_K(r - ρ û): a fixed point is a solution, whatever the block is like."""
     hat = u0 + mu * np.sqrt(u1 * u1 + u2 * u2)
     return projected(r0 - rho * hat, r1 - rho * u1, r2 - rho * u2, mu)
 
 
 @njit(fastmath=FAST, error_model="numpy")
 def one_contact_3d(local, i, v0, v1, v2, mu, lam):
-    """(found, r_N, r_T1, r_T2, λ) of u = D r + v; not found only for indefinite blocks."""
+    """Return (found, r_N, r_T1, r_T2, λ) of u = D r + v; not found only for indefinite blocks."""
     if v0 >= 0.0:
         return True, 0.0, 0.0, 0.0, lam
     iw = local[i, INVERSE_NN]
@@ -111,7 +111,7 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
 
 @njit(fastmath=FAST, error_model="numpy")
 def one_contact_2d(a, h, g, c, v0, v1, mu):
-    """(found, r_N, r_T) for D = [[a, h], [g, c]]: separation, sticking, and sliding to either side."""
+    """Return (found, r_N, r_T) for D = [[a, h], [g, c]]: separation, sticking, and sliding to either side."""
     if v0 >= 0.0:
         return True, 0.0, 0.0
     if mu == 0.0:

@@ -187,7 +187,7 @@ def advance(
     nogil=True,
 )
 def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
-    """`lemke` in workspace: C (n+1, n), E (K, n), reals (2, n), numbers (7, max(2n+1, K))."""
+    """Run `lemke` in workspace: C (n+1, n), E (K, n), reals (2, n), numbers (7, max(2n+1, K))."""
     n = q.size
     p = 0.0
     covered = True
@@ -257,7 +257,7 @@ def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolera
     nogil=True,
 )
 def lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
-    """One LCP from its data to z of the basis it ends in, all by vector updates; scales by max|M| and max|q|.
+    """Solve one LCP from its data to z of the basis it ends in, all by vector updates; scales by max|M| and max|q|.
 
     Returns pivots * CODES + outcome. M : (n, n). q, z : (n,), z is written.
     """

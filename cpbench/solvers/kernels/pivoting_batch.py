@@ -14,7 +14,7 @@ from cpbench.solvers.kernels.tableau import whole_tableau
     nogil=True,
 )
 def lemke_batch(M, q, z, codes, max_pivots, pivot_tolerance, tie_tolerance):
-    """`lemke` on each of M (k, n, n), q (k, n): writes z (k, n) and codes (k,)."""
+    """Run `lemke` on each of M (k, n, n), q (k, n): writes z (k, n) and codes (k,)."""
     n = q.shape[1]
     if n <= WHOLE:
         T, reals = np.empty((n, n + 1)), np.empty((4, n + 1))

@@ -19,7 +19,7 @@ _STATE = (
 
 @njit("void(float64[:,::1], int64, int64, float64[::1])", cache=True, error_model="numpy", nogil=True)
 def exchange(T, r, s, row):
-    """Basic variable of row r against nonbasic variable of column s, in place; row : (n,) workspace.
+    """Exchange the basic variable of row r with the nonbasic variable of column s, in place; row : (n,) workspace.
 
     From y_r = T_r x: x_s = (y_r - Σ_{j≠s} T_rj x_j)/T_rs, put into the other rows (Cottle, Pang, Stone, 2.3).
     """
@@ -51,7 +51,7 @@ def _swap_names(y, x, swapped, s):
     nogil=True,
 )
 def exchange_two(T, y, x, swapped, row, r, s):
-    """The 2×2 principal pivot on pairs r and s where T_ss = 0: by the two entries off the diagonal."""
+    """Make the 2×2 principal pivot on pairs r and s where T_ss = 0: by the two entries off the diagonal."""
     exchange(T, s, r, row)
     exchange(T, r, s, row)
     for j in range(T.shape[0]):
@@ -102,7 +102,7 @@ def murty(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
 
 @njit("int64(float64[::1], float64[::1], boolean[::1], float64)", cache=True, nogil=True)
 def _most_negative(y, x, swapped, zero):
-    """The pair whose basic or nonbasic variable lies lowest, the first of several; -1 where none is negative."""
+    """Return the pair whose basic or nonbasic variable lies lowest, the first of several; -1 where none is negative."""
     least, r = -zero, -1
     for i in range(y.size):
         lower = min(y[i], x[i])
@@ -113,7 +113,8 @@ def _most_negative(y, x, swapped, zero):
 
 @njit(_STATE, cache=True, error_model="numpy", nogil=True)
 def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
-    """Lower ½zᵀMz + qᵀz, M symmetric, along z_r with w_r < 0, keeping z ≥ 0, until no w is negative (Keller 1973).
+    """Return lower ½zᵀMz + qᵀz, M symmetric, along z_r with w_r < 0, keeping z ≥ 0, until no w is negative (Keller
+    1973).
 
     Only z that are basic, and w_r itself, can block: T restricted to them stays positive definite. Parameters as
     `murty`; between calls x is 0 but for the pair in hand.

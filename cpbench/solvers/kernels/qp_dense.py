@@ -11,7 +11,7 @@ _OUT2 = types.float64[:, ::1]
 
 @njit(types.float64(_VECTOR, _VECTOR), cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
 def dot(x, y):
-    """xᵀy, summed in vector lanes."""
+    """Return xᵀy, summed in vector lanes."""
     total = 0.0
     for i in range(x.size):
         total += x[i] * y[i]
@@ -20,7 +20,7 @@ def dot(x, y):
 
 @njit(types.float64(types.float64, types.float64), cache=True, error_model="numpy", nogil=True)
 def judged(absolute, scale):
-    """The smaller of the absolute and the relative value, ∞ for what is no number."""
+    """Return the smaller of the absolute and the relative value, ∞ for what is no number."""
     value = absolute / scale if scale > 1.0 else absolute
     return value if value >= 0.0 else np.inf
 
@@ -35,7 +35,7 @@ def judged(absolute, scale):
     nogil=True,
 )
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
-    """`QP.residuals(...).error`. work : (2n,)."""
+    """Return `QP.residuals(...).error`. work : (2n,)."""
     n = p.size
     At, Ct = work[:n], work[n : 2 * n]
     At[:] = 0.0
@@ -86,7 +86,8 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
 
 @njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), cache=True, error_model="numpy", nogil=True)
 def equilibrate(H, G, column, row, passes):
-    """H ← DHD, G ← EGD with D, E powers of two that bring every row and column of [[H, Gᵀ], [G, 0]] near max norm 1.
+    """Scale H ← DHD, G ← EGD with D, E powers of two that bring every row and column of [[H, Gᵀ], [G, 0]] near max norm
+    1.
 
     Ruiz 2001. column, row : D, E, ones on entry; those of a zero row stay as they are.
     """

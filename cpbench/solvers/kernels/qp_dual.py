@@ -46,7 +46,7 @@ _FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 @njit(types.void(_OUT2, _OUT), **_FAST)
 def normalise(M, norms):
-    """Rows of M of length 1; norms : (N,) what they were, 0 for rows that are zero."""
+    """Scale the rows of M to length 1; norms : (N,) what they were, 0 for rows that are zero."""
     for i in range(M.shape[0]):
         row = M[i]
         length = np.sqrt(dot(row, row))
@@ -58,7 +58,7 @@ def normalise(M, norms):
 
 @njit(types.void(_OUT2, types.int64, _OUT), **_FAST)
 def _forward(R, count, x):
-    """x ← R⁻ᵀx."""
+    """Set x ← R⁻ᵀx."""
     for j in range(count):
         row = R[j]
         x[j] /= row[j]
@@ -68,14 +68,14 @@ def _forward(R, count, x):
 
 @njit(types.void(_OUT2, types.int64, _OUT), **_FAST)
 def _backward(R, count, x):
-    """x ← R⁻¹x."""
+    """Set x ← R⁻¹x."""
     for j in range(count - 1, -1, -1):
         x[j] = (x[j] - dot(R[j, j + 1 : count], x[j + 1 : count])) / R[j, j]
 
 
 @njit(types.float64(_MATRIX, _OUT2, _INT, types.int64, types.int64, _OUT), **_FAST)
 def _outside(M, R, W, count, p, work):
-    """Length of the part of row p outside the span of W; work[:count] : R⁻ᵀM_W m_p. work : (3n,)
+    """Return length of the part of row p outside the span of W; work[:count] : R⁻ᵀM_W m_p. work : (3n,)
 
     Where it is small, 1 − ‖R⁻ᵀM_W m_p‖² cancels: the part itself is computed then, and once more from itself.
     """
@@ -106,7 +106,7 @@ def _outside(M, R, W, count, p, work):
 
 @njit(types.void(_OUT2, _INT, _INT, types.int64, types.float64, _OUT, types.int64), **_FAST)
 def _join(R, W, where, p, length, column, count):
-    """Row p joins W as its last; column, length : what `_outside` found."""
+    """Add row p to W as its last; column, length : what `_outside` found."""
     for j in range(count):
         R[j, count] = column[j]
     R[count, count] = length
@@ -116,7 +116,7 @@ def _join(R, W, where, p, length, column, count):
 
 @njit(types.void(_OUT2, _INT, _INT, types.int64, types.int64), **_FAST)
 def _drop(R, W, where, k, count):
-    """The row at place k leaves W: its column goes, rotations of two rows make R triangular again."""
+    """Remove the row at place k from W: its column goes, rotations of two rows make R triangular again."""
     where[W[k]] = FREE
     for j in range(k, count - 1):
         W[j] = W[j + 1]
@@ -139,7 +139,7 @@ def _drop(R, W, where, k, count):
 
 @njit(types.void(_MATRIX, _VECTOR, _VECTOR, _INT, types.int64, _OUT), **_FAST)
 def _primal(M, v0, y, W, count, v):
-    """v = v₀ + Mᵀy."""
+    """Set v = v₀ + Mᵀy."""
     for k in range(v.size):
         v[k] = v0[k]
     for j in range(count):
@@ -152,8 +152,8 @@ def _primal(M, v0, y, W, count, v):
     types.int64(_MATRIX, types.int64, types.float64, types.float64, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST
 )
 def _enter(M, p, sign, most, y, R, W, where, side, state, work):
-    """Row p joins W. While it depends on W, v does not notice when its multiplier goes up (`sign` 1) or down (-1) at
-    the cost of the others': it does so, by `most` at most, until one of those is 0 and leaves.
+    """Add row p to W. While it depends on W, v does not notice when its multiplier goes up (`sign` 1) or down
+    (-1) at the cost of the others': it does so, by `most` at most, until one of those is 0 and leaves.
 
     Returns JOINED; GONE after `most`, its multiplier then counts as 0; RAY when nothing blocks and `most` is infinite:
     y is then a direction along which the dual function grows for ever.
@@ -195,8 +195,8 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
 
 @njit(types.void(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
 def begin(M, lower, upper, v0, v, y, R, W, where, side, state, work):
-    """W from the equalities and the rows of which y is not 0, less those that depend on others: their share of y goes
-    to the others where signs allow it.
+    """Build W from the equalities and the rows of which y is not 0, less those that depend on others: their share of y
+    goes to the others where signs allow it.
 
     Arrays as for `advance`.
     """
@@ -213,7 +213,7 @@ def begin(M, lower, upper, v0, v, y, R, W, where, side, state, work):
 
 @njit(types.int64(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
 def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work):
-    """One pass; returns how many rows have left W."""
+    """Make one pass; return how many rows have left W."""
     count = state[COUNT]
     change = work
     for j in range(count):
@@ -244,7 +244,7 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
 
 @njit(types.void(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
 def _join_others(M, least, violation, lower, upper, R, W, where, side, state, work):
-    """The rows violated by `least` at least join W, the worst first; those that nearly depend on it do not."""
+    """Add the rows violated by `least` at least to W, the worst first; those that nearly depend on it do not."""
     room = (M.shape[1] - state[COUNT]) // state[PART]
     while room > 0:
         p, worst = -1, least
@@ -271,7 +271,7 @@ def _join_others(M, least, violation, lower, upper, R, W, where, side, state, wo
     **_FAST,
 )
 def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before, work, max_passes, tolerance):
-    """Passes until v is feasible, or `max_passes` are done. On INFEASIBLE y is the ray that proves it.
+    """Make passes until v is feasible, or `max_passes` are done. On INFEASIBLE y is the ray that proves it.
 
     Parameters
     ----------

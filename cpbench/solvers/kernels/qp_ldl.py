@@ -19,7 +19,7 @@ _FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 @njit(types.void(_INDEX, _INDEX, _INT, _INT), **_FAST)
 def tree(indptr, indices, parent, count):
-    """Elimination tree and entries below the diagonal of every column of L. parent, count : (N,)."""
+    """Write the elimination tree and entries below the diagonal of every column of L. parent, count : (N,)."""
     N = parent.size
     seen = np.full(N, -1, np.int64)
     for k in range(N):
@@ -36,7 +36,8 @@ def tree(indptr, indices, parent, count):
 
 @njit(types.boolean(_INDEX, _INDEX, _DATA, _INT, _INT, _ROWS, _OUT, _OUT, types.float64[:, ::1], types.int64), **_FAST)
 def factor(indptr, indices, data, parent, starts, rows, L, D, S, tail):
-    """L and D of the columns before `tail`, S (N - tail)² the lower triangle of the rest; False at a pivot 0 or NaN.
+    """Return L and D of the columns before `tail`, S (N - tail)² the lower triangle of the rest; False at a pivot 0 or
+    NaN.
 
     starts : (tail + 1,) of the columns of L in rows, L. D : (tail,).
     """
@@ -91,7 +92,7 @@ def factor(indptr, indices, data, parent, starts, rows, L, D, S, tail):
 
 @njit(types.void(_INT, _ROWS, _DATA, _OUT, types.int64), **_FAST)
 def forward(starts, rows, L, x, tail):
-    """x ← L⁻¹x."""
+    """Set x ← L⁻¹x."""
     for c in range(tail):
         value = x[c]
         for q in range(np.uint64(starts[c]), np.uint64(starts[c + 1])):
@@ -100,7 +101,7 @@ def forward(starts, rows, L, x, tail):
 
 @njit(types.void(_INT, _ROWS, _DATA, _DATA, _OUT, types.int64), **_FAST)
 def backward(starts, rows, L, D, x, tail):
-    """x ← L⁻ᵀD⁻¹x."""
+    """Set x ← L⁻ᵀD⁻¹x."""
     for c in range(tail - 1, -1, -1):
         value = x[c] / D[c]
         for q in range(np.uint64(starts[c]), np.uint64(starts[c + 1])):

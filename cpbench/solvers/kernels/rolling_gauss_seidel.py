@@ -23,7 +23,7 @@ SHARE = 8
 
 @njit(error_model="numpy")
 def _velocity(start, column, blocks, q, r, c, v):
-    """v = q_c + Σ W_cb r_b over the other contacts."""
+    """Set v = q_c + Σ W_cb r_b over the other contacts."""
     d = v.size
     for i in range(d):
         v[i] = q[d * c + i]
@@ -36,7 +36,7 @@ def _velocity(start, column, blocks, q, r, c, v):
 
 @njit(error_model="numpy")
 def _add_own(diagonal, c, own, v, u):
-    """u = v + W_cc r_c."""
+    """Set u = v + W_cc r_c."""
     d = v.size
     for i in range(d):
         u[i] = v[i]
@@ -46,7 +46,7 @@ def _add_own(diagonal, c, own, v, u):
 
 @njit(error_model="numpy")
 def _defect(r, u, mu, mu_r, rho, x):
-    """‖r − P_K(r − ρ û)‖²; x is room."""
+    """Return ‖r − P_K(r − ρ û)‖²; x is room."""
     total = (r[0] - natural_step(r, u, mu, mu_r, rho, x)) ** 2
     for i in range(x.size):
         total += (r[1 + i] - x[i]) ** 2
@@ -66,7 +66,8 @@ _LAW = (INDEX, INDEX, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA)
 
 @njit(float64(*_LAW, DATA), cache=True, error_model="numpy")
 def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
-    """max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`; NaN when anything is."""
+    """Return max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`; NaN when anything
+    is."""
     d = q.size // mu.size
     v, u, zero, x = np.empty(d), np.empty(d), np.zeros(d), np.empty(d - 1)
     plain_r, plain_u, plain_q = np.empty(d), np.empty(d), np.empty(d)
@@ -108,8 +109,8 @@ def sweeps(
     start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, schur, to_tangent, to_normal, scalars,
     r, best, warm, order, omega, shuffle, tolerance, until, state, measured, watched,
 ):  # fmt: skip
-    """Sweep, in place on r, until its judged error is at most `tolerance`, no number, or `until` sweeps are done;
-    less where contacts are hard.
+    """Return sweep, in place on r, until its judged error is at most `tolerance`, no number, or `until` sweeps are
+    done; less where contacts are hard.
 
     Parameters
     ----------

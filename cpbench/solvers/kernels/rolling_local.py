@@ -31,7 +31,7 @@ def norms(x, k):
 
 @njit(error_model="numpy")
 def _factorize(A, pivots):
-    """LU with row exchanges in place; False for a zero pivot."""
+    """Return LU with row exchanges in place; False for a zero pivot."""
     n = pivots.size
     for j in range(n):
         p = j
@@ -68,7 +68,8 @@ def _substitute(A, pivots, x):
 
 @njit(error_model="numpy")
 def _at(S, h, shift, free, b, mu, mu_r, lam, kap, x, dx, A, pivots):
-    """(regular, r_N, ‖r_T‖, ‖m‖) for given λ and κ, with x = (r_T, m) and the factors of S + Λ + shift I in place.
+    """Return (regular, r_N, ‖r_T‖, ‖m‖) for given λ and κ, with x = (r_T, m) and the factors of S + Λ + shift I in
+    place.
 
     Steps of refinement take the shift out of x where S + Λ is regular; elsewhere x stays nearly the shortest one.
     """
@@ -103,14 +104,14 @@ def _at(S, h, shift, free, b, mu, mu_r, lam, kap, x, dx, A, pivots):
 
 @njit(error_model="numpy")
 def _misfit(length, bound):
-    """Relative difference of a length and its bound, 0 where both are."""
+    """Return relative difference of a length and its bound, 0 where both are."""
     size = length + abs(bound)
     return abs(length - bound) / size if size > 0.0 else 0.0
 
 
 @njit(error_model="numpy")
 def _far(S, b, bound_t, bound_m, n):
-    """λ and κ from ‖b_T‖ = (s + λ)·bound with s the mean of the diagonal of S, 0 where that is negative."""
+    """Return λ and κ from ‖b_T‖ = (s + λ)·bound with s the mean of the diagonal of S, 0 where that is negative."""
     t, m = norms(b, n // 2)
     s_t = s_m = 0.0
     for i in range(n // 2):
@@ -121,7 +122,7 @@ def _far(S, b, bound_t, bound_m, n):
 
 @njit(error_model="numpy")
 def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
-    """(found, r_N, λ, κ) from λ, κ = `warm` unless both groups stick."""
+    """Return (found, r_N, λ, κ) from λ, κ = `warm` unless both groups stick."""
     n = x.size
     k = n // 2
     lam, kap = 0.0, 0.0
@@ -184,7 +185,8 @@ def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
 
 @njit(error_model="numpy")
 def _slide(S, h, shift, free, b, mu, mu_r, kap, x, dx, A, pivots):
-    """(found, λ) for a given κ, by bisection; there is none where r_N < 0 for λ → ∞, which is where κ is too small."""
+    """Return (found, λ) for a given κ, by bisection; there is none where r_N < 0 for λ → ∞, which is where κ is too
+    small."""
     regular, rn, t, _ = _at(S, h, shift, free, b, mu, mu_r, 0.0, kap, x, dx, A, pivots)
     if not regular:
         return False, 0.0
@@ -207,7 +209,7 @@ def _slide(S, h, shift, free, b, mu, mu_r, kap, x, dx, A, pivots):
 
 @njit(error_model="numpy")
 def _nested(S, h, shift, free, b, mu, mu_r, x, dx, A, pivots):
-    """(found, r_N, λ, κ) by bisection on κ, and for each on λ; for strong coupling, where Newton cycles."""
+    """Return (found, r_N, λ, κ) by bisection on κ, and for each on λ; for strong coupling, where Newton cycles."""
     found, lam = _slide(S, h, shift, free, b, mu, mu_r, 0.0, x, dx, A, pivots)
     regular, rn, t, m = _at(S, h, shift, free, b, mu, mu_r, lam, 0.0, x, dx, A, pivots)
     kap = 0.0
@@ -238,7 +240,8 @@ def _nested(S, h, shift, free, b, mu, mu_r, x, dx, A, pivots):
 
 @njit(error_model="numpy")
 def one_contact(S, h, shift, monotone, free, b, mu, mu_r, warm, x, dx, A, pivots):
-    """(found, by Newton, r_N), with x = (r_T, m) and `warm` = (λ, κ) in place. h = D_NX/D_NN, free = −v_N/D_NN."""
+    """Return (found, by Newton, r_N), with x = (r_T, m) and `warm` = (λ, κ) in place. h = D_NX/D_NN, free =
+    −v_N/D_NN."""
     found, rn, lam, kap = _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots)
     easy = found
     if not found and monotone:
@@ -257,7 +260,7 @@ def one_contact(S, h, shift, monotone, free, b, mu, mu_r, warm, x, dx, A, pivots
 
 @njit(error_model="numpy")
 def natural_step(r, u, mu, mu_r, rho, x):
-    """P_K(r − ρ û): r_N is returned, (r_T, m) put into x; the formula of `cones.project_rolling_cone`."""
+    """Return P_K(r − ρ û): r_N is returned, (r_T, m) put into x; the formula of `cones.project_rolling_cone`."""
     n = x.size
     k = n // 2
     for i in range(n):

@@ -15,7 +15,8 @@ FAST = {"reassoc", "contract"}
 
 @njit(float64(DATA, DATA, DATA, float64), cache=True, fastmath=FAST, error_model="numpy")
 def judged(q, z, w, z_unit):
-    """max(natural, unit_free) of `cpbench.formulations.lcp`, with Mz = w - q and its `z_unit`; NaN when anything is."""
+    """Return max(natural, unit_free) of `cpbench.formulations.lcp`, with Mz = w - q and its `z_unit`; NaN when
+    anything is."""
     n = q.size
     natural = 0.0
     q_square = 0.0
@@ -49,7 +50,7 @@ def judged(q, z, w, z_unit):
     error_model="numpy",
 )
 def sweeps_dense(columns, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
-    """At most `errors.size` sweeps, in place on z and w; returns how many were done.
+    """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def sweeps_dense(columns, diagonal, q, z, w, z_unit, omega, symmetric, tolerance
     error_model="numpy",
 )
 def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
-    """As `sweeps_dense`; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
+    """Sweep as `sweeps_dense` does; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
     n = q.size
     for s in range(errors.size):
         for k in range(2 * n if symmetric else n):
@@ -100,7 +101,8 @@ def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetr
 
 @njit(float64(DATA_2D, DATA, DATA, float64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def afresh_dense(columns, q, z, z_unit, w):
-    """w = Mz + q without what sweeps have left in it, from the columns that z needs; returns the judged error."""
+    """Return w = Mz + q without what sweeps have left in it, from the columns that z needs; returns the judged
+    error."""
     put(w, q)
     for i in range(q.size):
         if z[i] != 0.0:
@@ -111,7 +113,7 @@ def afresh_dense(columns, q, z, z_unit, w):
 
 @njit(float64(INDEX, INDEX, DATA, DATA, DATA, float64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def afresh_sparse(start, rows, values, q, z, z_unit, w):
-    """As `afresh_dense`."""
+    """Compute as `afresh_dense` does."""
     put(w, q)
     for i in range(q.size):
         if z[i] != 0.0:

@@ -19,8 +19,8 @@ FIRST = 4
 
 @njit(error_model="numpy")
 def due(state, until, change, tolerance, measured):
-    """Whether the error is to be looked at: it is time, or the change in this sweep says that it may be small enough,
-    or is no number."""
+    """Return whether the error is to be looked at: it is time, or the change in this sweep says that it may be small
+    enough, or is no number."""
     it = state[ITERATION]
     foretold = not measured[PACE] * change > tolerance * tolerance and measured[PACE] < np.inf
     return it >= state[NEXT_CHECK] or it == until or foretold
@@ -53,7 +53,7 @@ def checked(state, error, change, tolerance, measured, r, best):
 
 @njit(error_model="numpy")
 def shuffled(order, state):
-    """Fisher–Yates in place, with the 64-bit linear congruential generator of Knuth (MMIX)."""
+    """Shuffle in place after Fisher and Yates, with the 64-bit linear congruential generator of Knuth (MMIX)."""
     x = np.uint64(state[RANDOM])
     for k in range(order.size - 1, 0, -1):
         x = x * np.uint64(6364136223846793005) + np.uint64(1442695040888963407)

@@ -19,7 +19,8 @@ CODES = 8
 
 @njit(int64(ANY_ORDER, float64[::1], int64[::1]), cache=True, error_model="numpy", nogil=True)
 def first_row(M, q, ties):
-    """Where q is least; among ties the r whose z_r, raised until w_r = 0, lifts the other w most (Σ_j M_jr/M_rr).
+    """Return the row where q is least; among ties the r whose z_r, raised until w_r = 0, lifts the other w most (Σ_j
+    M_jr/M_rr).
 
     On the worst cases of Murty and Fathi every row ties, and the first or the last of them costs 2ⁿ pivots.
     """
@@ -51,7 +52,7 @@ def first_row(M, q, ties):
     nogil=True,
 )
 def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
-    """How many rows block the entering variable, the rows in `ties`; -1 - row where z_0 is among them."""
+    """Return how many rows block the entering variable, the rows in `ties`; -1 - row where z_0 is among them."""
     n = rhs.size
     best, first = np.inf, -1
     for i in range(n):
@@ -78,7 +79,7 @@ def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
     nogil=True,
 )
 def kept(column, col, ties, count, value, unit, tie_tolerance):
-    """How many of the tied rows have the least ratio column/col, moved to the front of `ties`.
+    """Return how many of the tied rows have the least ratio column/col, moved to the front of `ties`.
 
     `column` is one of B⁻¹; where `unit` ≥ 0 it is that unit vector instead.
     """
@@ -99,7 +100,8 @@ def kept(column, col, ties, count, value, unit, tie_tolerance):
 
 @njit("int64(float64[::1], int64[::1], int64)", cache=True, error_model="numpy", nogil=True)
 def largest(col, ties, count):
-    """Ties that survive every column can only come from rounding: the largest pivot element is then the safest."""
+    """Return ties that survive every column can only come from rounding: the largest pivot element is then the
+    safest."""
     r = ties[0]
     for t in range(1, count):
         if col[ties[t]] > col[r]:
@@ -115,7 +117,7 @@ def largest(col, ties, count):
     nogil=True,
 )
 def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
-    """One LCP from its data to z of the basis it ends in; scales by max|M| and max|q|.
+    """Solve one LCP from its data to z of the basis it ends in; scales by max|M| and max|q|.
 
     Returns pivots * CODES + outcome. M : (n, n). q, z : (n,), z is written. Workspace: T (n, n+1), reals (4, n+1),
     numbers (4, 2n+1).

@@ -7,14 +7,14 @@ from numba import njit
 
 @njit(error_model="numpy")
 def put(x, y):
-    """x[:] = y."""
+    """Set x[:] = y."""
     for k in range(x.size):
         x[k] = y[k]
 
 
 @njit(error_model="numpy")
 def finite(x):
-    """Whether every number of x is finite."""
+    """Return whether every number of x is finite."""
     odd = 0
     for value in x:
         odd += not math.isfinite(value)

@@ -25,7 +25,7 @@ def diagonal_blocks(start, A, D):
 
 @njit(void(START, COLUMN, DATA, DATA, int64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
 def push(start, unknown, A, r, d, y):
-    """y += Ar."""
+    """Add y += Ar."""
     for i in range(start.size - 1):
         for k in range(start[i], start[i + 1]):
             moved = 0.0
@@ -41,7 +41,7 @@ def push(start, unknown, A, r, d, y):
     error_model="numpy",
 )
 def sweeps_3d(start, unknown, A, diagonal, local, w, mu, rho, r, lam, y, count):
-    """`count` sweeps in place on r, y = L⁻¹(f + Hr) and λ; see `gauss_seidel` for diagonal, local and lam."""
+    """Make `count` sweeps in place on r, y = L⁻¹(f + Hr) and λ; see `gauss_seidel` for diagonal, local and lam."""
     three, one, two = np.uint64(3), np.uint64(1), np.uint64(2)
     for _ in range(count):
         for i in range(mu.size):
@@ -77,7 +77,7 @@ def sweeps_3d(start, unknown, A, diagonal, local, w, mu, rho, r, lam, y, count):
     error_model="numpy",
 )
 def sweeps_2d(start, unknown, A, diagonal, w, mu, rho, r, y, count):
-    """As `sweeps_3d`; the local problem needs nothing but `diagonal`."""
+    """Sweep as `sweeps_3d` does; the local problem needs nothing but `diagonal`."""
     two, one = np.uint64(2), np.uint64(1)
     for _ in range(count):
         for i in range(mu.size):

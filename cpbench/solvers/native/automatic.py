@@ -32,9 +32,9 @@ WORTH = 1.0
 
 
 @dataclass(frozen=True)
-class Phase:
-    """`solver` : a registered one of the node. `iterations` : the most that it may make, None for its own limit.
-    `options` : those that differ from its own."""
+class SolverPhase:
+    """One phase of the automatic choice. `solver` : a registered one of the node. `iterations` : the most that it
+    may make, None for its own limit. `options` : those that differ from its own."""
 
     solver: str
     iterations: int | None = None
@@ -43,11 +43,11 @@ class Phase:
 
 @dataclass(frozen=True)
 class Plan:
-    """What `setup` hands to `solve`. `first` : what the first solver's own `setup` has made of the problem, None where
-    it does not take it; it has its `options`."""
+    """Prepared problem of the automatic choice. `first` : what the first solver's own `setup` has made of the
+    problem, None where it does not take it; it has its `options`."""
 
     problem: Problem
-    phases: tuple[Phase, ...]
+    phases: tuple[SolverPhase, ...]
     first: Any | None = None
     options: Any = None
 
@@ -65,8 +65,9 @@ class AutomaticChoice(Solver):
     """Modules that take long to compile and that one or the other of them needs: they are compiled side by side."""
 
     @abstractmethod
-    def phases(self, problem: Any) -> Sequence[Phase]:
-        """Who is asked, in this order; from facts that cost less than solving. Pure: the same for the same problem."""
+    def phases(self, problem: Any) -> Sequence[SolverPhase]:
+        """Return the solvers to try, in this order, from facts that cost less than solving. Pure: the same for the
+        same problem."""
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
@@ -103,12 +104,12 @@ class AutomaticChoice(Solver):
 class InOrder(AutomaticChoice):
     """The same order for every problem."""
 
-    def phases(self, problem: Any) -> Sequence[Phase]:
-        return [Phase(name) for name in self.members]
+    def phases(self, problem: Any) -> Sequence[SolverPhase]:
+        return [SolverPhase(name) for name in self.members]
 
 
 def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
-    """The spec of a node's automatic choice."""
+    """Return the spec of a node's automatic choice."""
     return SolverSpec(
         name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
     )
@@ -120,7 +121,9 @@ def automatic_solvers(node: str = "") -> dict[str, str]:
     No modules of other solvers are imported; for one node, only those in which it is named.
     """
     found: dict[str, str] = {}
-    for file in sorted(Path(__file__).parent.glob("*/auto_*.py")):
+    for file in sorted(Path(__file__).parent.glob("*/auto*.py")):
+        if file.stem.split("_")[0] != "auto":
+            continue
         if f'"{node}"' in file.read_text("utf-8") or not node:
             module = importlib.import_module(f"cpbench.solvers.native.{file.parent.name}.{file.stem}")
             own = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
@@ -129,7 +132,7 @@ def automatic_solvers(node: str = "") -> dict[str, str]:
 
 
 class _Run:
-    """What the phases have come to."""
+    """State of the phases."""
 
     def __init__(self, plan: Plan, budget: Budget, start: Any | None, record: Record | None) -> None:
         problem = plan.problem
@@ -139,7 +142,7 @@ class _Run:
         self._deadline = time.monotonic() + budget.seconds
         self._best, self._error = start, math.inf if start is None else self._measured(start)
         self._iterations, self._recorded = 0, -1
-        self._told: list[str] = []
+        self._messages: list[str] = []
         self._counters: dict[str, int] = {"iterations": 0, "solvers": 0}
         self._ended: SolverOutput | None = None
         self._last = Claim.FAILED
@@ -155,8 +158,8 @@ class _Run:
         spent = budget.iterations is not None and self._iterations >= budget.iterations
         return self._ended is not None or spent or time.monotonic() > self._deadline
 
-    def ask(self, phase: Phase) -> None:
-        """One solver, as far as its phase and the budget allow."""
+    def ask(self, phase: SolverPhase) -> None:
+        """Run one solver, as far as its phase and the budget allow."""
         solver = self._warmed(phase)
         share = self._share(phase)
         takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
@@ -166,19 +169,19 @@ class _Run:
         elif (why := solver.obstacle(self._problem)) is None:
             output = solver.run(self._problem, share, solver.spec.options(**phase.options), start, record)
         else:
-            self._told.append(f"{phase.solver}: {why}")
+            self._messages.append(f"{phase.solver}: {why}")
             return
         self._count(output)
         if output.claim is Claim.SOLVED and output.point is not None:
-            self._told.append(f"{phase.solver}: solved")
+            self._messages.append(f"{phase.solver}: solved")
             self._end(output, recorded=Trait.HISTORY in solver.spec.traits)
         elif output.certificate is not None:
-            self._told.append(f"{phase.solver}: {output.claim}, with a certificate")
+            self._messages.append(f"{phase.solver}: {output.claim}, with a certificate")
             self._ended = output
         else:
             self._keep(phase.solver, output)
 
-    def _warmed(self, phase: Phase) -> Solver:
+    def _warmed(self, phase: SolverPhase) -> Solver:
         """The solver of a phase, ready; `setup` has warmed up the first."""
         before = warming.seconds()
         solver = warming.ready(phase.solver, quickly=phase is self._plan.phases[0])
@@ -186,10 +189,10 @@ class _Run:
         return solver
 
     def concluded(self) -> SolverOutput:
-        """The answer that solves it, the certificate that none does, or the best that was found."""
+        """Return the answer that solves it, the certificate that none does, or the best that was found."""
         if self._ended is not None:
-            told = [self._ended.message] if not self._told else self._told
-            ended, message = self._ended, "; ".join(told)
+            messages = [self._ended.message] if not self._messages else self._messages
+            ended, message = self._ended, "; ".join(messages)
             return SolverOutput(
                 claim=ended.claim,
                 point=ended.point,
@@ -197,10 +200,10 @@ class _Run:
                 message=message,
                 certificate=ended.certificate,
             )
-        told = "; ".join([*self._told, f"best error {self._error:.1e}"])
-        return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=told)
+        messages = "; ".join([*self._messages, f"best error {self._error:.1e}"])
+        return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=messages)
 
-    def _share(self, phase: Phase) -> Budget:
+    def _share(self, phase: SolverPhase) -> Budget:
         budget, most = self._budget, phase.iterations
         if budget.iterations is not None:
             left = budget.iterations - self._iterations
@@ -218,7 +221,7 @@ class _Run:
     def _keep(self, name: str, output: SolverOutput) -> None:
         self._last = output.claim if output.claim is not Claim.SOLVED else Claim.FAILED
         error = math.inf if output.point is None else self._measured(output.point)
-        self._told.append(f"{name}: {output.message or output.claim}")
+        self._messages.append(f"{name}: {output.message or output.claim}")
         if error <= self._budget.tolerance:
             self._end(replace(output, claim=Claim.SOLVED), recorded=False)
         elif error < self._error:
@@ -232,7 +235,7 @@ class _Run:
             self._record(max(self._recorded, 0) + 1, self._measured(output.point), lambda: output.point)
 
     def _recorder(self) -> Record | None:
-        """Passes iterates on with numbers that go on rising from solver to solver; a start is told of once."""
+        """Pass iterates on with numbers that go on rising from solver to solver; a start is told of once."""
         record, base = self._record, max(self._recorded, 0)
         if record is None:
             return None

@@ -15,7 +15,7 @@ from cpbench.solvers.warming import off_the_clock
 
 @cache
 def load() -> Callable[..., Any]:
-    """SciPy's `linprog`, imported on the first call."""
+    """Return SciPy's `linprog`, imported on the first call."""
     with off_the_clock():
         from scipy.optimize import linprog
 

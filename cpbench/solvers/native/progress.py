@@ -15,7 +15,8 @@ SHARE = 8
 
 
 def next_stop(done: int, until: int, record: Record | None) -> int:
-    """Where compiled iterations, which could run from `done` to `until`, come back: earlier only for who records."""
+    """Return where compiled iterations, which could run from `done` to `until`, come back: earlier only for who
+    records."""
     return until if record is None else min(until, done + 1 + done // SHARE)
 
 
@@ -33,7 +34,7 @@ class Progress:
         self._best, self._since = math.inf, 0
 
     def trouble(self, iteration: int, error: float) -> str | None:
-        """What is wrong after `iteration` iterations, None when all goes well."""
+        """Return what is wrong after `iteration` iterations, None when all goes well."""
         if not error < BLOWN_UP:
             what = "error above 1e12" if error > BLOWN_UP else "not a number"
             return f"diverged after {iteration} iterations ({what})"

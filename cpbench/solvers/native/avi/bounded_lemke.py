@@ -30,8 +30,9 @@ ROOM = 64
 
 @dataclass(frozen=True)
 class PivotOptions:
-    """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data scaled to size one,
-    do not block. `tie_tolerance` : rows that a step would bring this close to a bound count as tied."""
+    """Options of lemke-avi, lemke-relay. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to
+    this, in data scaled to size one, do not block. `tie_tolerance` : rows that a step would bring this close to a
+    bound count as tied."""
 
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
@@ -40,7 +41,8 @@ class PivotOptions:
 
 @dataclass(frozen=True)
 class Walk:
-    """How a path ended ("complementary", "ray", ...), the x of its last basis, the unknowns in it, and the pivots."""
+    """Result of a path: how it ended ("complementary", "ray", ...), the x of its last basis, the unknowns in it, and
+    the pivots."""
 
     outcome: str
     x: Vector
@@ -61,8 +63,8 @@ class BoxLCP:
     def walk(
         self, inside: NDArray[np.bool_], near: Vector, limit: int, deadline: float, options: PivotOptions
     ) -> Walk | None:
-        """From the basis S = `inside`, the others at the bound that is nearer to `near`; None where K_SS is singular
-        or an unknown of S is out of bounds on both sides (z_0 cannot cover it)."""
+        """Walk from the basis S = `inside`, the others at the bound that is nearer to `near`; None where K_SS is
+        singular or an unknown of S is out of bounds on both sides (z_0 cannot cover it)."""
         side, base = _sides(near, self.lb, self.ub)
         K, r = self.K * side[:, None] * side, side * (self.K @ base + self.r)
         S, rest = np.flatnonzero(inside), np.flatnonzero(~inside)
@@ -94,7 +96,7 @@ class BoxLCP:
         return Walk(outcome, base + side * step, now, pivots)
 
     def refined(self, walk: Walk) -> Vector | None:
-        """x of the last basis, from the data themselves; None where K_SS is singular."""
+        """Return x of the last basis, from the data themselves; None where K_SS is singular."""
         _, base = _sides(walk.x, self.lb, self.ub)
         S = walk.inside
         x = np.where(S, 0.0, base)
@@ -106,14 +108,14 @@ class BoxLCP:
 
 
 def _sides(near: Vector, lb: Vector, ub: Vector) -> tuple[Vector, Vector]:
-    """±1, and the bound that y is counted from: the nearer one; 0 where there is none."""
+    """Return ±1, and the bound that y is counted from: the nearer one; 0 where there is none."""
     lower = np.isfinite(lb) & (~np.isfinite(ub) | (near - lb <= ub - near))
     side = np.where(lower | ~np.isfinite(ub), 1.0, -1.0)
     return side, np.where(lower, lb, np.where(np.isfinite(ub), ub, 0.0))
 
 
 def _regular_solve(A: Dense, B: Dense) -> Dense | None:
-    """A⁻¹B, None where A is singular to working precision."""
+    """Return A⁻¹B, None where A is singular to working precision."""
     if not A.size:
         return np.zeros(B.shape)
     size = float(np.abs(A).sum(axis=0).max())
@@ -133,7 +135,7 @@ def _follow(
     deadline: float,
     options: PivotOptions,
 ) -> tuple[str, Vector, Vector, NDArray[np.bool_], int] | None:
-    """Outcome, y, w, which y are basic in the end, and pivots; y is the basic one of the pairs `basic`."""
+    """Return outcome, y, w, which y are basic in the end, and pivots; y is the basic one of the pairs `basic`."""
     kernel: Any = load("cpbench.solvers.kernels.bounded_pivoting")
     n = d.size
     rounding = 1e-9 * max(max_abs(d), 1e-300)

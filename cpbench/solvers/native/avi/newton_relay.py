@@ -12,7 +12,7 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.cone.cone_jacobians import box_jacobian
+from cpbench.solvers.native.cone.jacobians import box_jacobian
 from cpbench.solvers.native.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
 
 

@@ -23,8 +23,8 @@ CHUNK = 256
 
 @dataclass(frozen=True)
 class PGSRelayOptions:
-    """`omega` : over-relaxation, in ]0, 2[. `max_iterations` : sweeps. `stall_window` : sweeps without gain after
-    which it gives up."""
+    """Options of pgs-relay. `omega` : over-relaxation, in ]0, 2[. `max_iterations` : sweeps. `stall_window` : sweeps
+    without gain after which it gives up."""
 
     omega: float = searched(1.0, low=0.3, high=1.95)
     max_iterations: int = fixed(100_000)

@@ -29,7 +29,7 @@ RANK = 1e-10
 
 
 @dataclass(frozen=True)
-class Polyhedron:
+class ScaledPolyhedron:
     """{z : Az ≥ b, Cz = d, lb ≤ z ≤ ub} with lb < ub, dense, rows and unknowns scaled to size one."""
 
     A: Dense
@@ -40,7 +40,8 @@ class Polyhedron:
     ub: Vector
 
     def vertex(self, cost: Vector) -> Vector | None:
-        """One where costᵀz is least, or any one where that has no end; None where the simplex method finds none."""
+        """Return a vertex where costᵀz is least, or any one where that has no end; None where the simplex method
+        finds none."""
         n = cost.size
         if not n or not (self.b.size or self.d.size):
             return np.clip(np.where(cost < 0, self.ub, self.lb), *_finite(self.lb, self.ub))
@@ -62,7 +63,7 @@ class Polyhedron:
         return None
 
     def _purified(self, z: Vector) -> Vector:
-        """A vertex, but for the lines in the set: a basic solution may have unknowns without bounds anywhere."""
+        """Return a vertex, but for the lines in the set: a basic solution may have unknowns without bounds anywhere."""
         bounded = np.eye(z.size)[np.isfinite(self.lb) | np.isfinite(self.ub)]
         top = max(max_abs(self.A), 1.0)
         for _ in range(z.size):
@@ -80,14 +81,14 @@ class Polyhedron:
         return z
 
     def _room(self, z: Vector, way: Vector) -> float:
-        """How far z can go: to the first bound or row, ∞ without one."""
+        """Return how far z can go: to the first bound or row, ∞ without one."""
         speed = np.concatenate([way, -way, -(self.A @ way)])
         room = np.concatenate([self.ub - z, z - self.lb, self.A @ z - self.b])
         ahead = speed > RANK * max_abs(way)
         return float((np.maximum(room[ahead], 0.0) / speed[ahead]).min(initial=np.inf))
 
     def basis(self, z: Vector) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-        """N (n,), J (m,) and E (k,) at a vertex z."""
+        """Return N (n,), J (m,) and E (k,) at a vertex z."""
         near = ACTIVE * (1.0 + max_abs(z))
         N = (z - self.lb > near) & (self.ub - z > near)
         C = self.C
@@ -107,13 +108,13 @@ class Polyhedron:
 
 
 def _finite(lb: Vector, ub: Vector) -> tuple[Vector, Vector]:
-    """Bounds that keep a point finite: the other bound, or 0, in the place of an infinite one."""
+    """Return bounds that keep a point finite: the other bound, or 0, in the place of an infinite one."""
     low = np.where(np.isfinite(lb), lb, np.where(np.isfinite(ub), ub, 0.0))
     return low, np.where(np.isfinite(ub), ub, low)
 
 
 def _independent(A: Dense, size: float = 0.0) -> NDArray[np.intp]:
-    """Independent columns, as many as there are; `size` of the entries that A is a difference of."""
+    """Return independent columns, as many as there are; `size` of the entries that A is a difference of."""
     if not A.size:
         return np.zeros(0, np.intp)
     R, order = qr(A, mode="r", pivoting=True)
@@ -122,7 +123,7 @@ def _independent(A: Dense, size: float = 0.0) -> NDArray[np.intp]:
 
 
 def _null_space(A: Dense) -> Dense:
-    """An orthonormal basis of {v : Av = 0}, A of full row rank, as columns."""
+    """Return an orthonormal basis of {v : Av = 0}, A of full row rank, as columns."""
     if not A.shape[0]:
         return np.eye(A.shape[1])
     return np.linalg.qr(A.T, mode="complete")[0][:, A.shape[0] :]

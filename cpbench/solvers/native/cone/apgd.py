@@ -33,7 +33,7 @@ HALVINGS = 60
 
 @dataclass(frozen=True)
 class APGDOptions:
-    """`max_iterations`. `stall_window` : iterations without gain after which it gives up."""
+    """Options of apgd. `max_iterations`. `stall_window` : iterations without gain after which it gives up."""
 
     max_iterations: int = fixed(200_000)
     stall_window: int = fixed(20_000)
@@ -80,7 +80,7 @@ class APGD(Solver):
     def obstacle(self, problem: ConeQP) -> str | None:
         if not problem.plain:
             m, n = problem.A.shape
-            return f"needs x itself in K (A = I, b = 0), A is {m}x{n}: use clarabel-cone"
+            return f"needs x itself in K (A = I, b = 0), A is {m}x{n}: use clarabel-coneqp"
         if not problem.convex:
             least = matrices.least_eigenvalue(problem.Q)
             return f"not convex: Q has, at unit diagonal, the eigenvalue {least:.1e} or less"
@@ -144,7 +144,7 @@ class APGD(Solver):
 
 
 def _advance(program: ScaledProgram, at: _Iterate, counters: dict[str, int]) -> _Iterate:
-    """One iteration; Qz is carried along as the combination that z is, so that each costs one product."""
+    """Make one iteration; Qz is carried along as the combination that z is, so that each costs one product."""
     gradient = at.Qz + program.p
     step = GROW * at.step
     x, Qx = at.x, at.Qx
@@ -167,7 +167,7 @@ def _advance(program: ScaledProgram, at: _Iterate, counters: dict[str, int]) -> 
 
 
 def _measured(program: ScaledProgram, at: _Iterate, tolerance: float) -> tuple[ConeQPPoint, float]:
-    """x with y = Qx + p, which leaves the cone part of the error alone, and the judged error."""
+    """Return x with y = Qx + p, which leaves the cone part of the error alone, and the judged error."""
     x = program.unit * at.x
     point = ConeQPPoint(x=x, y=program.problem.Q @ x + program.problem.p)
     return point, program.problem.residuals(point, tolerance).error if point.finite else math.nan

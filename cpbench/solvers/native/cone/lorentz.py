@@ -14,7 +14,7 @@ SMALLEST = 1e-30
 """Of a determinant of a point inside the cone."""
 
 
-class Scaling:
+class RowScaling:
     """Nesterov and Todd's: P(p)w = y. theta : P(p)⁻¹, shape (nc, d, d)."""
 
     def __init__(self, y: Dense, w: Dense) -> None:
@@ -36,7 +36,7 @@ class Scaling:
         self._middle = np.einsum("cij,cj->ci", self._root, y)
 
     def right(self, predicted: tuple[Dense, Dense] | None, target: float) -> Dense:
-        """c of dw = c − Θdy, for y ∘ w → target·e with the second-order term of a predicted step."""
+        """Return c of dw = c − Θdy, for y ∘ w → target·e with the second-order term of a predicted step."""
         if predicted is None:
             wanted = np.zeros_like(self._middle)
         else:
@@ -60,18 +60,18 @@ def _flip(x: Dense) -> Dense:
 
 
 def _times(a: Dense, b: Dense) -> Dense:
-    """Jordan product."""
+    """Return Jordan product."""
     return np.column_stack([np.einsum("ci,ci->c", a, b), a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:]])
 
 
 def _divided(b: Dense, a: Dense) -> Dense:
-    """x of a ∘ x = b."""
+    """Return x of a ∘ x = b."""
     normal = (a[:, 0] * b[:, 0] - np.einsum("ci,ci->c", a[:, 1:], b[:, 1:])) / np.maximum(_det(a), SMALLEST)
     return np.column_stack([normal, (b[:, 1:] - normal[:, None] * a[:, 1:]) / a[:, :1]])
 
 
 def longest(x: Dense, dx: Dense) -> float:
-    """The largest t for which x + t dx stays in L, ∞ where there is none."""
+    """Return the largest t for which x + t dx stays in L, ∞ where there is none."""
     a, c = dx[:, 0] ** 2 - np.einsum("ci,ci->c", dx[:, 1:], dx[:, 1:]), np.maximum(_det(x), SMALLEST)
     b = x[:, 0] * dx[:, 0] - np.einsum("ci,ci->c", x[:, 1:], dx[:, 1:])
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))

@@ -35,7 +35,7 @@ class _Rows:
         self._at = 0
 
     def add(self, kind: str, *rows: tuple[float, int | None]) -> int:
-        """One cone with rows weight·s_i, or the constant `weight` for no i; returns the number of its first row."""
+        """Add one cone with rows weight·s_i, or the constant `weight` for no i; returns the number of its first row."""
         first = self._at
         for weight, i in rows:
             if i is None:
@@ -48,12 +48,12 @@ class _Rows:
         return first
 
     def auxiliary(self, *entries: tuple[int, float]) -> None:
-        """A new e that enters the given rows with the given weights."""
+        """Add a new e that enters the given rows with the given weights."""
         self._U += [(row, self.extra, weight) for row, weight in entries]
         self.extra += 1
 
     def arrays(self, m: int) -> tuple[list[tuple[str, int]], Any, Any, Any]:
-        """The cones and T, U, c of their rows: one {0}, one ℝ₊, then every Lorentz cone."""
+        """Return the cones and T, U, c of their rows: one {0}, one ℝ₊, then every Lorentz cone."""
         start = np.concatenate([[0], np.cumsum(self._sizes)]).astype(int)
         cones, order = [], [np.zeros(0, int)]
         for kind in ("zero", "nonnegative", "lorentz"):
@@ -74,7 +74,7 @@ def _sparse(entries: list[tuple[int, int, float]], rows: int, columns: int) -> A
 
 
 def _second_order(rows: _Rows, n: int, t: list[int], mu: float) -> None:
-    """‖s_t‖ ≤ μ s_n."""
+    """Add the rows of ‖s_t‖ ≤ μ s_n."""
     if mu > 0 and math.isfinite(mu) and t:
         rows.add("lorentz", (mu, n), *((1.0, i) for i in t))
         return
@@ -103,7 +103,7 @@ def _cylinder(rows: _Rows, n: int, t: list[int], radius: float) -> None:
 
 
 def lorentz_rows(K: ProductCone) -> tuple[list[tuple[str, int]], Any, Any, Any]:
-    """K as {0}, ℝ₊ and Lorentz cones: their kinds ("zero", "nonnegative", "lorentz") with sizes; T, U and c."""
+    """Return K as {0}, ℝ₊ and Lorentz cones: their kinds ("zero", "nonnegative", "lorentz") with sizes; T, U and c."""
     rows = _Rows()
     write: dict[Cone, Callable[..., None]] = {Cone.SECOND_ORDER: _second_order, Cone.CYLINDER: _cylinder}
     rolls: dict[Cone, Callable[..., None]] = {Cone.ROLLING: _rolling, Cone.ROLLING_DUAL: _rolling_dual}

@@ -34,7 +34,7 @@ class LorentzCones:
 
     @classmethod
     def of(cls, cones: list[tuple[str, int]]) -> LorentzCones:
-        """From what `lorentz_rows` names: {0} and ℝ₊ of several components, and Lorentz cones, in this order."""
+        """Build from what `lorentz_rows` names: {0} and ℝ₊ of several components, and Lorentz cones, in this order."""
         starts: dict[int, list[int]] = {}
         at = 0
         for kind, size in cones:
@@ -51,18 +51,18 @@ class LorentzCones:
         return sum(rows.shape[0] for rows in self.groups)
 
     def identity(self) -> Vector:
-        """e: 1 in the first component of every cone."""
+        """Return e: 1 in the first component of every cone."""
         e = np.zeros(self.rows)
         for rows in self.groups:
             e[rows[:, 0]] = 1.0
         return e
 
     def margin(self, s: Vector) -> float:
-        """The least s₀ − ‖s₁‖, ∞ without a cone."""
+        """Return the least s₀ − ‖s₁‖, ∞ without a cone."""
         return min((float((s[r][:, 0] - _length(s[r])).min()) for r in self.groups if r.size), default=np.inf)
 
     def product(self, u: Vector, v: Vector) -> Vector:
-        """u ∘ v; 0 in rows of {0}."""
+        """Return u ∘ v; 0 in rows of {0}."""
         result = np.zeros(self.rows)
         for rows in self.groups:
             a, b = u[rows], v[rows]
@@ -71,7 +71,7 @@ class LorentzCones:
         return result
 
     def divided(self, u: Vector, r: Vector) -> Vector:
-        """The v with u ∘ v = r, u inside; 0 in rows of {0}."""
+        """Return the v with u ∘ v = r, u inside; 0 in rows of {0}."""
         result = np.zeros(self.rows)
         for rows in self.groups:
             a, b = u[rows], r[rows]
@@ -81,7 +81,7 @@ class LorentzCones:
         return result
 
     def longest(self, s: Vector, d: Vector) -> float:
-        """The largest t with s + td in every cone, s inside; ∞ where there is none."""
+        """Return the largest t with s + td in every cone, s inside; ∞ where there is none."""
         longest = np.inf
         for rows in self.groups:
             x, v = s[rows], d[rows]
@@ -101,7 +101,7 @@ class LorentzCones:
 
 
 @dataclass(frozen=True)
-class Scaling:
+class GroupScaling:
     """W of one pair (s, y): the w and η of every group, and λ."""
 
     cones: LorentzCones
@@ -110,8 +110,8 @@ class Scaling:
     lam: Vector
 
     @classmethod
-    def of(cls, cones: LorentzCones, s: Vector, y: Vector) -> Scaling:
-        """s and y inside their cones."""
+    def of(cls, cones: LorentzCones, s: Vector, y: Vector) -> GroupScaling:
+        """Return s and y inside their cones."""
         points: list[Dense] = []
         etas: list[Vector] = []
         lam = np.zeros(cones.rows)
@@ -128,7 +128,7 @@ class Scaling:
         return scaling
 
     def times(self, v: Vector, *, inverse: bool = False) -> Vector:
-        """Wv, or W⁻¹v; 0 in rows of {0}."""
+        """Return wv, or W⁻¹v; 0 in rows of {0}."""
         result = np.zeros(self.cones.rows)
         sign = -1.0 if inverse else 1.0
         for rows, w, eta in zip(self.cones.groups, self.w, self.eta, strict=True):
@@ -141,7 +141,7 @@ class Scaling:
         return result
 
     def squared(self) -> Sparse:
-        """W², block diagonal."""
+        """Return W², block diagonal."""
         row, column, value = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
         for rows, w, eta in zip(self.cones.groups, self.w, self.eta, strict=True):
             size = rows.shape[1]
@@ -159,7 +159,7 @@ def _length(x: Dense) -> Vector:
 
 
 def _determinant(x: Dense, *, signed: bool = False) -> Vector:
-    """x₀² − ‖x₁‖², as a product; of points inside, not less than a tiny number."""
+    """Return x₀² − ‖x₁‖², as a product; of points inside, not less than a tiny number."""
     length = _length(x)
     value = (x[:, 0] - length) * (x[:, 0] + length)
     return value if signed else np.maximum(value, TINY)

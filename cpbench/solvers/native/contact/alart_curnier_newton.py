@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.contact.contact_equation import ContactFunction
-from cpbench.solvers.native.contact.contact_newton import TRAITS, ContactNewton, ContactNewtonOptions
+from cpbench.solvers.native.contact.newton_equation import ContactFunction
+from cpbench.solvers.native.contact.semismooth_newton import TRAITS, ContactNewton, ContactNewtonOptions
 
 
 @register
@@ -19,7 +19,7 @@ class AlartCurnierNewton(ContactNewton):
 
     function = ContactFunction.ALART_CURNIER
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="alart-curnier-newton",
+        name="newton-alart-curnier",
         node="fc",
         summary="semismooth Newton on the Alart-Curnier function, from a start by Gauss-Seidel",
         method="semismooth Newton",
@@ -31,11 +31,12 @@ class AlartCurnierNewton(ContactNewton):
 
 @register
 class JeanMoreauNewton(ContactNewton):
-    """As alart-curnier-newton; the friction disk has the radius μ(r_N)₊ of the iterate, not that of its projection."""
+    """The method of newton-alart-curnier; the friction disk has the radius μ(r_N)₊ of the iterate, not that of its
+    projection."""
 
     function = ContactFunction.JEAN_MOREAU
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="jean-moreau-newton",
+        name="newton-jean-moreau",
         node="fc",
         summary="semismooth Newton on the Jean-Moreau function, from a start by Gauss-Seidel",
         method="semismooth Newton",

@@ -12,19 +12,19 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
-from cpbench.solvers.native.automatic import AutomaticChoice, Phase, automatic_spec
+from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench.solvers.native.contact.condensed import Condensed, condensed
 
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Of Gauss–Seidel and of ADMM, which stand still for different reasons, before the other goes on from there."""
-LOCAL = "auto-contact"
+LOCAL = "auto-fc"
 FINER = 0.1
 """Times the tolerance, where what was solved in r is not yet solved in v and r."""
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """What `setup` hands to `solve`: the problem condensed and what the local solver has made of it."""
+class PreparedCondensed:
+    """Prepared problem: the problem condensed and what the local solver has made of it."""
 
     condensed: Condensed
     local: Any
@@ -33,21 +33,21 @@ class Prepared:
 
 @register
 class AutoGlobal(AutomaticChoice):
-    """`auto-contact` on the condensed problem where W = HᵀM⁻¹H is affordable, which has more and cheaper methods to
+    """`auto-fc` on the condensed problem where W = HᵀM⁻¹H is affordable, which has more and cheaper methods to
     choose from. Where it is not, or where that fails: sweeps over the velocities of the bodies and ADMM by turns, then
     each for as long as it gains; ADMM alone where joints hold the bodies together.
     """
 
     spec: ClassVar[SolverSpec] = automatic_spec(
-        "gfc", "auto-global", "auto-contact on the condensed problem, or Gauss-Seidel on the bodies and ADMM by turns"
+        "gfc", "auto-gfc", "auto-fc on the condensed problem, or Gauss-Seidel on the bodies and ADMM by turns"
     )
-    members: ClassVar[tuple[str, ...]] = ("nsgs-global", "admm-global")
+    members: ClassVar[tuple[str, ...]] = ("nsgs-gfc", "admm-gfc")
 
-    def phases(self, problem: GlobalFrictionContact) -> Sequence[Phase]:
+    def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
         if problem.b.size:
-            return [Phase("admm-global")]
-        by_turns = [Phase("nsgs-global", SWEEPS), Phase("admm-global", ITERATIONS)]
-        return [*by_turns, Phase("nsgs-global", 10 * SWEEPS), Phase("admm-global")]
+            return [SolverPhase("admm-gfc")]
+        by_turns = [SolverPhase("nsgs-gfc", SWEEPS), SolverPhase("admm-gfc", ITERATIONS)]
+        return [*by_turns, SolverPhase("nsgs-gfc", 10 * SWEEPS), SolverPhase("admm-gfc")]
 
     def setup(self, problem: GlobalFrictionContact, budget: Budget, options: Any) -> Any:
         small = condensed(problem)
@@ -55,7 +55,7 @@ class AutoGlobal(AutomaticChoice):
             return super().setup(problem, budget, options)
         solver = solvers.get(LOCAL)
         own = solver.spec.options()
-        return Prepared(small, solver.setup(small.local, budget, own), own)
+        return PreparedCondensed(small, solver.setup(small.local, budget, own), own)
 
     def warmup(self) -> None:
         super().warmup()
@@ -69,7 +69,7 @@ class AutoGlobal(AutomaticChoice):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        if not isinstance(prepared, Prepared):
+        if not isinstance(prepared, PreparedCondensed):
             return super().solve(prepared, budget, options, start, record)
         end = time.monotonic() + budget.seconds
         output = _locally(solvers.get(LOCAL), prepared, budget, start, record)
@@ -93,7 +93,7 @@ def _left(budget: Budget, output: SolverOutput, end: float) -> Budget | None:
 
 
 def _locally(
-    solver: Solver, prepared: Prepared, budget: Budget, start: Any | None, record: Record | None
+    solver: Solver, prepared: PreparedCondensed, budget: Budget, start: Any | None, record: Record | None
 ) -> SolverOutput:
     """Solve the condensed problem, more finely where its answer is not yet one of the global problem."""
     small, problem = prepared.condensed, prepared.condensed.problem

@@ -12,5 +12,5 @@ from cpbench.solvers.native.automatic import InOrder, automatic_spec
 class AutoRolling(InOrder):
     """Sweeps from contact to contact; ADMM, which goes on where they stall."""
 
-    spec: ClassVar[SolverSpec] = automatic_spec("rfc", "auto-rolling", "Gauss-Seidel, then ADMM")
-    members: ClassVar[tuple[str, ...]] = ("nsgs-rolling", "admm-rolling")
+    spec: ClassVar[SolverSpec] = automatic_spec("rfc", "auto-rfc", "Gauss-Seidel, then ADMM")
+    members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")

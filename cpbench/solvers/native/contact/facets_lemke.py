@@ -25,8 +25,8 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Dense, Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.contact_sweeps import ScaledContacts, conclude, scaled_contacts
-from cpbench.solvers.native.lcp.lcp_claims import DENSE_BYTES
+from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, scaled_contacts
+from cpbench.solvers.native.lcp.claims import DENSE_BYTES
 from cpbench.solvers.native.lcp.lemke import Lemke
 from cpbench.solvers.options import fixed, searched
 
@@ -36,8 +36,8 @@ PIVOTED = 1e-10
 
 @dataclass(frozen=True)
 class FacetsOptions:
-    """`facets` : ν of the first polygons, even. `outer` : these are around the disk, else within it. `rounds` : LCPs
-    after the first one, each with finer polygons; 0 leaves the plain method."""
+    """Options of facets-lemke. `facets` : ν of the first polygons, even. `outer` : these are around the disk, else
+    within it. `rounds` : LCPs after the first one, each with finer polygons; 0 leaves the plain method."""
 
     facets: int = searched(8, low=4, high=32)
     outer: bool = True
@@ -128,7 +128,7 @@ class FacetsLemke(Solver):
 
 
 def _regular(nc: int, d: int, facets: int, *, outer: bool) -> Dense:
-    """Vertices of a regular polygon for every contact, shape (nc, d − 1, ν); [1, −1] for d = 2."""
+    """Return vertices of a regular polygon for every contact, shape (nc, d − 1, ν); [1, −1] for d = 2."""
     if d == 2:
         return np.tile([[1.0, -1.0]], (nc, 1, 1))
     theta = 2.0 * math.pi / facets * np.arange(facets)
@@ -137,14 +137,14 @@ def _regular(nc: int, d: int, facets: int, *, outer: bool) -> Dense:
 
 
 def _fine(angle: Vector, spread: float) -> Dense:
-    """Vertices on the circle: at the angle of each contact, at ±`spread` from it, and five around the rest."""
+    """Return vertices on the circle: at the angle of each contact, at ±`spread` from it, and five around the rest."""
     offset = np.array([0.0, spread, 0.4 * math.pi, 0.8 * math.pi, math.pi, -0.8 * math.pi, -0.4 * math.pi, -spread])
     theta = angle[:, None] + offset
     return np.stack([np.cos(theta), np.sin(theta)], axis=1)
 
 
 def _lcp(contacts: ScaledContacts, D: Dense) -> LCP:
-    """M = EᵀWE + K and q = Eᵀq of the scaled problem; the unknowns of a contact are consecutive."""
+    """Return M = EᵀWE + K and q = Eᵀq of the scaled problem; the unknowns of a contact are consecutive."""
     nc, t, count = D.shape
     E = np.zeros((nc, t + 1, count + 2))
     E[:, 0, 0] = 1.0
@@ -162,7 +162,7 @@ def _lcp(contacts: ScaledContacts, D: Dense) -> LCP:
 
 
 def _reactions(z: Vector, D: Dense) -> Dense:
-    """x = (r_N, Dβ) by contacts, with βs of a sum of at most μ r_N up to rounding."""
+    """Return x = (r_N, Dβ) by contacts, with βs of a sum of at most μ r_N up to rounding."""
     nc, _, count = D.shape
     Z = z.reshape(nc, count + 2)
     return np.column_stack([Z[:, 0], np.einsum("cij,cj->ci", D, Z[:, 1:-1])])

@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
-from cpbench.solvers.native.contact.contact_relaxation import (
+from cpbench.solvers.native.contact.relaxation import (
     AT_FIRST,
     TRAITS,
     Advance,
@@ -18,12 +18,12 @@ from cpbench.solvers.native.contact.contact_relaxation import (
     Shape,
     general,
 )
-from cpbench.solvers.native.contact.contact_sweeps import (
+from cpbench.solvers.native.contact.sweeps import (
     LOGGED,
     ROUNDED,
     AcceleratedSweeps,
     BlockRows,
-    Iterate,
+    SweepState,
     conclude,
     kernel,
     work,
@@ -33,9 +33,9 @@ from cpbench.solvers.options import fixed, searched
 
 @dataclass(frozen=True)
 class NSGSOptions:
-    """`omega` : relaxation of every contact's change. `local` : how a contact is solved. `shuffle` : a new random order
-    for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps. `stall_window` : sweeps
-    without gain after which it gives up."""
+    """Options of nsgs. `omega` : relaxation of every contact's change. `local` : how a contact is solved. `shuffle`
+    : a new random order for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps.
+    `stall_window` : sweeps without gain after which it gives up."""
 
     omega: float = searched(1.0, low=0.5, high=1.9)
     local: Local = Local.EXACT
@@ -89,7 +89,7 @@ class NSGS(Relaxation):
         at.state[LOGGED] = 0
         return self.swept(prepared, budget, options, at, np.inf, None)
 
-    def advance(self, prepared: BlockRows, options: NSGSOptions, at: Iterate) -> Advance:
+    def advance(self, prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
         if _fast(options):
             return _exact(prepared, options, at)
         shape = Shape(options.local, options.omega, shuffle=options.shuffle, symmetric=options.symmetric)
@@ -97,17 +97,17 @@ class NSGS(Relaxation):
 
 
 def _fast(options: NSGSOptions) -> bool:
-    """Whether there is a kernel for nothing but this."""
+    """Return whether there is a kernel for nothing but this."""
     return options.local is Local.EXACT and not options.symmetric
 
 
 def _plain(options: NSGSOptions) -> bool:
-    """Whether the sweeps are those of `AcceleratedSweeps` without acceleration."""
+    """Return whether the sweeps are those of `AcceleratedSweeps` without acceleration."""
     return _fast(options) and options.omega == 1.0 and not options.shuffle
 
 
-def _exact(prepared: BlockRows, options: NSGSOptions, at: Iterate) -> Advance:
-    """The fast sweeps."""
+def _exact(prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
+    """Return the fast sweeps."""
     problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
     sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
     order = prepared.order.copy() if options.shuffle else prepared.order

@@ -20,15 +20,16 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench.solvers.native.contact.contact_relaxation import TRAITS
-from cpbench.solvers.native.contact.contact_run import Method, MethodOptions, iterate
-from cpbench.solvers.native.contact.contact_sweeps import block_rows, conclude, kernel
+from cpbench.solvers.native.contact.relaxation import TRAITS
+from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate
+from cpbench.solvers.native.contact.sweeps import block_rows, conclude, kernel
 from cpbench.solvers.options import fixed
 
 
 @dataclass(frozen=True)
 class ColouredOptions(MethodOptions):
-    """`threads` : among which the contacts of a colour are divided; worth it from some ten thousand contacts on."""
+    """Options of nsgs-coloured. `threads` : among which the contacts of a colour are divided; worth it from some ten
+    thousand contacts on."""
 
     threads: int = fixed(1)
 
@@ -67,11 +68,11 @@ class Coloured:
         )
 
     def here(self, r: Vector) -> Vector:
-        """Reactions of the problem by colours."""
+        """Return reactions of the problem by colours."""
         return r.reshape(self.contacts.size, self.problem.dimension)[self.contacts].ravel()
 
     def there(self, r: Vector) -> Vector:
-        """Reactions by colours as the problem has them."""
+        """Return reactions by colours as the problem has them."""
         back = np.empty((self.contacts.size, self.problem.dimension))
         back[self.contacts] = r.reshape(back.shape)
         return back.ravel()
@@ -82,7 +83,7 @@ class Coloured:
         return kernel("contact_error").judged(*self.matrix[:4], *self.law, r, self.problem.dimension)
 
     def shares(self, threads: int) -> list[list[NDArray[np.int64]]]:
-        """For every colour its contacts in as many shares, of about as many blocks each."""
+        """Return for every colour its contacts in as many shares, of about as many blocks each."""
         order, work = np.arange(self.contacts.size), self.matrix[0].astype(np.int64) + np.arange(self.contacts.size + 1)
         shares: list[list[NDArray[np.int64]]] = []
         for first, last in zip(self.bounds[:-1], self.bounds[1:], strict=True):
@@ -91,7 +92,7 @@ class Coloured:
         return shares
 
 
-class ColouredSweeps(Method):
+class ColouredSweeps(ContactMethod):
     """Sweeps over the colours; a share of each is for the calling thread."""
 
     pieces: ClassVar[bool] = True
@@ -120,7 +121,7 @@ class ColouredSweeps(Method):
 
 @contextmanager
 def helpers(threads: int) -> Generator[ThreadPoolExecutor | None]:
-    """Threads beside the calling one, for one solve: a process that is forked afterwards misses none."""
+    """Return threads beside the calling one, for one solve: a process that is forked afterwards misses none."""
     if threads <= 1:
         yield None
         return

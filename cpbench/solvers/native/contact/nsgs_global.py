@@ -17,15 +17,16 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.matrices import Dense, Sparse, Vector, freeze, sparse
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.contact_run import Method, MethodOptions, iterate_on
-from cpbench.solvers.native.contact.contact_sweeps import kernel
+from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate_on
+from cpbench.solvers.native.contact.sweeps import kernel
 
 LARGEST = 256
 """Unknowns of M that may hang together: a contact moves all those of the bodies that it touches."""
 
 
 def whitening(M: Sparse) -> Sparse:
-    """L⁻¹ of M = LLᵀ over the components of M; raises numpy.linalg.LinAlgError when one is not positive definite."""
+    """Return L⁻¹ of M = LLᵀ over the components of M; raises numpy.linalg.LinAlgError when one is not positive
+    definite."""
     parts = diagonal_blocks(M, LARGEST)
     lower = [Blocks(part.unknowns, np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))) for part in parts]
     return assembled(lower, M.shape)
@@ -62,12 +63,12 @@ class Bodies:
         return cls(problem, start, unknown, A, inverse @ problem.f, freeze(D.reshape(nc, d * d)), local)
 
     def point(self, r: Vector) -> GFCPoint:
-        """The answer that these reactions make."""
+        """Return the answer that these reactions make."""
         problem = self.problem
         return GFCPoint(v=np.asarray(problem.factorization.solve(problem.f + problem.H @ r)), r=r)
 
 
-class VelocitySweeps(Method):
+class VelocitySweeps(ContactMethod):
     """Sweeps in pieces, every one from the velocities that belong to its reactions."""
 
     pieces: ClassVar[bool] = True
@@ -101,7 +102,7 @@ class NSGSGlobal(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="nsgs-global",
+        name="nsgs-gfc",
         node="gfc",
         summary="nonsmooth Gauss-Seidel on the velocities of the bodies, without condensation",
         method="splitting",

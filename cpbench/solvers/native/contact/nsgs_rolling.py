@@ -14,7 +14,7 @@ from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.kernel_cache import compiled
 from cpbench.matrices import Dense, Vector, freeze
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.contact.contact_sweeps import conclude, kernel
+from cpbench.solvers.native.contact.sweeps import conclude, kernel
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
 
@@ -28,8 +28,8 @@ BLOCKS_A_CALL = 400_000
 
 @dataclass(frozen=True)
 class NSGSRollingOptions:
-    """`omega` : relaxation of every contact's change. `shuffle` : a new random order in every sweep.
-    `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+    """Options of nsgs-rfc. `omega` : relaxation of every contact's change. `shuffle` : a new random order in every
+    sweep. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
     omega: float = searched(1.0, low=0.5, high=1.9)
     shuffle: bool = False
@@ -54,7 +54,7 @@ class NSGSRolling(Solver):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="nsgs-rolling",
+        name="nsgs-rfc",
         node="rfc",
         summary="nonsmooth Gauss-Seidel, exact one-contact solves with rolling friction",
         method="splitting",
@@ -134,7 +134,8 @@ class NSGSRolling(Solver):
 
 
 def _local(D: Dense) -> tuple[Dense, Dense, Dense, Dense]:
-    """`schur`, `to_tangent`, `to_normal` and `scalars` of the kernel from the diagonal blocks, shape (nc, d, d)."""
+    """Return `schur`, `to_tangent`, `to_normal` and `scalars` of the kernel from the diagonal blocks, shape (nc, d,
+    d)."""
     nc, d, _ = D.shape
     top = np.abs(D).max(axis=(1, 2))
     normal = D[:, 0, 0]

@@ -18,9 +18,9 @@ from typing import Any, ClassVar
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
-from cpbench.solvers.native.contact.contact_newton import ContactNewtonOptions, NewtonPhase
-from cpbench.solvers.native.contact.contact_run import ContactSolver, Method, MethodOptions, contact_spec
-from cpbench.solvers.native.contact.contact_sweeps import AcceleratedSweeps, ScaledContacts
+from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
+from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
+from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts
 from cpbench.solvers.options import fixed, searched
 
 ALPHA = (1e-12, 1e3)
@@ -34,9 +34,9 @@ WORSE = 2.0
 
 @dataclass(frozen=True)
 class ProximalNewtonOptions(MethodOptions):
-    """`alpha` : the first one, in units where every W_cc has mean diagonal 1. `relaxation` : ω. `share` : of ‖Φ‖, to
-    which a proximal point is solved. `newton_steps` : of one, at most. `sweeps` : of Gauss–Seidel with acceleration
-    before the first. `max_iterations` : proximal points."""
+    """Options of proximal-newton. `alpha` : the first one, in units where every W_cc has mean diagonal 1.
+    `relaxation` : ω. `share` : of ‖Φ‖, to which a proximal point is solved. `newton_steps` : of one, at most.
+    `sweeps` : of Gauss–Seidel with acceleration before the first. `max_iterations` : proximal points."""
 
     alpha: float = searched(1e-3, low=1e-6, high=1.0, log=True)
     relaxation: float = searched(1.5, low=1.0, high=1.9)
@@ -68,7 +68,7 @@ class ProximalSteps:
         return self._newton.factorizations
 
     def step(self, most: float = math.inf, deadline: float = math.inf) -> bool:
-        """One proximal point, or a larger α where it was not found; False where α cannot rise any more.
+        """Take one proximal point, or a larger α where it was not found; False where α cannot rise any more.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class ProximalSteps:
         return True
 
 
-class _ProximalNewton(Method):
+class _ProximalNewton(ContactMethod):
     def __init__(self, contacts: ScaledContacts, options: ProximalNewtonOptions, start: Vector, budget: Budget) -> None:
         self._contacts, self._options, self._tolerance = contacts, options, budget.tolerance
         self._r = start

@@ -54,7 +54,7 @@ class BasisFactor:
         return diagonal**2 if self.cholesky else diagonal
 
     def solve(self, right: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """M_BB⁻¹ right, right : (|B|,) or (|B|, k)."""
+        """Return M_BB⁻¹ right, right : (|B|,) or (|B|, k)."""
         if self.B.size == 0:
             return right
         if self.cholesky:
@@ -62,7 +62,7 @@ class BasisFactor:
         return lapack.dgetrs(self._factor, self._interchanges, right, trans=1)[0]
 
     def border(self, indices: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """M_Bj for the indices j outside, e_j for those inside: (|B|, k) in Fortran's order."""
+        """Return M_Bj for the indices j outside, e_j for those inside: (|B|, k) in Fortran's order."""
         U = np.zeros((self.B.size, indices.size), order="F")
         mine = self.inside[indices]
         U[:, ~mine] = self._columns.take(indices[~mine], axis=0).take(self.B, axis=1).T
@@ -70,7 +70,7 @@ class BasisFactor:
         return U
 
     def solution(self, q: Vector) -> tuple[Vector, Vector] | None:
-        """z with M_BB z_B = -q_B, zero outside B, and w, zero on B; None where M_BB is singular."""
+        """Return z with M_BB z_B = -q_B, zero outside B, and w, zero on B; None where M_BB is singular."""
         z = np.zeros_like(q)
         if self.singular:
             return None
@@ -84,7 +84,7 @@ class BasisFactor:
 def judged_basic(
     M: np.ndarray[Any, Any], q: Vector, z: Vector, F: np.ndarray[Any, Any]
 ) -> tuple[Vector, Vector] | None:
-    """z and w = Mz + q, zero on F, where M_FF z_F = -q_F holds to ROUNDING, else None."""
+    """Return z and w = Mz + q, zero on F, where M_FF z_F = -q_F holds to ROUNDING, else None."""
     w = M @ z
     largest = max(np.abs(q).max(initial=0.0), np.abs(w).max(initial=0.0))
     if not np.abs(w[F] + q[F]).max(initial=0.0) <= ROUNDING * largest:

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.lcp_claims import dense_obstacle
-from cpbench.solvers.native.lcp.pgs import Columns, PGSOptions, Splitting, Sweeps
+from cpbench.solvers.native.lcp.claims import dense_obstacle
+from cpbench.solvers.native.lcp.pgs import MatrixColumns, PGSOptions, SplittingSolver, Sweeps
 from cpbench.solvers.options import searched
 
 LARGEST = 64
@@ -21,23 +21,24 @@ LARGEST = 64
 
 @dataclass(frozen=True)
 class BlockGSOptions(PGSOptions):
-    """`block` : unknowns solved together, 1 to 64: for contacts, the rows of one of them. `omega` : relaxation, in
-    ]0, 2[."""
+    """Options of block-gs. `block` : unknowns solved together, 1 to 64: for contacts, the rows of one of them.
+    `omega` : relaxation, in ]0, 2[."""
 
     block: int = searched(6, low=2, high=32, log=True)
     omega: float = searched(1.0, low=0.5, high=1.7)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blocks(Columns):
-    """`blocks` : the diagonal blocks of `size` unknowns by rows, one after the other."""
+class DiagonalBlocks(MatrixColumns):
+    """M by columns, with its diagonal blocks. `blocks` : the diagonal blocks of `size` unknowns by rows, one after
+    the other."""
 
     size: int
     blocks: Vector
 
 
 @register
-class BlockGS(Splitting):
+class BlockGS(SplittingSolver):
     """z_B ← the solution of 0 ≤ z_B ⟂ M_BB z_B + (w_B − M_BB z_B^old) ≥ 0, by Lemke's method.
 
     Converges where pgs does (symmetric positive definite, H with positive diagonal), for symmetric M in no more work
@@ -59,10 +60,10 @@ class BlockGS(Splitting):
     def obstacle(self, problem: LCP) -> str | None:
         return None if sp.issparse(problem.M) else dense_obstacle(problem)
 
-    def setup(self, problem: LCP, budget: Budget, options: BlockGSOptions) -> Blocks:
+    def setup(self, problem: LCP, budget: Budget, options: BlockGSOptions) -> DiagonalBlocks:
         size = min(max(options.block, 1), LARGEST)
         columns = super().setup(problem, budget, options)
-        return Blocks(**vars(columns), size=size, blocks=diagonal_blocks(problem, size))
+        return DiagonalBlocks(**vars(columns), size=size, blocks=diagonal_blocks(problem, size))
 
     def sweeps(self, prepared: Any, options: BlockGSOptions) -> Sweeps:
         from cpbench.kernel_cache import load
@@ -75,7 +76,7 @@ class BlockGS(Splitting):
 
 
 def diagonal_blocks(problem: LCP, size: int) -> Vector:
-    """M_BB of `size` unknowns each, by rows, one after the other; the last one has the rest."""
+    """Return M_BB of `size` unknowns each, by rows, one after the other; the last one has the rest."""
     n = problem.q.size
     whole = n // size * size
     values = np.zeros(whole * size + (n - whole) ** 2)

@@ -41,7 +41,7 @@ class BoxLinear:
     present: Vector
 
     def solve(self, solver: Solver, budget: Budget) -> Vector | None:
-        """The z that the solver finds, whatever it claims of it; None without an answer or where it refuses."""
+        """Return the z that the solver finds, whatever it claims of it; None without an answer or where it refuses."""
         try:
             if solver.spec.node == "avi":
                 return self._as_avi(solver, budget)
@@ -88,7 +88,7 @@ class BoxLinear:
 
 
 def _block(M: Matrix, sign: Vector, rows: Any, columns: Any) -> Matrix:
-    """S M S of some rows and columns."""
+    """Return S M S of some rows and columns."""
     if sp.issparse(M):
         part = M[rows][:, columns]
         return sp.csr_array(sp.diags_array(sign[rows]) @ part @ sp.diags_array(sign[columns]))
@@ -106,7 +106,7 @@ def _mixed(
     solver: Solver,
     budget: Budget,
 ) -> tuple[Vector, Vector] | None:
-    """u and v of the MLCP, by the solver or, where it is one for LCPs, by the Schur complement."""
+    """Return u and v of the MLCP, by the solver or, where it is one for LCPs, by the Schur complement."""
     if solver.spec.node == "mlcp":
         point = _answer(solver, MLCP(A=A, B=B, C=C, D=D, a=a, b=b), MLCPPoint(np.zeros(a.size), v), budget)
         return None if point is None else (point.u, point.v)

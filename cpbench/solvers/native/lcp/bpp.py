@@ -14,13 +14,13 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.changing_basis import ChangingBasis
-from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
-from cpbench.solvers.native.lcp.lcp_claims import (
+from cpbench.solvers.native.lcp.claims import (
     conclude,
     dense_obstacle,
     ended_in_basis,
     error_of,
 )
+from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lemke import Lemke
 from cpbench.solvers.native.lcp.lemke_run import LemkeOptions
 from cpbench.solvers.options import fixed, searched
@@ -31,10 +31,11 @@ PATIENCE = 3
 
 @dataclass(frozen=True)
 class BPPOptions:
-    """`max_iterations` : sweeps and bases, 0 stands for 10n + 200. `feasibility_tolerance` : of z in units of
-    max|q|/max|M|, of w in units of max|q|. `max_sweeps` : of projected Gauss-Seidel that guess the first active set,
-    more where they end sooner than a factorization. `omega` : their relaxation where M is not symmetric and 1 does
-    not do. `max_factorizations` : after so many, or in a singular basis, Lemke's method takes over; 0 : never."""
+    """Options of bpp. `max_iterations` : sweeps and bases, 0 stands for 10n + 200. `feasibility_tolerance` : of z in
+    units of max|q|/max|M|, of w in units of max|q|. `max_sweeps` : of projected Gauss-Seidel that guess the first
+    active set, more where they end sooner than a factorization. `omega` : their relaxation where M is not symmetric
+    and 1 does not do. `max_factorizations` : after so many, or in a singular basis, Lemke's method takes over; 0 :
+    never."""
 
     max_iterations: int = fixed(0)
     feasibility_tolerance: float = searched(1e-12, low=1e-15, high=1e-8, log=True)

@@ -39,7 +39,7 @@ class ChangingBasis:
         self.factorizations = 0
 
     def solve(self, inside: np.ndarray[Any, Any]) -> tuple[Vector, Vector] | None:
-        """z with M_FF z_F = -q_F, zero outside F = `inside`, and w, zero on F; None where M_FF is singular."""
+        """Return z with M_FF z_F = -q_F, zero outside F = `inside`, and w, zero on F; None where M_FF is singular."""
         F = np.flatnonzero(inside)
         z = np.zeros_like(self._q)
         if F.size:
@@ -62,7 +62,8 @@ class ChangingBasis:
         return self._solution if np.isfinite(self._solution).all() else None
 
     def _bordered(self, inside: np.ndarray[Any, Any], size: int) -> Vector | None:
-        """z_F in the order of F; None without a factor of a near basis, or where the Schur complement is singular."""
+        """Return z_F in the order of F; None without a factor of a near basis, or where the Schur complement is
+        singular."""
         factor, M = self._base, self._M
         if factor is None:
             return None

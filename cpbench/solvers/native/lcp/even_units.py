@@ -30,11 +30,11 @@ class EvenLCP:
     unknowns: Vector
 
     def entered(self, start: LCPPoint) -> LCPPoint:
-        """A start in these units."""
+        """Return a start in these units."""
         return LCPPoint(start.z / self.unknowns)
 
     def left(self, output: SolverOutput) -> SolverOutput:
-        """An answer, or a certificate yᵀM ≤ 0, in the units of the problem."""
+        """Return an answer, or a certificate yᵀM ≤ 0, in the units of the problem."""
         point = None if output.point is None else LCPPoint(output.point.z * self.unknowns)
         certificate = None if output.certificate is None else output.certificate * self.rows
         return SolverOutput(
@@ -43,7 +43,7 @@ class EvenLCP:
 
 
 def even_units(M: Dense) -> tuple[Vector, Vector]:
-    """D₁ and D₂, equal where M is symmetric.
+    """Return D₁ and D₂, equal where M is symmetric.
 
     Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices (2001), in the ∞-norm.
     """
@@ -57,7 +57,7 @@ def even_units(M: Dense) -> tuple[Vector, Vector]:
 
 
 def in_even_units(lcp: DenseLCP, by_columns: bool) -> EvenLCP:
-    """The problem in even units."""
+    """Return the problem in even units."""
     rows, unknowns = even_units(lcp.M)
     problem = LCP(M=lcp.M * rows[:, None] * unknowns, q=lcp.problem.q * rows, name=lcp.problem.name)
     return EvenLCP(dense_lcp(problem, by_columns=by_columns), rows, unknowns)

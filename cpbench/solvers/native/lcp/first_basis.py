@@ -48,12 +48,12 @@ class DenseLCP:
         return self.M if self.problem.symmetric else np.ascontiguousarray(self.M.T)
 
     def points_to(self, z: Vector, w: Vector) -> np.ndarray[Any, Any]:
-        """Components that are positive in the solution near to z: z > w in data scaled to size one."""
+        """Return components that are positive in the solution near to z: z > w in data scaled to size one."""
         return z * self.size > w
 
 
 def dense_lcp(problem: LCP, *, by_columns: bool = True) -> DenseLCP:
-    """The problem with M dense, and its columns too where a solver is going to need them."""
+    """Return the problem with M dense, and its columns too where a solver is going to need them."""
     lcp = DenseLCP(problem, np.array(dense(problem.M), order="C"))
     if by_columns:
         _ = lcp.columns, lcp.size
@@ -61,7 +61,7 @@ def dense_lcp(problem: LCP, *, by_columns: bool = True) -> DenseLCP:
 
 
 def swept(prepared: DenseLCP, limit: int, omega: float, tolerance: float = 0.0, most: int = 0) -> tuple[Vector, int]:
-    """z after projected Gauss–Seidel sweeps that go on while the active set moves, and how many there were.
+    """Return z after projected Gauss–Seidel sweeps that go on while the active set moves, and how many there were.
 
     At most `limit`; up to `most` where `tolerance` is reached sooner so than by a factorization. The best z where
     they diverge; z = 0 where the diagonal is not positive. omega : relaxation where M is not symmetric and 1

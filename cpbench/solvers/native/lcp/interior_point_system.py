@@ -39,7 +39,7 @@ class ShiftedSystem:
             self._base = self._sum.data.copy()
 
     def factor(self, theta: Vector) -> bool:
-        """False where it is singular or not finite."""
+        """Factor the matrix; return False where it is singular or not finite."""
         self._theta = np.concatenate([np.zeros(self._free), theta])
         if not np.isfinite(theta).all():
             return False
@@ -77,14 +77,14 @@ class ShiftedSystem:
         return True
 
     def solve(self, b: Vector) -> Vector:
-        """With refinement while it helps; a matrix that turns out to be singular is regularised."""
+        """Solve, with refinement while it helps; a matrix that turns out to be singular is regularised."""
         x, left = self._refined(b)
         if not left <= SOLVED * max_abs(b) and not self._shifted and self._free and self._dense(REGULARISATION):
             x, left = self._refined(b)
         return x
 
     def _refined(self, b: Vector) -> tuple[Vector, float]:
-        """x and what is left of b."""
+        """Return x and what is left of b."""
         x = self._apply(b)
         left = b - self._K @ x - self._theta * x
         size = max_abs(left)

@@ -9,7 +9,7 @@ import numpy as np
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import SYMMETRY_TOLERANCE, asymmetry
 from cpbench.solvers.base import SolverSpec, register
-from cpbench.solvers.native.lcp.lcp_claims import ScaledLCP, dense_obstacle
+from cpbench.solvers.native.lcp.claims import ScaledLCP, dense_obstacle
 from cpbench.solvers.native.lcp.principal_pivoting import TRAITS, PrincipalPivoting, PrincipalPivotingOptions, Tableau
 
 
@@ -41,7 +41,7 @@ class Keller(PrincipalPivoting):
         return why
 
     def begin(self, prepared: ScaledLCP, F: np.ndarray[Any, Any], zero: float) -> Tableau | None:
-        """Only where z_F ≥ 0 and M_FF is positive definite, as its inverse then is."""
+        """Begin only where z_F ≥ 0 and M_FF is positive definite, as its inverse then is."""
         tableau = super().begin(prepared, F, zero)
         if tableau is None or F.size == 0:
             return tableau

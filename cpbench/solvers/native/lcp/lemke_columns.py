@@ -24,7 +24,7 @@ Source: TypeAlias = Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]
 """Variables z_j -> the columns of -M that belong to them, row by row."""
 
 
-class Columns:
+class PivotingState:
     """The state of `pivoting.advance` on the LCP of M and q, and what brings many columns up to date at once.
 
     Parameters
@@ -102,7 +102,8 @@ class Columns:
         )
 
     def bring_likely(self) -> None:
-        """The column that is asked for and those that will probably enter next, to the last whole block of pivots.
+        """Bring the column that is asked for and those that will probably enter next, to the last whole block of
+        pivots.
 
         A variable that leaves makes its complement enter, and it leaves where it reaches zero. As z_0 falls, the
         others move nearly on straight lines: seen from here and from the last time, they point at the next ones.

@@ -14,9 +14,9 @@ from cpbench.formulations.lcp import LCP
 from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench.solvers.native.lcp.claims import conclude, ended_in_basis, farkas
 from cpbench.solvers.native.lcp.first_basis import DenseLCP
-from cpbench.solvers.native.lcp.lcp_claims import conclude, ended_in_basis, farkas
-from cpbench.solvers.native.lcp.lemke_columns import Columns
+from cpbench.solvers.native.lcp.lemke_columns import PivotingState
 from cpbench.solvers.native.lcp.lemke_restarts import LARGER_PIVOTS, in_pair, pairs
 from cpbench.solvers.native.lcp.principal_transform import PrincipalTransform, transformed
 from cpbench.solvers.options import fixed, searched
@@ -31,10 +31,10 @@ SETTLED = frozenset({Claim.SOLVED, Claim.INFEASIBLE})
 
 @dataclass(frozen=True)
 class LemkeOptions:
-    """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data scaled to size one,
-    do not block. `tie_tolerance` : rows that a step would bring this close to zero count as tied. `crash_sweeps` :
-    projected Gauss-Seidel sweeps that guess the first basis beyond 250 unknowns where no start is given; 0 : none,
-    pivoting begins at w = q."""
+    """Options of lemke. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries up to this, in data
+    scaled to size one, do not block. `tie_tolerance` : rows that a step would bring this close to zero count as
+    tied. `crash_sweeps` : projected Gauss-Seidel sweeps that guess the first basis beyond 250 unknowns where no
+    start is given; 0 : none, pivoting begins at w = q."""
 
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
@@ -56,12 +56,12 @@ def judged() -> tuple[Any, int]:
 
 
 def pivot_limit(n: int) -> int:
-    """Where nothing is said."""
+    """Return the limit of pivots where the budget sets none."""
     return 50 * n + 1000
 
 
 class LemkeRun:
-    """What has been spent, and the two ways to begin."""
+    """Counters of a solve, and the ways to begin."""
 
     def __init__(self, lcp: DenseLCP, budget: Budget, options: LemkeOptions) -> None:
         self._lcp, self._budget, self._options = lcp, budget, options
@@ -78,7 +78,7 @@ class LemkeRun:
         return self._limit - self.counters["iterations"]
 
     def from_support(self, z: Vector) -> SolverOutput | None:
-        """From the basis that z points to; None where that basis or the way from there settles nothing."""
+        """Start from the basis that z points to; None where that basis or the way from there settles nothing."""
         lcp, problem = self._lcp, self._lcp.problem
         inside = lcp.points_to(z, lcp.M @ z + problem.q)
         self.counters["factorizations"] = 1
@@ -90,13 +90,13 @@ class LemkeRun:
         return None if seen is None else self._from_transform(seen)
 
     def _from_transform(self, seen: PrincipalTransform) -> SolverOutput | None:
-        """From w = q' of a principal transform; None where the way from there settles nothing."""
+        """Start from w = q' of a principal transform; None where the way from there settles nothing."""
         lcp = self._lcp
         if seen.q.min() >= 0.0:
             z = seen.lifted(seen.q, np.zeros_like(seen.q))
         else:
             likely = min(max(int((seen.q < 0.0).sum()), LEAST), MOST)
-            run = Columns(self._kernel, lcp.columns, seen.q, source=seen.negated_columns, likely=likely)
+            run = PivotingState(self._kernel, lcp.columns, seen.q, source=seen.negated_columns, likely=likely)
             if self._products(run, self._options, most=seen.q.size) != "complementary":
                 return None
             z = seen.lifted(run.w, run.z)
@@ -104,15 +104,15 @@ class LemkeRun:
         return output if output.claim is Claim.SOLVED else None
 
     def from_origin(self) -> SolverOutput:
-        """From w = q, then other ways where that settles nothing."""
+        """Start from w = q, then other ways where that settles nothing."""
         return self._settled(self._plain(self._options))
 
     def after_call(self, z: Vector, code: int) -> SolverOutput:
-        """From the end of the compiled loop at w = q, then other ways where that settles nothing."""
+        """Go on from the end of the compiled loop at w = q, then other ways where that settles nothing."""
         return self._settled(self._after_loop(z, code))
 
     def _settled(self, output: SolverOutput) -> SolverOutput:
-        """The output, or the first of the other ways that solves the problem or proves that nothing does."""
+        """Return the output, or the first of the other ways that solves the problem or proves that nothing does."""
         for attempt in self._other_ways():
             if not self._asked:
                 self._limit = self.counters["iterations"] + pivot_limit(self._lcp.problem.q.size)
@@ -133,7 +133,7 @@ class LemkeRun:
                 yield partial(self._from_transform, seen)
 
     def _plain(self, options: LemkeOptions) -> SolverOutput:
-        """From w = q, where a ray may be followed by a proof."""
+        """Start from w = q, where a ray may be followed by a proof."""
         lcp, budget, counters = self._lcp, self._budget, self.counters
         problem = lcp.problem
         if problem.q.size <= SMALL:
@@ -142,12 +142,12 @@ class LemkeRun:
         if problem.q.min() >= 0.0:
             return conclude(problem, np.zeros_like(problem.q), budget, counters)
         p = max_abs(problem.q) or 1.0
-        run = Columns(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
+        run = PivotingState(self._kernel, lcp.columns, problem.q / p, factor=-1.0 / lcp.unit)
         outcome = self._products(run, options)
         return self._ended(run.z * (p / lcp.unit), outcome)
 
     def _after_loop(self, z: Vector, code: int) -> SolverOutput:
-        """What follows from the end of the compiled loop."""
+        """Conclude from the end of the compiled loop."""
         self._spend(code // self._kernel.CODES)
         return self._ended(z, self._word(code % self._kernel.CODES))
 
@@ -163,8 +163,8 @@ class LemkeRun:
             return conclude(problem, z, budget, counters, otherwise=claim, message=message)
         return ended_in_basis(problem, z, np.flatnonzero(z), budget, counters)
 
-    def _products(self, run: Columns, options: LemkeOptions, most: int | None = None) -> str:
-        """What lies far behind is brought by matrix products; at most `most` pivots; outcome in words."""
+    def _products(self, run: PivotingState, options: LemkeOptions, most: int | None = None) -> str:
+        """Pivot, and bring what lies far behind by matrix products; at most `most` pivots; outcome in words."""
         kernel = self._kernel
         limit = self.left if most is None else min(self.left, most)
         while True:
@@ -195,7 +195,7 @@ class LemkeRun:
 def _after_ray(
     problem: LCP, z: Vector, budget: Budget, counters: dict[str, int], certificate: Vector | None
 ) -> SolverOutput:
-    """Infeasible when there is a certificate; otherwise failed, for a ray proves nothing by itself."""
+    """Claim infeasible when there is a certificate; otherwise failed, for a ray proves nothing by itself."""
     if certificate is not None:
         return SolverOutput(
             claim=Claim.INFEASIBLE,

@@ -19,7 +19,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
-from cpbench.solvers.native.lcp.lcp_claims import CLOSE, conclude, dense_obstacle, error_of, farkas
+from cpbench.solvers.native.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
 
@@ -34,9 +34,9 @@ LEAST = 1e-3
 
 @dataclass(frozen=True)
 class MPRGPOptions:
-    """`gamma` : Γ, how much the chopped gradient may outweigh the free one before unknowns are released. `length` : of
-    the step that expands a face, over 1/‖M‖, in ]0, 2]. `max_iterations` : steps of any kind. `stall_window` : steps
-    without gain after which it gives up."""
+    """Options of the methods of this module. `gamma` : Γ, how much the chopped gradient may outweigh the free one
+    before unknowns are released. `length` : of the step that expands a face, over 1/‖M‖, in ]0, 2]. `max_iterations`
+    : steps of any kind. `stall_window` : steps without gain after which it gives up."""
 
     gamma: float = searched(1.0, low=0.1, high=10.0, log=True)
     length: float = searched(1.9, low=0.5, high=2.0)
@@ -63,7 +63,7 @@ class ScaledBox:
 
 
 def scaled_box(problem: Any, A: Matrix, q: Vector, lower: Vector, upper: Vector, size: float) -> ScaledBox:
-    """The data in units in which the diagonal of A is about 1 or 0: powers of 2, so that bounds stay exact."""
+    """Return the data in units in which the diagonal of A is about 1 or 0: powers of 2, so that bounds stay exact."""
     diagonal = np.array(A.diagonal())
     unit = np.ldexp(1.0, -(np.frexp(np.where(diagonal > 0, diagonal, 1.0))[1] // 2))
     scaled = matrices.scaled_both(A, unit)
@@ -77,7 +77,7 @@ def scaled_box(problem: Any, A: Matrix, q: Vector, lower: Vector, upper: Vector,
 
 
 def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:
-    """Why A cannot be symmetric and positive semidefinite, as far as that is cheap to tell."""
+    """Return why A cannot be symmetric and positive semidefinite, as far as that is cheap to tell."""
     if not symmetric:
         return f"needs a symmetric matrix, asymmetry = {matrices.asymmetry(A):.1e}: use {instead}"
     diagonal = A.diagonal()
@@ -88,8 +88,8 @@ def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:
 
 
 @dataclass(frozen=True)
-class Ended:
-    """Where `minimize` came to: the best z that was measured, and where the objective may fall for ever."""
+class MinimizationResult:
+    """Result of `minimize`: the best z that was measured, and where the objective may fall for ever."""
 
     z: Vector
     error: float
@@ -108,9 +108,9 @@ def minimize(
     error_of: Callable[[Vector], float],
     point: Callable[[Vector], Any],
     record: Record | None,
-) -> Ended:
-    """Steps until the error is at most the tolerance; it is measured where the projected gradient says that it may be,
-    and after every chunk."""
+) -> MinimizationResult:
+    """Take steps until the error is at most the tolerance; it is measured where the projected gradient says that
+    it may be, and after every chunk."""
     from cpbench.kernel_cache import load
 
     kernel = load("cpbench.solvers.kernels.mprgp")
@@ -164,11 +164,11 @@ def minimize(
         "expansions": int(state[kernel.EXPANSIONS]),
         "releases": int(state[kernel.RELEASES]),
     }
-    return Ended(best, least, claim, message, counters, ray)
+    return MinimizationResult(best, least, claim, message, counters, ray)
 
 
 class _OnLCP(Solver):
-    """What the two registered methods share: they differ by their expansions of a face."""
+    """Base of the two methods, which differ by their expansions of a face."""
 
     projected: ClassVar[bool]
 

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.lcp_claims import conclude, dense_obstacle
+from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
 
@@ -26,7 +26,7 @@ FEW = 16
 
 @dataclass(frozen=True)
 class PGSOptions:
-    """`max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+    """Options of pgs. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
     max_iterations: int = fixed(100_000)
     stall_window: int = fixed(5000)
@@ -34,13 +34,13 @@ class PGSOptions:
 
 @dataclass(frozen=True)
 class PSOROptions(PGSOptions):
-    """`omega` : over-relaxation, in ]0, 2[."""
+    """Options of psor, ssor. `omega` : over-relaxation, in ]0, 2[."""
 
     omega: float = searched(1.3, low=0.3, high=1.95)
 
 
 @dataclass(frozen=True)
-class Columns:
+class MatrixColumns:
     """M by columns. Dense: row j of `values` is column j. Sparse: values[start[j]:start[j+1]] are in `rows`."""
 
     problem: LCP
@@ -60,19 +60,19 @@ Sweeps: TypeAlias = Callable[[Vector, Vector, float, Vector], int]
 and the errors are written."""
 
 
-class Splitting(Solver):
-    """What the registered methods share: they differ by their sweeps."""
+class SplittingSolver(Solver):
+    """Base of the splitting methods, which differ by their sweeps."""
 
     @abstractmethod
-    def sweeps(self, prepared: Columns, options: Any) -> Sweeps:
-        """The compiled sweeps on one problem."""
+    def sweeps(self, prepared: MatrixColumns, options: Any) -> Sweeps:
+        """Return the compiled sweeps on one problem."""
 
-    def setup(self, problem: LCP, budget: Budget, options: Any) -> Columns:
+    def setup(self, problem: LCP, budget: Budget, options: Any) -> MatrixColumns:
         diagonal = np.array(problem.M.diagonal())
         if sp.issparse(problem.M):
             csc = sp.csc_array(problem.M)
-            return Columns(problem, diagonal, csc.data, csc.indptr.astype(np.int64), csc.indices.astype(np.int64))
-        return Columns(problem, diagonal, np.ascontiguousarray(problem.M.T))
+            return MatrixColumns(problem, diagonal, csc.data, csc.indptr.astype(np.int64), csc.indices.astype(np.int64))
+        return MatrixColumns(problem, diagonal, np.ascontiguousarray(problem.M.T))
 
     def warmup(self) -> None:
         M, q = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, -1.0])
@@ -81,7 +81,7 @@ class Splitting(Solver):
 
     def solve(
         self,
-        prepared: Columns,
+        prepared: MatrixColumns,
         budget: Budget,
         options: PGSOptions,
         start: Any | None = None,
@@ -126,7 +126,7 @@ class Splitting(Solver):
 _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 
-class _Pointwise(Splitting):
+class _Pointwise(SplittingSolver):
     """One component after the other."""
 
     symmetric: ClassVar[bool] = False
@@ -145,7 +145,7 @@ class _Pointwise(Splitting):
             "use lemke or newton-min"
         )
 
-    def sweeps(self, prepared: Columns, options: PGSOptions) -> Sweeps:
+    def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
         from cpbench.kernel_cache import load
 
         kernel = load("cpbench.solvers.kernels.splitting")

@@ -16,7 +16,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
-from cpbench.solvers.native.lcp.lcp_claims import (
+from cpbench.solvers.native.lcp.claims import (
     ScaledLCP,
     conclude,
     dense_obstacle,
@@ -40,8 +40,9 @@ LOW = -2.0
 
 @dataclass(frozen=True)
 class PrincipalPivotingOptions:
-    """`max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries of the tableau up to this are zero, and
-    `feasibility_tolerance` : values above minus this are not negative, both in data scaled to size one."""
+    """Options of murty, keller, cottle-dantzig. `max_pivots` : 0 stands for 50n + 1000. `pivot_tolerance` : entries
+    of the tableau up to this are zero, and `feasibility_tolerance` : values above minus this are not negative, both
+    in data scaled to size one."""
 
     max_pivots: int = fixed(0)
     pivot_tolerance: float = searched(1e-10, low=1e-13, high=1e-8, log=True)
@@ -64,7 +65,7 @@ class Tableau:
         return np.where(self.swapped, self.y, self.x)
 
     def combination(self) -> Vector:
-        """λ ≥ 0 that makes row r of the tableau, r the pair in hand, from the rows of w - Mz = q.
+        """Return λ ≥ 0 that makes row r of the tableau, r the pair in hand, from the rows of w - Mz = q.
 
         The coefficients of that row, λ of w and -Mᵀλ of z, are 1, -T_rj and zeros; where all of them are nonnegative
         and the constant λᵀq is negative, there is no solution (Farkas).
@@ -77,7 +78,7 @@ class Tableau:
 
 
 def transform(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Tableau | None:
-    """The principal transform of (M, q) on F, by one factorization; None where M_FF is singular."""
+    """Return the principal transform of (M, q) on F, by one factorization; None where M_FF is singular."""
     if F.size == 0:
         return Tableau(np.array(M), q.copy(), F)
     N = np.setdiff1d(np.arange(q.size), F)
@@ -94,7 +95,7 @@ def transform(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Ta
 
 
 class PrincipalPivoting(Solver):
-    """What the registered methods share; they differ by their loop in `kernels.principal_pivoting`."""
+    """Base of the pivoting methods, which differ by their loop in `kernels.principal_pivoting`."""
 
     loop: ClassVar[str]
     """Name of the compiled loop."""
@@ -112,7 +113,7 @@ class PrincipalPivoting(Solver):
         self.run(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-1.0, -2.0])))
 
     def begin(self, prepared: ScaledLCP, F: np.ndarray[Any, Any], zero: float) -> Tableau | None:
-        """The tableau of F; None where the method cannot begin there."""
+        """Return the tableau of F; None where the method cannot begin there."""
         return transform(dense(prepared.M), prepared.q, F)
 
     def solve(
@@ -169,7 +170,8 @@ class PrincipalPivoting(Solver):
     def _without_solution(
         self, kernel: Any, outcome: int, prepared: ScaledLCP, tableau: Tableau, budget: Budget, counters: dict[str, int]
     ) -> SolverOutput:
-        """Infeasible where a row of the tableau, or a linear program after a ray, proves it; else what happened."""
+        """Claim infeasible where a row of the tableau, or a linear program after a ray, proves it; else what
+        happened."""
         problem, pivots = prepared.problem, counters["iterations"]
         if outcome in (kernel.RAY, kernel.NOT_IN_CLASS):
             certificate = tableau.combination()

@@ -45,7 +45,7 @@ class PrincipalTransform:
         self._M_NB = lcp.M.take(self._N, axis=0).take(self._B, axis=1)
 
     def negated_columns(self, indices: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """(k, n): -M'e_j for every index j, scaled."""
+        """Return (k, n): -M'e_j for every index j, scaled."""
         mine = self._inside[indices]
         X = self._factor.solve(self._factor.border(indices))
         sign = np.where(mine, -1.0, 1.0)
@@ -59,12 +59,12 @@ class PrincipalTransform:
         return found
 
     def lifted(self, complementary: Vector, transformed: Vector) -> Vector:
-        """z of the LCP that was asked, from w' and z', both scaled."""
+        """Return z of the LCP that was asked, from w' and z', both scaled."""
         return np.where(self._inside, complementary, transformed) * self._z_unit
 
 
 def transformed(lcp: DenseLCP, inside: np.ndarray[Any, Any]) -> PrincipalTransform | None:
-    """The LCP seen from the basis of `inside`, None where M_BB is singular or nearly so."""
+    """Return the LCP seen from the basis of `inside`, None where M_BB is singular or nearly so."""
     factor = BasisFactor(lcp.M, lcp.columns, lcp.problem.symmetric, inside)
     pivots = factor.pivots
     if pivots.size and not pivots.min() > CONDITION * pivots.max():

@@ -24,7 +24,7 @@ from cpbench.formulations.base import scaled
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
-from cpbench.solvers.native.lcp.lcp_claims import CLOSE
+from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 
 DENSE_LIMIT = 150
@@ -38,7 +38,7 @@ SPREAD = (-1.0, 1.0)
 DRAWS = 30
 
 
-class Box:
+class CountedBox:
     """F and F′ of a problem on its bounds, counted.
 
     Attributes
@@ -58,17 +58,17 @@ class Box:
         return self.problem.start
 
     def point(self, z: Vector) -> Any:
-        """What the solver answers."""
+        """Return the answer as a point of the node."""
         return MiCPPoint(z)
 
     def F(self, z: Vector) -> Vector:
-        """NaN and ∞ where it is not defined."""
+        """Return F(z), NaN and ∞ where it is not defined."""
         self.counters["evaluations"] += 1
         with np.errstate(all="ignore"):
             return self.problem.F(z)
 
     def jacobian(self, z: Vector) -> Matrix | None:
-        """Dense for a small problem; None where an entry is no number."""
+        """Return it dense for a small problem; None where an entry is no number."""
         self.counters["jacobians"] += 1
         with np.errstate(all="ignore"):
             J: Sparse = self.problem.F.jacobian(z)
@@ -80,13 +80,13 @@ class Box:
         return project_box(z, self.lb, self.ub)
 
     def error(self, z: Vector, F: Vector) -> float:
-        """The judged error of z, of which F is F(z)."""
+        """Return the judged error of z, of which F is F(z)."""
         with np.errstate(all="ignore"):
             error = scaled(norm(box_defect(z, F, self.lb, self.ub)), self.problem.scale)
         return error if math.isfinite(error) else math.inf
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:
-        """A⁻¹b, None where A is singular, be it to rounding: its kernel would make a direction of any length."""
+        """Return A⁻¹b, None where A is singular, be it to rounding: its kernel would make a direction of any length."""
         self.counters["factorizations"] += 1
         with np.errstate(all="ignore"):
             factors = Factorization(A)
@@ -96,7 +96,7 @@ class Box:
         return x if np.isfinite(x).all() else None
 
 
-class Method(ABC):
+class BoxMethod(ABC):
     """A way from one iterate to the next. `z` and `F` = F(z) are the present ones; both are there after `begin`."""
 
     z: Vector
@@ -104,7 +104,7 @@ class Method(ABC):
     strategies: int = 1
     """How many ways `begin` knows to go on from one point."""
 
-    def __init__(self, box: Box) -> None:
+    def __init__(self, box: CountedBox) -> None:
         self.box = box
 
     @abstractmethod
@@ -117,11 +117,11 @@ class Method(ABC):
 
 
 class BoxNewton(Solver):
-    """A solver of mixed complementarity problems by a `Method`; its options have `max_iterations` and `restarts`."""
+    """A solver of mixed complementarity problems by a `BoxMethod`; its options have `max_iterations` and `restarts`."""
 
     @abstractmethod
-    def method(self, box: Box, options: Any, budget: Budget) -> Method:
-        """The method for one solve."""
+    def method(self, box: CountedBox, options: Any, budget: Budget) -> BoxMethod:
+        """Return the method for one solve."""
 
     def setup(self, problem: MiCP, budget: Budget, options: Any) -> MiCP:
         _compile_map(problem)
@@ -133,7 +133,7 @@ class BoxNewton(Solver):
     def solve(
         self, prepared: MiCP, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        method = self.method(Box(prepared), options, budget)
+        method = self.method(CountedBox(prepared), options, budget)
         limit = budget.iterations or options.max_iterations
         return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
 
@@ -145,9 +145,9 @@ class _Best:
 
 
 def run(
-    method: Method, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
+    method: BoxMethod, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
 ) -> SolverOutput:
-    """Steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
+    """Take steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
     box = method.box
     counters = box.counters
     rng = np.random.default_rng(budget.seed)
@@ -202,8 +202,9 @@ def run(
     return SolverOutput(claim=claim, point=box.point(best.z), counters=dict(counters), message=message)
 
 
-def _drawn(box: Box, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
-    """A point within the bounds where F is finite, and F there; around the first start and around P(0) in turn."""
+def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
+    """Return a point within the bounds where F is finite, and F there; around the first start and around P(0) in
+    turn."""
     centre = box.project(np.zeros(box.n)) if number % 2 else first
     for draw in range(DRAWS):
         size = 10.0 ** rng.uniform(*SPREAD) * np.maximum(1.0, np.abs(first))
@@ -218,7 +219,7 @@ def _drawn(box: Box, first: Vector, number: int, rng: np.random.Generator) -> tu
 
 
 def _small_problem() -> MiCP:
-    """exp(z) = 2, for a warm-up: it brings in what differentiates."""
+    """Return exp(z) = 2, for a warm-up: it brings in what differentiates."""
     build = Builder(1)
     value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
     return MiCP(F=build.finish([value]), lb=np.zeros(1), ub=np.full(1, np.inf))

@@ -8,11 +8,11 @@ from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.nonlinear.natural_newton import Conditions, NaturalNewton, NaturalNewtonOptions
+from cpbench.solvers.native.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
 from cpbench.solvers.native.nonlinear.projection_run import exponential, run
 
 
-class _System(Conditions):
+class _System(VIConditions):
     def point(self, x: Vector) -> EquationPoint:
         return EquationPoint(x)
 
@@ -24,7 +24,7 @@ class EquationNewton(Solver):
     judged, with a step or two beyond."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="equation-newton",
+        name="newton-equation",
         node="equation",
         summary="damped Newton, regularized where the Jacobian is singular",
         method="Newton",

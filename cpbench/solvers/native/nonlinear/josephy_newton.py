@@ -15,8 +15,8 @@ from cpbench.matrices import Matrix, Vector, norm
 from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.lcp.box_linear import NODES, BoxLinear
-from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, Box, BoxNewton, Method
-from cpbench.solvers.native.nonlinear.merit_search import At, Descent, fall_back
+from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, BoxMethod, BoxNewton, CountedBox
+from cpbench.solvers.native.nonlinear.merit_search import Descent, MeritPoint, fall_back
 from cpbench.solvers.options import fixed, searched
 
 SMALL_ENOUGH = 0.5
@@ -30,9 +30,10 @@ SEPARATOR = "+"
 
 @dataclass(frozen=True)
 class JosephyNewtonOptions:
-    """`inner` : solver of the linear problems, of node lcp, mlcp or avi; several are joined by + and tried one after
-    the other, those that keep a sparse matrix so before the others where it is one. `max_iterations` : linear problems.
-    `memory` : merits that the line search compares with. `restarts` : other starts that are tried in the end."""
+    """Options of josephy-newton. `inner` : solver of the linear problems, of node lcp, mlcp or avi; several are
+    joined by + and tried one after the other, those that keep a sparse matrix so before the others where it is one.
+    `max_iterations` : linear problems. `memory` : merits that the line search compares with. `restarts` : other
+    starts that are tried in the end."""
 
     inner: str = "lemke+newton-min"
     max_iterations: int = fixed(500)
@@ -58,7 +59,7 @@ class JosephyNewton(BoxNewton):
         options=JosephyNewtonOptions,
     )
 
-    def method(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: JosephyNewtonOptions, budget: Budget) -> BoxMethod:
         return _JosephyNewton(box, options, budget)
 
     def warmup(self) -> None:
@@ -68,7 +69,7 @@ class JosephyNewton(BoxNewton):
 
 
 def _inner(names: str) -> list[Solver]:
-    """The solvers named; raises UnknownName for one that is of another node or not there."""
+    """Return the solvers named; raises UnknownName for one that is of another node or not there."""
     chosen = [solvers.get(name.strip()) for name in names.split(SEPARATOR)]
     for solver in chosen:
         if solver.spec.node not in NODES:
@@ -77,8 +78,8 @@ def _inner(names: str) -> list[Solver]:
     return chosen
 
 
-class _JosephyNewton(Method):
-    def __init__(self, box: Box, options: JosephyNewtonOptions, budget: Budget) -> None:
+class _JosephyNewton(BoxMethod):
+    def __init__(self, box: CountedBox, options: JosephyNewtonOptions, budget: Budget) -> None:
         super().__init__(box)
         self._inner = _inner(options.inner)
         if box.n > DENSE_LIMIT:
@@ -90,12 +91,12 @@ class _JosephyNewton(Method):
         box.counters["subproblems"] = 0
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The strategies differ in which inner solver is asked first."""
+        """Begin; the strategies differ in which inner solver is asked first."""
         self._turn = self._inner[strategy:] + self._inner[:strategy]
         self._stand(self._descent.at(z, F))
         self._descent.begin(self._at)
 
-    def _stand(self, at: At) -> None:
+    def _stand(self, at: MeritPoint) -> None:
         self._at, self.z, self.F = at, at.z, at.F
 
     def step(self) -> bool:
@@ -121,7 +122,7 @@ class _JosephyNewton(Method):
         return True
 
     def _linear_solution(self, J: Matrix, solver: Solver) -> Vector | None:
-        """z⁺ within the bounds, None where the solver finds none."""
+        """Return z⁺ within the bounds, None where the solver finds none."""
         box, at = self.box, self._at
         box.counters["subproblems"] += 1
         left = max(self._deadline - time.monotonic(), 0.1) if math.isfinite(self._deadline) else math.inf

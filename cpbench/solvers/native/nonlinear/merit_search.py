@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 
 from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
 from cpbench.ncp_functions import NCPFunction
-from cpbench.solvers.native.nonlinear.box_newton import Box
+from cpbench.solvers.native.nonlinear.box_newton import CountedBox
 
 ARMIJO = 1e-4
 ACCEPT = 0.9
@@ -23,7 +23,7 @@ BACKTRACKS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class At:
+class MeritPoint:
     """A point with Φ there. z, F, phi, alpha, beta : (n,). merit : ½‖Φ‖², ∞ where Φ is no number."""
 
     z: Vector
@@ -38,11 +38,11 @@ class Descent:
     """Nonmonotone line search on ½‖Φ‖² for one NCP function (Grippo, Lampariello and Lucidi 1986): a step must lower
     the largest of the last `memory` merits. Where `project` trial points are put into the bounds."""
 
-    def __init__(self, box: Box, psi: NCPFunction, memory: int, project: bool) -> None:
+    def __init__(self, box: CountedBox, psi: NCPFunction, memory: int, project: bool) -> None:
         self._box, self._psi, self.project = box, psi, project
         self._merits: deque[float] = deque(maxlen=memory)
 
-    def begin(self, at: At) -> None:
+    def begin(self, at: MeritPoint) -> None:
         self._merits.clear()
         self._merits.append(at.merit)
 
@@ -51,23 +51,25 @@ class Descent:
         """The merit that a step must lower."""
         return max(self._merits)
 
-    def accept(self, at: At) -> None:
+    def accept(self, at: MeritPoint) -> None:
         """Note the merit of a point that the method went to."""
         self._merits.append(at.merit)
 
-    def at(self, z: Vector, F: Vector | None = None) -> At:
+    def at(self, z: Vector, F: Vector | None = None) -> MeritPoint:
         F = self._box.F(z) if F is None else F
         phi, alpha, beta = self._box.equation(self._psi, z, F)
         with np.errstate(all="ignore"):
             merit = 0.5 * float(phi @ phi)
-        return At(z, F, phi, alpha, beta, merit if math.isfinite(merit) else math.inf)
+        return MeritPoint(z, F, phi, alpha, beta, merit if math.isfinite(merit) else math.inf)
 
-    def gradient(self, at: At, J: Matrix) -> Vector:
-        """Of the merit: VᵀΦ for any element V of the generalized derivative, where the merit is smooth."""
+    def gradient(self, at: MeritPoint, J: Matrix) -> Vector:
+        """Return the gradient of the merit: VᵀΦ for any element V of the generalized derivative, where the merit is
+        smooth."""
         return at.alpha * at.phi + J.T @ (at.beta * at.phi)
 
-    def newton(self, at: At, J: Matrix) -> Vector | None:
-        """−V⁻¹Φ, None where V is singular. Rows in which F does not appear (bounds that are met) are solved first."""
+    def newton(self, at: MeritPoint, J: Matrix) -> Vector | None:
+        """Return −V⁻¹Φ, None where V is singular. Rows in which F does not appear (bounds that are met) are solved
+        first."""
         decided = (at.beta == 0.0) & (at.alpha != 0.0)
         if not decided.any():
             return self._box.solve(_generalized(at.alpha, at.beta, J), -at.phi)
@@ -83,12 +85,12 @@ class Descent:
             d[rest] = part
         return d
 
-    def levenberg(self, at: At, J: Matrix, share: float) -> Vector | None:
-        """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
+    def levenberg(self, at: MeritPoint, J: Matrix, share: float) -> Vector | None:
+        """Return argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
         return damped(self._box, _generalized(at.alpha, at.beta, J), at.phi, share)
 
-    def search(self, at: At, d: Vector | None, slope: float) -> At | None:
-        """The first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
+    def search(self, at: MeritPoint, d: Vector | None, slope: float) -> MeritPoint | None:
+        """Return the first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
         if d is None:
             return None
         reference = self.reference
@@ -109,8 +111,8 @@ class Descent:
         return None
 
 
-def damped(box: Box, V: Matrix, phi: Vector, share: float) -> Vector | None:
-    """argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖)."""
+def damped(box: CountedBox, V: Matrix, phi: Vector, share: float) -> Vector | None:
+    """Return argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖)."""
     top = max_abs(V)
     root = math.sqrt(share * min(1.0, norm(phi))) * max(top, 1e-8)
     zero = np.zeros(phi.size)
@@ -132,8 +134,8 @@ SHARES = (1e-8, 1e-4, 1e-1)
 """Levenberg–Marquardt's regularizations that are tried one after the other."""
 
 
-def fall_back(descent: Descent, at: At, J: Matrix, gradient: Vector) -> At | None:
-    """A step along a regularized direction or, in the end, along minus the gradient."""
+def fall_back(descent: Descent, at: MeritPoint, J: Matrix, gradient: Vector) -> MeritPoint | None:
+    """Return a step along a regularized direction or, in the end, along minus the gradient."""
     for share in SHARES:
         d = descent.levenberg(at, J, share)
         if d is not None:
@@ -144,7 +146,7 @@ def fall_back(descent: Descent, at: At, J: Matrix, gradient: Vector) -> At | Non
 
 
 def _generalized(alpha: Vector, beta: Vector, J: Matrix) -> Matrix:
-    """diag(α) + diag(β) F′(z)."""
+    """Return diag(α) + diag(β) F′(z)."""
     if sp.issparse(J):
         return sp.csr_array(sp.diags_array(beta) @ J + sp.diags_array(alpha))
     V = beta[:, None] * dense(J)

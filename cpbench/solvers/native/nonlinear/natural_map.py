@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from cpbench.factorization import sparse_lu
 from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
-from cpbench.solvers.native.lcp.lcp_claims import solve_linear
+from cpbench.solvers.native.lcp.claims import solve_linear
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed
 
@@ -49,7 +49,7 @@ ROUNDING = 16 * float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class NewtonOptions:
-    """`max_iterations` : steps of either kind."""
+    """Options of newton-relay, newton-soclcp. `max_iterations` : steps of either kind."""
 
     max_iterations: int = fixed(20_000)
 
@@ -73,7 +73,7 @@ class AffineVI:
 
 
 @dataclass(frozen=True)
-class Ending:
+class NaturalMapResult:
     """The best iterate, its judged error, and what to say of it when that is not small enough."""
 
     x: Vector
@@ -84,7 +84,7 @@ class Ending:
 
 
 def equilibrate(M: Matrix, groups: Any) -> Vector:
-    """d > 0, equal within each group, such that the largest entry of every group of rows of diag(d) M diag(d) is
+    """Return d > 0, equal within each group, such that the largest entry of every group of rows of diag(d) M diag(d) is
     about 1 (symmetric Ruiz scaling); a group of zero rows and columns keeps 1. Shape (n,).
     """
     n = M.shape[0]
@@ -101,18 +101,18 @@ def equilibrate(M: Matrix, groups: Any) -> Vector:
 
 
 def _tops(size: Any) -> Vector:
-    """The largest number of every row and column with the same index."""
+    """Return the largest number of every row and column with the same index."""
     tops = [size.max(axis=axis) for axis in (0, 1)]
     return np.maximum(*[top.toarray().ravel() if sp.issparse(size) else top for top in tops])
 
 
 def congruent(M: Matrix, d: Vector) -> Matrix:
-    """diag(d) M diag(d)."""
+    """Return diag(d) M diag(d)."""
     return sp.csr_array(sp.diags_array(d) @ M @ sp.diags_array(d)) if sp.issparse(M) else M * d[:, None] * d
 
 
-def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record | None) -> Ending:
-    """Steps until the judged error is at most the tolerance, or nothing gains, or the limits are reached."""
+def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record | None) -> NaturalMapResult:
+    """Take steps until the judged error is at most the tolerance, or nothing gains, or the limits are reached."""
     counters = {"iterations": 0, "factorizations": 0, "projections": 0}
     x, F = start, _natural(vi, start, counters)
     best, error = x, vi.error(x)
@@ -125,13 +125,13 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
     while True:
         done = counters["iterations"]
         if error <= budget.tolerance:
-            return Ending(best, error, Claim.SOLVED, "", counters)
+            return NaturalMapResult(best, error, Claim.SOLVED, "", counters)
         if norm(F) <= ROUNDING * (norm(x) + norm(vi.q)):
-            return Ending(best, error, Claim.INACCURATE, "converged up to rounding", counters)
+            return NaturalMapResult(best, error, Claim.INACCURATE, "converged up to rounding", counters)
         if done >= limit:
-            return Ending(best, error, Claim.MAX_ITER, f"{limit} iterations", counters)
+            return NaturalMapResult(best, error, Claim.MAX_ITER, f"{limit} iterations", counters)
         if time.monotonic() > deadline:
-            return Ending(best, error, Claim.FAILED, f"out of time after {done} iterations", counters)
+            return NaturalMapResult(best, error, Claim.FAILED, f"out of time after {done} iterations", counters)
         step = None
         if waiting == 0:
             step = _newton(vi, x, F, min(accepted, norm(F)), counters)
@@ -144,7 +144,9 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
                 contract = _contraction(vi, counters)
             shift = contract(F)
             if shift is None:
-                return Ending(best, error, Claim.FAILED, f"I + M is singular, after {done} iterations", counters)
+                return NaturalMapResult(
+                    best, error, Claim.FAILED, f"I + M is singular, after {done} iterations", counters
+                )
             x = x - GAMMA * shift
             step = x, _natural(vi, x, counters)
             waiting -= 1
@@ -157,7 +159,7 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
             best, error = x, reached
         why = progress.trouble(counters["iterations"], reached)
         if why is not None:
-            return Ending(best, error, Claim.FAILED, why, counters)
+            return NaturalMapResult(best, error, Claim.FAILED, why, counters)
 
 
 def _natural(vi: AffineVI, x: Vector, counters: dict[str, int]) -> Vector:
@@ -166,7 +168,7 @@ def _natural(vi: AffineVI, x: Vector, counters: dict[str, int]) -> Vector:
 
 
 def _newton(vi: AffineVI, x: Vector, F: Vector, goal: float, counters: dict[str, int]) -> tuple[Vector, Vector] | None:
-    """The next x and its F with ‖F‖ below `goal` by the asked factor; None when no step does it."""
+    """Return the next x and its F with ‖F‖ below `goal` by the asked factor; None when no step does it."""
     n, size = x.size, norm(F)
     J = vi.jacobian(x - (vi.M @ x + vi.q))
     eye = identity(n, vi.M)
@@ -188,7 +190,7 @@ def _newton(vi: AffineVI, x: Vector, F: Vector, goal: float, counters: dict[str,
 
 
 def _contraction(vi: AffineVI, counters: dict[str, int]) -> Callable[[Vector], Vector | None]:
-    """F -> (I + M)⁻¹F with one factorization."""
+    """Return F -> (I + M)⁻¹F with one factorization."""
     counters["factorizations"] += 1
     whole = vi.M + identity(vi.q.size, vi.M)
     if sp.issparse(whole):

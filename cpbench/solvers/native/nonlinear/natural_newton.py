@@ -29,8 +29,8 @@ from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Sparse, Vector, norm
 from cpbench.product_cones import Cone
-from cpbench.solvers.native.cone.cone_jacobians import box_jacobian, projection_jacobian
-from cpbench.solvers.native.nonlinear.projection_run import Field, Method, ProjectionOptions
+from cpbench.solvers.native.cone.jacobians import box_jacobian, projection_jacobian
+from cpbench.solvers.native.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench.solvers.native.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
 from cpbench.solvers.options import fixed
 
@@ -50,14 +50,15 @@ DRAWS = 30
 
 
 @dataclass(frozen=True)
-class NaturalNewtonOptions(ProjectionOptions):
-    """`max_iterations` : steps of either kind. `restarts` : other starts that are tried where steps gain nothing."""
+class NaturalNewtonOptions(VIProjectionOptions):
+    """Options of newton-vi, newton-qvi, newton-equation. `max_iterations` : steps of either kind. `restarts` : other
+    starts that are tried where steps gain nothing."""
 
     max_iterations: int = fixed(20_000)
     restarts: int = fixed(5)
 
 
-class Conditions(Field):
+class VIConditions(Field):
     """E and S × ℝ₊ᵐ × ℝᵏ × ℝ₊ᵖ of a problem, with their derivatives."""
 
     def __init__(self, problem: VI | QVI) -> None:
@@ -112,7 +113,8 @@ class Conditions(Field):
         return self.problem.g(z) if self.problem.g.rows else np.zeros(0)
 
     def _slopes(self, z: Vector) -> tuple[Sparse, Sparse]:
-        """Derivatives of all rows: those that forces act along (in y, where g has y and z), and the whole ones."""
+        """Return derivatives of all rows: those that forces act along (in y, where g has y and z), and the whole
+        ones."""
         g = self.problem.g
         if not g.rows:
             return self._A, self._A
@@ -123,7 +125,7 @@ class Conditions(Field):
         return sp.csr_array(J[:, : self.n]), sp.csr_array(J[:, : self.n] + J[:, self.n :])
 
     def _curvature(self, z: Vector, nu: Vector) -> Sparse:
-        """d/dz of ∇_y gᵀν."""
+        """Return d/dz of ∇_y gᵀν."""
         g = self.problem.g
         if not isinstance(self.problem, QVI):
             return g.hessian(z, nu)
@@ -131,7 +133,7 @@ class Conditions(Field):
         return sp.csr_array(H[: self.n, : self.n] + H[: self.n, self.n :])
 
     def derivative(self, x: Vector) -> Sparse | None:
-        """E′(x); None where an entry is no number."""
+        """Return E′(x); None where an entry is no number."""
         self.counters["jacobians"] += 1
         z = x[: self.n]
         with np.errstate(all="ignore"):
@@ -145,7 +147,7 @@ class Conditions(Field):
         return E if np.isfinite(E.data).all() else None
 
     def projection(self, x: Vector, at: Vector) -> tuple[Sparse, Sparse]:
-        """J ∈ ∂P at x, and what P changes by where the set moves with `at`."""
+        """Return J ∈ ∂P at x, and what P changes by where the set moves with `at`."""
         n, problem = self.n, self.problem
         y = x[:n]
         if isinstance(problem, QVI):
@@ -166,7 +168,7 @@ class Conditions(Field):
 
 
 def _motion(problem: QVI, x: Vector, z: Vector, lb: Vector, ub: Vector) -> Sparse:
-    """d/dz of P_S(z)(x) at a constant x."""
+    """Return d/dz of P_S(z)(x) at a constant x."""
     n = z.size
     result: Sparse = sp.csr_array((n, n))
     for bound, level, met in ((problem.lower, lb, x <= lb), (problem.upper, ub, x >= ub)):
@@ -186,14 +188,14 @@ def _motion(problem: QVI, x: Vector, z: Vector, lb: Vector, ub: Vector) -> Spars
     return sp.csr_array(result)
 
 
-class NaturalNewton(Method):
+class NaturalNewton(ProjectionMethod):
     """Newton while it descends, extragradient steps in between."""
 
     aim = 1e-4
-    field: Conditions
+    field: VIConditions
     options: NaturalNewtonOptions
 
-    def __init__(self, field: Conditions, options: NaturalNewtonOptions, seed: int) -> None:
+    def __init__(self, field: VIConditions, options: NaturalNewtonOptions, seed: int) -> None:
         super().__init__(field, options)
         self._rng = np.random.default_rng(seed)
         field.counters |= {"restarts": 0}
@@ -247,7 +249,7 @@ class NaturalNewton(Method):
         return True
 
     def _drawn(self) -> tuple[Vector, Vector] | None:
-        """A point where F is finite, multipliers 0, and F there; around the first start and around 0 in turn."""
+        """Return a point where F is finite, multipliers 0, and F there; around the first start and around 0 in turn."""
         first = np.where(np.arange(self._first.size) < self.field.n, self._first, 0.0)
         size = np.where(np.arange(first.size) < self.field.n, np.maximum(1.0, np.abs(first)), 0.0)
         for draw in range(DRAWS):
@@ -260,7 +262,7 @@ class NaturalNewton(Method):
         return None
 
     def _newton(self, phi: Vector, goal: float) -> tuple[Vector, Vector, float] | None:
-        """The next x, E there and ‖Φ‖, which is below `goal`; None when no step does it."""
+        """Return the next x, E there and ‖Φ‖, which is below `goal`; None when no step does it."""
         derivative = self.field.derivative(self.z)
         if derivative is None:
             return None
@@ -291,7 +293,7 @@ class NaturalNewton(Method):
                 yield d
 
     def _solved(self, A: Sparse, b: Any) -> Vector | None:
-        """A⁻¹b, None where A is singular, be it to rounding: its kernel would make multipliers of any size."""
+        """Return A⁻¹b, None where A is singular, be it to rounding: its kernel would make multipliers of any size."""
         self.field.counters["factorizations"] += 1
         with np.errstate(all="ignore"):
             factors = Factorization(A)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cpbench.matrices import Matrix, Vector, identity, max_abs, norm
 from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
-from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
+from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench.solvers.native.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back
 from cpbench.solvers.native.nonlinear.normal_path import PERTURBATIONS, cell_matrix, normal_point
 from cpbench.solvers.options import fixed, searched
@@ -27,8 +27,8 @@ CONSISTENT = 0.5
 
 @dataclass(frozen=True)
 class NormalMapOptions:
-    """`memory` : values of ‖F₊‖ that the line search compares with. `max_iterations` : steps. `restarts` : other
-    starts that are tried in the end."""
+    """Options of newton-normal-map. `memory` : values of ‖F₊‖ that the line search compares with. `max_iterations` :
+    steps. `restarts` : other starts that are tried in the end."""
 
     memory: int = searched(5, low=1, high=20)
     max_iterations: int = fixed(1000)
@@ -44,7 +44,7 @@ class NormalMapNewton(BoxNewton):
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
-        name="normal-map-newton",
+        name="newton-normal-map",
         node="micp",
         summary="Newton on the normal map, nonmonotone line search",
         method="semismooth Newton",
@@ -53,12 +53,12 @@ class NormalMapNewton(BoxNewton):
         options=NormalMapOptions,
     )
 
-    def method(self, box: Box, options: NormalMapOptions, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: NormalMapOptions, budget: Budget) -> BoxMethod:
         return _NormalMap(box, options)
 
 
-class _NormalMap(Method):
-    def __init__(self, box: Box, options: NormalMapOptions) -> None:
+class _NormalMap(BoxMethod):
+    def __init__(self, box: CountedBox, options: NormalMapOptions) -> None:
         super().__init__(box)
         self._merits: deque[float] = deque(maxlen=options.memory)
         self._descent = Descent(box, fischer_burmeister, 1, project=True)
@@ -93,7 +93,7 @@ class _NormalMap(Method):
         return False
 
     def _directions(self, J: Matrix, value: Vector, between: NDArray[np.bool_]) -> Iterator[Vector]:
-        """Newton's; where the cell's matrix is singular, the shortest that solves nearly, if any does (a kernel,
+        """Return Newton's; where the cell's matrix is singular, the shortest that solves nearly, if any does (a kernel,
         as prices have, adds nothing to it); those of regularized matrices."""
         box = self.box
         for share in PERTURBATIONS:
@@ -126,7 +126,7 @@ def _merit(value: Vector) -> float:
 
 
 def _shifted(J: Matrix, share: float) -> Matrix:
-    """J + share · max|J| I."""
+    """Return J + share · max|J| I."""
     if share == 0.0:
         return J
     shifted = J + share * (max_abs(J) or 1.0) * identity(J.shape[0], J)

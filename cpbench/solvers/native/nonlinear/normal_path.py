@@ -32,13 +32,13 @@ PERTURBATIONS = (0.0, 1e-8, 1e-4)
 
 
 def normal_point(z: Vector, F: Vector, lb: Vector, ub: Vector) -> Vector:
-    """The x with P(x) = z whose normal map is least: x = z − F where F pushes z against its bound, else z."""
+    """Return the x with P(x) = z whose normal map is least: x = z − F where F pushes z against its bound, else z."""
     pushed = ((z <= lb) & (F > 0)) | ((z >= ub) & (F < 0))
     return np.where(pushed, z - F, z)
 
 
 def cell_matrix(M: Matrix, between: NDArray[np.bool_]) -> Matrix:
-    """C: column i of M where xᵢ is between its bounds, of I elsewhere."""
+    """Return C: column i of M where xᵢ is between its bounds, of I elsewhere."""
     if sp.issparse(M):
         return sp.csr_array(M @ sp.diags_array(between.astype(float)) + sp.diags_array((~between).astype(float)))
     C = np.where(between, dense(M), 0.0)
@@ -49,7 +49,7 @@ def cell_matrix(M: Matrix, between: NDArray[np.bool_]) -> Matrix:
 
 @dataclass(frozen=True)
 class Trace:
-    """Where a path has come to: x, t (1 at its end) and the number of pivots and of factorizations."""
+    """State of a path: x, t (1 at its end) and the number of pivots and of factorizations."""
 
     x: Vector
     t: float
@@ -78,7 +78,7 @@ class _Basis:
         return y
 
     def replace(self, p: int, w: Vector) -> None:
-        """Column p becomes the one of which w is B⁻¹."""
+        """Replace column p by the one of which w is B⁻¹."""
         self._etas.append((p, w))
 
 
@@ -172,7 +172,7 @@ class _Walk:
         return column
 
     def _factorized(self) -> _Basis:
-        """Of the present columns; r stands where t is basic."""
+        """Return factors of the present columns; r stands where t is basic."""
         self.factorizations += 1
         with_t = self.variable == self.n
         order = np.where(with_t, 0, self.variable)
@@ -188,7 +188,7 @@ class _Walk:
         return _Basis(C)
 
     def _cross(self, j: int, direction: float) -> None:
-        """x_j passes the border that it is at, and stands on it exactly."""
+        """Move x_j across the border that it is at, to stand on it exactly."""
         up = direction > 0
         if self.cell[j] == 0:
             self.cell[j] = 1 if up else -1
@@ -199,7 +199,7 @@ class _Walk:
             self.cell[j] = -self.cell[j] if self._lb[j] == self._ub[j] else 0
 
     def _first_border(self, speed: Vector, driver: int, sign: float, until: float) -> tuple[float, int]:
-        """How far the driver can go, and the position of what it meets then: −1 for its own border."""
+        """Return how far the driver can go, and the position of what it meets then: −1 for its own border."""
         n = self.n
         low = np.append(np.where(self.cell < 0, -np.inf, np.where(self.cell > 0, self._ub, self._lb)), 0.0)
         high = np.append(np.where(self.cell > 0, np.inf, np.where(self.cell < 0, self._lb, self._ub)), until)

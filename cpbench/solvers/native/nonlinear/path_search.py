@@ -12,9 +12,9 @@ from cpbench.cones import project_box
 from cpbench.matrices import Matrix, Vector, norm
 from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.lcp_claims import principal
-from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
-from cpbench.solvers.native.nonlinear.merit_search import ACCEPT, At, Descent, fall_back
+from cpbench.solvers.native.lcp.claims import principal
+from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
+from cpbench.solvers.native.nonlinear.merit_search import ACCEPT, Descent, MeritPoint, fall_back
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
 from cpbench.solvers.options import fixed, searched
 
@@ -31,9 +31,9 @@ MANY = 100
 
 @dataclass(frozen=True)
 class PathSearchOptions:
-    """`crash` : the most projected Newton steps before the first path. `watchdog` : steps that may go uphill.
-    `memory` : merits that a search compares with. `max_pivots` : of one path, 0 for 10n + 200. `max_iterations` :
-    steps. `restarts` : other starts that are tried in the end."""
+    """Options of path-search. `crash` : the most projected Newton steps before the first path. `watchdog` : steps
+    that may go uphill. `memory` : merits that a search compares with. `max_pivots` : of one path, 0 for 10n + 200.
+    `max_iterations` : steps. `restarts` : other starts that are tried in the end."""
 
     crash: int = searched(20, low=0, high=50)
     watchdog: int = searched(4, low=0, high=10)
@@ -64,12 +64,12 @@ class PathSearch(BoxNewton):
         options=PathSearchOptions,
     )
 
-    def method(self, box: Box, options: PathSearchOptions, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: PathSearchOptions, budget: Budget) -> BoxMethod:
         return _PathSearch(box, options, time.monotonic() + budget.seconds)
 
 
-class _PathSearch(Method):
-    def __init__(self, box: Box, options: PathSearchOptions, deadline: float) -> None:
+class _PathSearch(BoxMethod):
+    def __init__(self, box: CountedBox, options: PathSearchOptions, deadline: float) -> None:
         super().__init__(box)
         self._options, self._deadline = options, deadline
         self._most = options.max_pivots or 10 * box.n + 200
@@ -78,14 +78,14 @@ class _PathSearch(Method):
         box.counters |= {"pivots": 0, "crash_steps": 0}
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The other strategy goes without a crash phase."""
+        """Begin; the other strategy goes without a crash phase."""
         at = self._descent.at(z, F)
         self._descent.begin(at)
         self._checkpoint, self._watched = at, 0
         self._crashing = 0 if strategy or self.box.n < MANY else self._options.crash
         self._stand(at)
 
-    def _stand(self, at: At) -> None:
+    def _stand(self, at: MeritPoint) -> None:
         self._at, self.z, self.F = at, at.z, at.F
 
     def step(self) -> bool:
@@ -110,14 +110,14 @@ class _PathSearch(Method):
                     return True
         return self._from_checkpoint(at, J)
 
-    def _good(self, at: At) -> None:
+    def _good(self, at: MeritPoint) -> None:
         self._descent.accept(at)
         self._checkpoint, self._watched = at, 0
         self._stand(at)
 
-    def _crash(self, at: At, J: Matrix) -> At | None:
-        """A projected Newton step on the unknowns that are not held at a bound; None when it gains little or leaves
-        the active set nearly as it was, so that a path is short."""
+    def _crash(self, at: MeritPoint, J: Matrix) -> MeritPoint | None:
+        """Return a projected Newton step on the unknowns that are not held at a bound; None when it gains little or
+        leaves the active set nearly as it was, so that a path is short."""
         box = self.box
         held = _held(at, box)
         free = np.flatnonzero(~held)
@@ -135,8 +135,8 @@ class _PathSearch(Method):
             self._crashing = 0
         return found
 
-    def _end_of_path(self, at: At, J: Matrix, until: float) -> At | None:
-        """Where the path has t = `until`; None when it does not come there."""
+    def _end_of_path(self, at: MeritPoint, J: Matrix, until: float) -> MeritPoint | None:
+        """Return where the path has t = `until`; None when it does not come there."""
         box = self.box
         x = normal_point(at.z, at.F, box.lb, box.ub)
         found = NormalPath(J, at.F, x, box.lb, box.ub).trace(until, self._most, self._deadline)
@@ -148,8 +148,8 @@ class _PathSearch(Method):
             return None
         return self._descent.at(project_box(found.x, box.lb, box.ub))
 
-    def _from_checkpoint(self, at: At, J: Matrix | None) -> bool:
-        """Back to the last good point: along its path, along the chord of it, or downhill."""
+    def _from_checkpoint(self, at: MeritPoint, J: Matrix | None) -> bool:
+        """Go back to the last good point: along its path, along the chord of it, or downhill."""
         descent, good = self._descent, self._checkpoint
         if good is not at:
             J = self.box.jacobian(good.z)
@@ -177,6 +177,6 @@ class _PathSearch(Method):
         return True
 
 
-def _held(at: At, box: Box) -> Any:
-    """At a bound that F pushes against."""
+def _held(at: MeritPoint, box: CountedBox) -> Any:
+    """Return which unknowns are at a bound that F pushes against."""
     return ((at.z <= box.lb) & (at.F >= 0)) | ((at.z >= box.ub) & (at.F <= 0))

@@ -2,7 +2,7 @@
 step length, and the loop that watches the natural map, records and ends.
 
 They use nothing of a problem but values of F and projections on the simple set S, so that rows and g are not for them.
-All of them converge where F is monotone and locally Lipschitz continuous (`vi-projection`: cocoercive or strongly
+All of them converge where F is monotone and locally Lipschitz continuous (`projection-vi`: cocoercive or strongly
 monotone), linearly at best; elsewhere they may cycle, and then say that they stalled.
 """
 
@@ -24,7 +24,7 @@ from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
-from cpbench.solvers.native.lcp.lcp_claims import CLOSE
+from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed
 
@@ -39,8 +39,8 @@ SHRINKS = 60
 
 
 @dataclass(frozen=True)
-class ProjectionOptions:
-    """`max_iterations` : of the method, which evaluates F once or a few times in each."""
+class VIProjectionOptions:
+    """Options. `max_iterations` : of the method, which evaluates F once or a few times in each."""
 
     max_iterations: int = fixed(50_000)
 
@@ -53,26 +53,26 @@ class Field:
         self.counters = {"iterations": 0, "evaluations": 0, "projections": 0}
 
     def F(self, x: Vector) -> Vector:
-        """NaN and ∞ where it is not defined."""
+        """Return F(z), NaN and ∞ where it is not defined."""
         self.counters["evaluations"] += 1
         with np.errstate(all="ignore"):
             return self.problem.F(x)
 
     def project(self, x: Vector, at: Vector) -> Vector:
-        """P_S(x), S that of `at` where it moves."""
+        """Return P_S(x), S that of `at` where it moves."""
         self.counters["projections"] += 1
         if isinstance(self.problem, QVI):
             return self.problem.project_at(at, x)
         return self.problem.project(x)
 
     def defect(self, x: Vector, F: Vector) -> Vector:
-        """x − P_S(x − F), without cancellation."""
+        """Return x − P_S(x − F), without cancellation."""
         self.counters["projections"] += 1
         with np.errstate(all="ignore"):
             return self.problem.defect(x, F)
 
     def error(self, x: Vector, F: Vector) -> float:
-        """The judged error of x, of which F is F(x)."""
+        """Return the judged error of x, of which F is F(x)."""
         error = scaled(norm(self.defect(x, F)), self.problem.scale)
         return error if math.isfinite(error) else math.inf
 
@@ -80,7 +80,8 @@ class Field:
         return VIPoint(x) if isinstance(self.problem, VI) else QVIPoint(x)
 
     def first_step(self, z: Vector, F: Vector) -> float:
-        """1/L, L the change of F over a short way from z, in the direction that a step takes; 1 where it is none."""
+        """Return 1/L, L the change of F over a short way from z, in the direction that a step takes; 1 where it is
+        none."""
         size = norm(F)
         if not size:
             return 1.0
@@ -92,7 +93,7 @@ class Field:
         return 1.0
 
 
-class Method(ABC):
+class ProjectionMethod(ABC):
     """A way from one iterate to the next. `z` and `F` = F(z) are what is measured and answered.
 
     aim : the share of the tolerance that it goes on to. Below 1 for methods that converge so fast that this costs an
@@ -118,12 +119,12 @@ class Method(ABC):
 class ProjectionSolver(Solver):
     """A projection method. Tolerance: on the judged error itself, which is measured at every iterate."""
 
-    method: ClassVar[type[Method]]
+    method: ClassVar[type[ProjectionMethod]]
 
     def obstacle(self, problem: VI | QVI) -> str | None:
         return rows_obstacle(problem)
 
-    def setup(self, problem: VI | QVI, budget: Budget, options: ProjectionOptions) -> VI | QVI:
+    def setup(self, problem: VI | QVI, budget: Budget, options: VIProjectionOptions) -> VI | QVI:
         with np.errstate(all="ignore"):
             problem.F(problem.start)  # compiles it
         return problem
@@ -136,7 +137,7 @@ class ProjectionSolver(Solver):
         self,
         prepared: VI | QVI,
         budget: Budget,
-        options: ProjectionOptions,
+        options: VIProjectionOptions,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
@@ -147,32 +148,34 @@ class ProjectionSolver(Solver):
 
 
 def exponential() -> Map:
-    """z ↦ exp(z) − 2, for a warm-up: it brings in what differentiates."""
+    """Return z ↦ exp(z) − 2, for a warm-up: it brings in what differentiates."""
     build = Builder(1)
     value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
     return build.finish([value])
 
 
 def rows_obstacle(problem: VI | QVI) -> str | None:
-    """Why a set is not simple, else None."""
+    """Return why a set is not simple, else None."""
     rows = {"g": problem.g.rows}
     if isinstance(problem, VI):
         rows = {"A": problem.b.size, "C": problem.d.size} | rows
     found = ", ".join(f"{count} of {name}" for name, count in rows.items() if count)
     if not found:
         return None
-    instead = "qvi-newton" if isinstance(problem, QVI) else "vi-newton, or the conversion vi→micp where S is a box"
+    instead = "newton-qvi" if isinstance(problem, QVI) else "newton-vi, or the conversion vi→micp where S is a box"
     return f"has rows ({found}), whose set has no projection in closed form: use {instead}"
 
 
-def run(field: Field, method: Method, budget: Budget, limit: int, start: Vector, record: Record | None) -> SolverOutput:
-    """Steps until the natural map is at most the tolerance, or the limits are reached, or nothing gains."""
+def run(
+    field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
+) -> SolverOutput:
+    """Take steps until the natural map is at most the tolerance, or the limits are reached, or nothing gains."""
     with np.errstate(all="ignore"):
         return _run(field, method, budget, limit, start, record)
 
 
 def _run(
-    field: Field, method: Method, budget: Budget, limit: int, start: Vector, record: Record | None
+    field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
 ) -> SolverOutput:
     counters = field.counters
     deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
@@ -221,7 +224,7 @@ def _beginning(field: Field, start: Vector) -> tuple[Vector, Vector] | None:
 
 
 def lipschitz(near: Vector, F_near: Vector, z: Vector, F: Vector) -> float:
-    """‖F(near) − F(z)‖/‖near − z‖: 0 for equal points, ∞ where F(near) is no number."""
+    """Return ‖F(near) − F(z)‖/‖near − z‖: 0 for equal points, ∞ where F(near) is no number."""
     way, change = norm(near - z), norm(F_near - F)
     if not math.isfinite(change):
         return math.inf
@@ -229,9 +232,9 @@ def lipschitz(near: Vector, F_near: Vector, z: Vector, F: Vector) -> float:
 
 
 def projection_spec(
-    name: str, summary: str, citation: str, node: str = "vi", options: type = ProjectionOptions
+    name: str, summary: str, citation: str, node: str = "vi", options: type = VIProjectionOptions
 ) -> SolverSpec:
-    """What the specs of all of them share."""
+    """Return the spec of one of them, with what all share."""
     return SolverSpec(
         name=name,
         node=node,

@@ -25,7 +25,7 @@ class Reformulation:
         self._lb, self._ub, self._value = lb[self._low], ub[self._high], lb[self.fixed]
 
     def __call__(self, psi: NCPFunction, z: Vector, F: Vector) -> Values:
-        """Φ, α and β: diag(α) + diag(β) F′(z) is an element of its generalized derivative."""
+        """Return Φ, α and β: diag(α) + diag(β) F′(z) is an element of its generalized derivative."""
         phi, alpha, beta = np.array(F), np.zeros_like(F), np.ones_like(F)
         with np.errstate(all="ignore"):
             at = self._high
@@ -39,7 +39,7 @@ class Reformulation:
         return phi, alpha, beta
 
     def smoothed(self, z: Vector, F: Vector, mu: float) -> tuple[Vector, Vector, Vector, Vector]:
-        """Φ_μ, α, β and ∂Φ/∂μ."""
+        """Return Φ_μ, α, β and ∂Φ/∂μ."""
         phi, alpha, beta = self(partial(smoothed, mu=mu), z, F)
         by_mu = np.zeros_like(F)
         inner = np.array(F)

@@ -10,8 +10,8 @@ import numpy as np
 from cpbench.matrices import Vector, norm
 from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
-from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
-from cpbench.solvers.native.nonlinear.merit_search import At, Descent, fall_back
+from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
+from cpbench.solvers.native.nonlinear.merit_search import Descent, MeritPoint, fall_back
 from cpbench.solvers.options import fixed, searched
 
 STEEP, POWER = 1e-8, 2.1
@@ -20,8 +20,9 @@ STEEP, POWER = 1e-8, 2.1
 
 @dataclass(frozen=True)
 class SemismoothOptions:
-    """`max_iterations` : Newton steps. `memory` : merits that the line search compares with. `project` : whether trial
-    points are put into the bounds. `restarts` : other starts that are tried in the end."""
+    """Options of the methods of this module. `max_iterations` : Newton steps. `memory` : merits that the line search
+    compares with. `project` : whether trial points are put into the bounds. `restarts` : other starts that are tried
+    in the end."""
 
     max_iterations: int = fixed(1000)
     memory: int = searched(5, low=1, high=20)
@@ -37,25 +38,26 @@ class SemismoothNewton(BoxNewton):
     merit: ClassVar[NCPFunction]
     """Another function where ½‖Φ‖² of the first has kinks."""
 
-    def method(self, box: Box, options: SemismoothOptions, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: SemismoothOptions, budget: Budget) -> BoxMethod:
         return SemismoothMethod(box, type(self).psi, type(self).merit, options)
 
 
-class SemismoothMethod(Method):
+class SemismoothMethod(BoxMethod):
     strategies = 2
 
-    def __init__(self, box: Box, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:
+    def __init__(self, box: CountedBox, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:
         super().__init__(box)
         self._psi, self._same, self._project = psi, psi is merit, options.project
         self._descent = Descent(box, merit, options.memory, options.project)
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The other strategy is to leave the bounds where `project` stays within them, and the other way round."""
+        """Begin; the other strategy is to leave the bounds where `project` stays within them, and the other way
+        round."""
         self._descent.project = self._project != bool(strategy)
         self._stand(self._descent.at(z, F))
         self._descent.begin(self._at)
 
-    def _stand(self, at: At) -> None:
+    def _stand(self, at: MeritPoint) -> None:
         self._at, self.z, self.F = at, at.z, at.F
 
     def step(self) -> bool:
@@ -64,7 +66,7 @@ class SemismoothMethod(Method):
         if J is None:
             return False
         gradient = descent.gradient(at, J)
-        equation = at if self._same else At(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
+        equation = at if self._same else MeritPoint(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
         found = self._along(at, descent.newton(equation, J), gradient)
         if found is None and not self._same:  # the other function's direction, cheaper than a regularized one
             found = self._along(at, descent.newton(at, J), gradient)
@@ -77,8 +79,8 @@ class SemismoothMethod(Method):
         self._stand(found)
         return True
 
-    def _along(self, at: At, d: Vector | None, gradient: Vector) -> At | None:
-        """A point along a Newton direction, None where there is none that lowers the merit."""
+    def _along(self, at: MeritPoint, d: Vector | None, gradient: Vector) -> MeritPoint | None:
+        """Return a point along a Newton direction, None where there is none that lowers the merit."""
         if d is None:
             return None
         slope = float(gradient @ d)
@@ -87,7 +89,7 @@ class SemismoothMethod(Method):
 
 def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
     return SolverSpec(
-        name=f"semismooth-newton-{name}",
+        name=f"newton-{name}-micp",
         node="micp",
         summary=f"semismooth Newton on {summary}, nonmonotone line search",
         method="semismooth Newton",

@@ -12,8 +12,8 @@ import numpy as np
 from cpbench.matrices import Vector, norm
 from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
-from cpbench.solvers.native.nonlinear.box_newton import Box, BoxNewton, Method
-from cpbench.solvers.native.nonlinear.merit_search import ARMIJO, At, Descent, fall_back
+from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
+from cpbench.solvers.native.nonlinear.merit_search import ARMIJO, Descent, MeritPoint, fall_back
 from cpbench.solvers.options import fixed, searched
 
 BACKTRACKS = 25
@@ -23,8 +23,9 @@ LEAST = 1e-14
 
 @dataclass(frozen=True)
 class SmoothingOptions:
-    """`mu` : the first smoothing, over the size of the first ‖Φ‖∞, at most 1. `memory` : merits that the line search
-    compares with. `max_iterations` : steps. `restarts` : other starts that are tried in the end."""
+    """Options of smoothing-newton. `mu` : the first smoothing, over the size of the first ‖Φ‖∞, at most 1. `memory`
+    : merits that the line search compares with. `max_iterations` : steps. `restarts` : other starts that are tried
+    in the end."""
 
     mu: float = searched(0.5, low=1e-2, high=10.0, log=True)
     memory: int = searched(3, low=1, high=20)
@@ -51,21 +52,21 @@ class SmoothingNewton(BoxNewton):
         options=SmoothingOptions,
     )
 
-    def method(self, box: Box, options: SmoothingOptions, budget: Budget) -> Method:
+    def method(self, box: CountedBox, options: SmoothingOptions, budget: Budget) -> BoxMethod:
         return _Smoothing(box, options)
 
 
-class _Smoothing(Method):
+class _Smoothing(BoxMethod):
     strategies = 2
 
-    def __init__(self, box: Box, options: SmoothingOptions) -> None:
+    def __init__(self, box: CountedBox, options: SmoothingOptions) -> None:
         super().__init__(box)
         self._options = options
         self._merits: deque[float] = deque(maxlen=options.memory)
         self._descent = Descent(box, fischer_burmeister, 1, project=True)
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """The other strategy smooths more."""
+        """Begin; the other strategy smooths more."""
         at = self._descent.at(z, F)
         size = min(1.0, float(np.abs(at.phi).max(initial=0.0))) if math.isfinite(at.merit) else 1.0
         self._first = self._mu = max(self._options.mu * (size if strategy == 0 else 10.0), LEAST)
@@ -78,13 +79,13 @@ class _Smoothing(Method):
         self.z, self.F = z, F
         self._merits.append(self._merit(self._mu, z, F)[0])
 
-    def _merit(self, mu: float, z: Vector, F: Vector) -> tuple[float, At, Vector]:
-        """‖H‖², Φ_μ with its derivatives, ∂Φ_μ/∂μ."""
+    def _merit(self, mu: float, z: Vector, F: Vector) -> tuple[float, MeritPoint, Vector]:
+        """Return ‖H‖², Φ_μ with its derivatives, ∂Φ_μ/∂μ."""
         with np.errstate(all="ignore"):
             phi, alpha, beta, by_mu = self.box.equation.smoothed(z, F, mu)
             merit = mu * mu + float(phi @ phi)
         merit = merit if math.isfinite(merit) else math.inf
-        return merit, At(z, F, phi, alpha, beta, 0.5 * merit), by_mu
+        return merit, MeritPoint(z, F, phi, alpha, beta, 0.5 * merit), by_mu
 
     def step(self) -> bool:
         J = self.box.jacobian(self.z)
@@ -92,7 +93,7 @@ class _Smoothing(Method):
             return False
         merit, at, by_mu = self._merit(self._mu, self.z, self.F)
         shrink = self._gamma * min(1.0, merit) * self._first - self._mu
-        target = At(at.z, at.F, at.phi + by_mu * shrink, at.alpha, at.beta, at.merit)
+        target = MeritPoint(at.z, at.F, at.phi + by_mu * shrink, at.alpha, at.beta, at.merit)
         d = self._descent.newton(target, J)
         if d is not None and self._search(d, shrink, merit):
             return True

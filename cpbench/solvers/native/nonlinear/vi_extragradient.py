@@ -11,9 +11,9 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.nonlinear.projection_run import (
     SHRINKS,
-    Method,
-    ProjectionOptions,
+    ProjectionMethod,
     ProjectionSolver,
+    VIProjectionOptions,
     lipschitz,
     projection_spec,
 )
@@ -21,14 +21,15 @@ from cpbench.solvers.options import searched
 
 
 @dataclass(frozen=True)
-class ExtragradientOptions(ProjectionOptions):
-    """`share` : γL must be at most this, below 1. `growth` : of γ after a step that was much shorter than allowed."""
+class ExtragradientOptions(VIProjectionOptions):
+    """Options of the methods of this module. `share` : γL must be at most this, below 1. `growth` : of γ after a
+    step that was much shorter than allowed."""
 
     share: float = searched(0.9, low=0.3, high=0.98)
     growth: float = searched(1.5, low=1.05, high=3.0)
 
 
-class Extragradient(Method):
+class Extragradient(ProjectionMethod):
     """y = P_S(z)(z − γF(z)), z⁺ = P_S(y)(z − γF(y)), with γ‖F(z) − F(y)‖ ≤ share·‖z − y‖ (Khobotov 1987)."""
 
     options: ExtragradientOptions
@@ -62,7 +63,7 @@ class VIExtragradient(ProjectionSolver):
 
     method = Extragradient
     spec: ClassVar[SolverSpec] = projection_spec(
-        "vi-extragradient",
+        "extragradient-vi",
         "extragradient with self-adaptive steps",
         "Korpelevich 1976, Matecon 12; Khobotov 1987, USSR Comput. Math. Math. Phys. 27; Marcotte 1991, INFOR 29",
         options=ExtragradientOptions,
@@ -76,7 +77,7 @@ class QVIProjection(ProjectionSolver):
 
     method = Extragradient
     spec: ClassVar[SolverSpec] = projection_spec(
-        "qvi-projection",
+        "projection-qvi",
         "extragradient on the moving set, self-adaptive steps",
         "Chan and Pang 1982, Math. Oper. Res. 7:211; Noor 1988, Appl. Math. Lett. 1:367",
         node="qvi",

@@ -11,9 +11,9 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.nonlinear.projection_run import (
     SHRINKS,
-    Method,
-    ProjectionOptions,
+    ProjectionMethod,
     ProjectionSolver,
+    VIProjectionOptions,
     lipschitz,
     projection_spec,
 )
@@ -24,13 +24,14 @@ LONGEST = 1e8
 
 
 @dataclass(frozen=True)
-class GoldenRatioOptions(ProjectionOptions):
-    """`phi` : φ of the paper, above 1 and at most (1 + √5)/2; 1.5 is what its experiments take."""
+class GoldenRatioOptions(VIProjectionOptions):
+    """Options of golden-ratio. `phi` : φ of the paper, above 1 and at most (1 + √5)/2; 1.5 is what its experiments
+    take."""
 
     phi: float = searched(1.5, low=1.2, high=1.618)
 
 
-class _GoldenRatio(Method):
+class _GoldenRatio(ProjectionMethod):
     """λₖ = min(ρλₖ₋₁, φθₖ₋₁/(4λₖ₋₁L²)), z̄ ← ((φ − 1)z + z̄)/φ, z⁺ = P_S(z̄ − λₖF(z)), θₖ = φλₖ/λₖ₋₁, ρ = 1/φ + 1/φ²
     (Malitsky 2020, algorithm 1), L that of the last step."""
 
@@ -66,7 +67,7 @@ class VIGoldenRatio(ProjectionSolver):
 
     method = _GoldenRatio
     spec: ClassVar[SolverSpec] = projection_spec(
-        "vi-golden-ratio",
+        "golden-ratio",
         "adaptive golden ratio algorithm",
         "Malitsky 2020, Math. Program. 184:383",
         options=GoldenRatioOptions,

@@ -9,7 +9,7 @@ import numpy as np
 from cpbench.formulations.qvi import QVI
 from cpbench.formulations.vi import VI
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.nonlinear.natural_newton import Conditions, NaturalNewton, NaturalNewtonOptions
+from cpbench.solvers.native.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
 from cpbench.solvers.native.nonlinear.projection_run import ProjectionSolver, run
 
 
@@ -22,7 +22,7 @@ class NaturalMapSolver(ProjectionSolver):
         return None
 
     def setup(self, problem: VI | QVI, budget: Budget, options: Any) -> VI | QVI:
-        field = Conditions(problem)
+        field = VIConditions(problem)
         x = np.concatenate([problem.start, np.zeros(field.size - field.n)])
         field.F(x)  # compiles it, and its derivative
         field.derivative(x)
@@ -36,7 +36,7 @@ class NaturalMapSolver(ProjectionSolver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        field = Conditions(prepared)
+        field = VIConditions(prepared)
         first = np.concatenate([prepared.start, np.zeros(field.size - field.n)])
         if start is not None:
             first = field.vector(start)
@@ -62,7 +62,7 @@ class VINewton(NaturalMapSolver):
     """For inequalities over any set that the node has; converges globally where F is monotone."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "vi-newton",
+        "newton-vi",
         "vi",
         "semismooth Newton on the natural map, extragradient steps where it does not descend",
         "Facchinei and Pang 2003, sections 9.1 and 12.1",
@@ -75,7 +75,7 @@ class QVINewton(NaturalMapSolver):
     """For sets that move: bounds, disks whose radius is a reaction, g(y, z) ≥ 0."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "qvi-newton",
+        "newton-qvi",
         "qvi",
         "semismooth Newton on the natural map of the moving set, extragradient steps where it does not descend",
         "Alart and Curnier 1991, Comput. Methods Appl. Mech. Eng. 92; Facchinei, Kanzow and Sagratella 2014, "

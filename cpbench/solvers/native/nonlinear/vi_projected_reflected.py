@@ -9,9 +9,9 @@ from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.nonlinear.projection_run import (
     SHRINKS,
-    Method,
-    ProjectionOptions,
+    ProjectionMethod,
     ProjectionSolver,
+    VIProjectionOptions,
     lipschitz,
     projection_spec,
 )
@@ -19,14 +19,15 @@ from cpbench.solvers.options import searched
 
 
 @dataclass(frozen=True)
-class ReflectedOptions(ProjectionOptions):
-    """`share` : λL is at most this, below √2 − 1. `growth` : the longest extrapolation τ that is tried."""
+class ReflectedOptions(VIProjectionOptions):
+    """Options of projected-reflected. `share` : λL is at most this, below √2 − 1. `growth` : the longest
+    extrapolation τ that is tried."""
 
     share: float = searched(0.4, low=0.1, high=0.41)
     growth: float = searched(1.2, low=1.0, high=2.0)
 
 
-class _Reflected(Method):
+class _Reflected(ProjectionMethod):
     """y = x + τ(x − x₋), λ = τλ₋ with λ‖F(y) − F(y₋)‖ ≤ share·‖y − y₋‖, x⁺ = P_S(x − λF(y)) (Malitsky 2015: τ = 1, and
     section 4 for steps that change). Measured and answered is y, whose F is at hand; it may be outside S by what the
     error, which counts that, allows."""
@@ -64,7 +65,7 @@ class VIProjectedReflected(ProjectionSolver):
 
     method = _Reflected
     spec: ClassVar[SolverSpec] = projection_spec(
-        "vi-projected-reflected",
+        "projected-reflected",
         "projected reflected gradient with adaptive steps",
         "Malitsky 2015, SIAM J. Optim. 25:502",
         options=ReflectedOptions,

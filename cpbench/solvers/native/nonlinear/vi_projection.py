@@ -10,9 +10,9 @@ from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.nonlinear.projection_run import (
     SHRINKS,
-    Method,
-    ProjectionOptions,
+    ProjectionMethod,
     ProjectionSolver,
+    VIProjectionOptions,
     lipschitz,
     projection_spec,
 )
@@ -26,14 +26,14 @@ WORSE = 2.0
 
 
 @dataclass(frozen=True)
-class FixedPointOptions(ProjectionOptions):
-    """`step` : γ, 0 for one that adapts to the Lipschitz constants met."""
+class VIFixedPointOptions(VIProjectionOptions):
+    """Options of projection-vi. `step` : γ, 0 for one that adapts to the Lipschitz constants met."""
 
     step: float = searched(0.0, low=0.0, high=10.0)
 
 
-class _FixedPoint(Method):
-    options: FixedPointOptions
+class _FixedPoint(ProjectionMethod):
+    options: VIFixedPointOptions
 
     def begin(self, z: Vector, F: Vector) -> None:
         self.z, self.F = z, F
@@ -70,8 +70,8 @@ class VIProjection(ProjectionSolver):
 
     method = _FixedPoint
     spec: ClassVar[SolverSpec] = projection_spec(
-        "vi-projection",
+        "projection-vi",
         "fixed point of z = P(z − γF(z)), γ adapts",
         "Goldstein 1964, Bull. Amer. Math. Soc. 70; Facchinei and Pang 2003, section 12.1",
-        options=FixedPointOptions,
+        options=VIFixedPointOptions,
     )

@@ -11,9 +11,9 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.nonlinear.projection_run import (
     SHRINKS,
-    Method,
-    ProjectionOptions,
+    ProjectionMethod,
     ProjectionSolver,
+    VIProjectionOptions,
     projection_spec,
 )
 from cpbench.solvers.options import searched
@@ -25,13 +25,13 @@ WIDENING, CLOSENESS = 16.0, 1.1
 
 
 @dataclass(frozen=True)
-class HyperplaneOptions(ProjectionOptions):
-    """`sigma` : share of the decrease that the line search asks for."""
+class HyperplaneOptions(VIProjectionOptions):
+    """Options of solodov-svaiter. `sigma` : share of the decrease that the line search asks for."""
 
     sigma: float = searched(0.3, low=0.05, high=0.9)
 
 
-class _Hyperplane(Method):
+class _Hyperplane(ProjectionMethod):
     """r = z − P_S(z − γF(z)); y = z − ηr with η = 1, ½, … such that F(y)ᵀr ≥ σ‖r‖²/γ; then z⁺ = P_S∩H(z) with
     H = {x : F(y)ᵀ(x − y) ≤ 0}. Needs F monotone and continuous, not Lipschitz.
 
@@ -65,9 +65,9 @@ class _Hyperplane(Method):
         return False
 
     def _nearest(self, a: Vector, y: Vector) -> Vector:
-        """P_S(z − ta) for a t ≥ 0 just below the root of aᵀ(P_S(z − ta) − y), which falls with t; at the root it is
-        P_S∩H(z). From below, ‖z⁺ − x*‖² ≤ ‖z − x*‖² − ‖z⁺ − z‖² holds for every solution x* without the root being
-        exact; the t that takes z to H, as if S were the whole space, is below it."""
+        """Return P_S(z − ta) for a t ≥ 0 just below the root of aᵀ(P_S(z − ta) − y), which falls with t; at the root
+        it is P_S∩H(z). From below, ‖z⁺ − x*‖² ≤ ‖z − x*‖² − ‖z⁺ − z‖² holds for every solution x* without the root
+        being exact; the t that takes z to H, as if S were the whole space, is below it."""
 
         def moved(t: float) -> Vector:
             return self.field.project(self.z - t * a, self.z)
@@ -96,7 +96,7 @@ class VISolodovSvaiter(ProjectionSolver):
 
     method = _Hyperplane
     spec: ClassVar[SolverSpec] = projection_spec(
-        "vi-solodov-svaiter",
+        "solodov-svaiter",
         "hyperplane projection, projected on S and the half space at once",
         "Solodov and Svaiter 1999, SIAM J. Control Optim. 37:765",
         options=HyperplaneOptions,

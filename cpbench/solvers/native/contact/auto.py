@@ -1,0 +1,98 @@
+"""Frictional contact by whichever of Gauss–Seidel, Newton and ADMM promises to be done first, from what they cost."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import load_all
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.contact.phases import Phases, counters
+from cpbench.solvers.native.contact.sweeps import (
+    ROUNDED,
+    AcceleratedSweeps,
+    ScaledContacts,
+    conclude,
+    scaled_contacts,
+)
+from cpbench.solvers.options import fixed, searched
+
+WORDS = 12
+"""Phases that the message tells of, the last ones."""
+
+
+@dataclass(frozen=True)
+class AutoContactOptions:
+    """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps and iterations of
+    ADMM together."""
+
+    sweeps: int = searched(50, low=10, high=500, log=True)
+    max_iterations: int = fixed(200_000)
+
+
+@register
+class AutoContact(Solver):
+    """Accelerated sweeps first; then, phase by phase, what `policy` says. The message tells the phases and what they
+    reached where there were several. Work is counted, not timed: the way to an answer is the same on every machine,
+    and on a busy one.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="auto-fc",
+        node="fc",
+        summary="Gauss-Seidel with acceleration, Newton or ADMM, whichever promises to be done first",
+        method="automatic choice",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=AutoContactOptions,
+    )
+
+    def setup(self, problem: FrictionContact, budget: Budget, options: AutoContactOptions) -> ScaledContacts:
+        return scaled_contacts(problem)
+
+    def warmup(self) -> None:
+        load_all("solvers", ("anderson", "block_layout", "contact_splitting", "contact_newton"))
+
+    def solve(
+        self,
+        prepared: ScaledContacts,
+        budget: Budget,
+        options: AutoContactOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        rows, limit = prepared.rows, budget.iterations or options.max_iterations
+        deadline = time.monotonic() + budget.seconds
+        sweeps = AcceleratedSweeps(rows, None if start is None else start.r)
+        look = None
+        if record is not None:
+            begin = np.zeros(prepared.q.size) if start is None else start.r
+            record(0, rows.judged(begin), lambda: FCPoint(begin))
+            look = partial(_tell, record, sweeps)
+        sweeps.sweep(min(options.sweeps, limit), budget.tolerance, look)
+        # most small problems are done here, in less time than it takes to prepare for more
+        if sweeps.error <= budget.tolerance:
+            made = counters(sweeps.done)
+            return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
+        begin = np.zeros(prepared.q.size) if start is None else start.r
+        run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
+        claim, message = Claim.MAX_ITER, f"{limit} iterations"
+        while not run.error <= budget.tolerance and run.iterations < limit:
+            if time.monotonic() > deadline:
+                claim, message = Claim.FAILED, f"out of time after {run.iterations} iterations"
+                break
+            run.phase()
+        if run.error <= budget.tolerance:
+            claim, message = Claim.INACCURATE, ROUNDED
+        output = conclude(rows.problem, run.best, run.error, budget, claim, message, run.counters)
+        parts = (", ".join(run.messages[-WORDS:]), output.message)
+        return replace(output, message="; ".join(part for part in parts if part))
+
+
+def _tell(record: Record, sweeps: AcceleratedSweeps) -> None:
+    record(sweeps.done, sweeps.error, lambda: FCPoint(sweeps.best))

@@ -1,0 +1,56 @@
+"""Automatic choice on LCPs: pivoting where it is quick, faces and Newton where M is large and sparse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench.formulations.lcp import LCP
+from cpbench.matrices import is_sparse, nnz
+from cpbench.solvers.base import SolverSpec, register
+from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
+
+SMALL = 200
+"""Up to this many unknowns Lemke's method is done before others have factored M_FF a few times."""
+LARGE = 2000
+"""Beyond, what takes M apart in dense storage is asked last."""
+FEW = 0.1
+"""A larger share of nonzeros counts as dense."""
+STEPS = 2000
+"""Of conjugate gradients on faces, a product with M each, before Newton's method is asked."""
+
+
+@register
+class AutoLCP(AutomaticChoice):
+    """Lemke's method on small problems and block principal pivoting on larger ones, then Newton's on equations whose
+    stationary points lie elsewhere; conjugate gradients first where M is large, sparse and symmetric.
+
+    Of at most 20 unknowns, all complementary bases are tried in the end: a solution is found if there is one.
+    """
+
+    spec: ClassVar[SolverSpec] = automatic_spec(
+        "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure"
+    )
+    members: ClassVar[tuple[str, ...]] = (
+        "lemke",
+        "bpp",
+        "projected-cg",
+        "newton-min",
+        "newton-fb",
+        "newton-pfb",
+        "enumeration-lcp",
+    )
+    kernels: ClassVar[tuple[str, ...]] = ("pivoting", "lemke_judged", "mprgp", "complementary_bases")
+
+    def phases(self, problem: LCP) -> Sequence[SolverPhase]:
+        n = problem.q.size
+        newton = [SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")]
+        if n > LARGE and is_sparse(problem.M) and nnz(problem.M) < FEW * n * n:
+            faces = [SolverPhase("projected-cg", STEPS)] if problem.symmetric else []
+            return [*faces, *newton, SolverPhase("projected-cg"), SolverPhase("bpp"), SolverPhase("lemke")]
+        if n <= SMALL:
+            return [SolverPhase("lemke"), *newton, SolverPhase("enumeration-lcp")]
+        bordered = [SolverPhase("bpp")] if bool(np.all(problem.M.diagonal() > 0)) else []
+        return [*bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]

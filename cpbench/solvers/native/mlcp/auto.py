@@ -1,0 +1,38 @@
+"""Automatic choice on MLCPs: pivoting where matrices are dense, the interior point where they are large and sparse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from cpbench.formulations.mlcp import MLCP
+from cpbench.matrices import is_sparse
+from cpbench.solvers.base import SolverSpec, register
+from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
+
+LARGE = 2000
+"""Unknowns beyond which what takes sparse matrices apart in dense storage is asked last."""
+
+
+@register
+class AutoMLCP(AutomaticChoice):
+    """Lemke's method, which A may be singular for, or the interior point; Newton's method where they end in a ray.
+
+    Of at most 20 pairs, all complementary bases are tried in the end: a solution is found if there is one.
+    """
+
+    spec: ClassVar[SolverSpec] = automatic_spec("mlcp", "auto-mlcp", "Lemke, Newton or interior point, by size")
+    members: ClassVar[tuple[str, ...]] = (
+        "lemke-mlcp",
+        "newton-min-mlcp",
+        "newton-fb-mlcp",
+        "interior-point-mlcp",
+        "enumeration-mlcp",
+    )
+    kernels: ClassVar[tuple[str, ...]] = ("mlcp_pivoting", "mlcp_judged", "complementary_bases")
+
+    def phases(self, problem: MLCP) -> Sequence[SolverPhase]:
+        newton = [SolverPhase("newton-min-mlcp"), SolverPhase("newton-fb-mlcp")]
+        if problem.a.size + problem.b.size > LARGE and is_sparse(problem.A):
+            return [SolverPhase("interior-point-mlcp"), *reversed(newton), SolverPhase("lemke-mlcp")]
+        return [SolverPhase("lemke-mlcp"), *newton, SolverPhase("interior-point-mlcp"), SolverPhase("enumeration-mlcp")]

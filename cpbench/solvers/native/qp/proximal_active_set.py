@@ -1,0 +1,112 @@
+"""Proximal-point steps for convex dense QPs whose Q is singular, each by the dual active set."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.formulations.qp import QP
+from cpbench.matrices import max_abs
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.dual_active_set import ActiveSet
+from cpbench.solvers.native.qp.scaling import scaled
+from cpbench.solvers.options import fixed, searched
+
+STALL = 30
+"""Least number of iterations without gain that ends a run."""
+LEAST = 0.1
+"""The size of Q, its data scaled, counts as this at least when ε is chosen: Q may be 0."""
+
+
+@dataclass(frozen=True)
+class ProximalActiveSetOptions:
+    """Options of proximal-active-set. `proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in
+    dual-active-set. `max_iterations` : proximal steps and passes together, 0 stands for 50(n + rows) + 1000."""
+
+    proximal: float = searched(1e-5, low=1e-9, high=1e-2, log=True)
+    feasibility_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
+    max_iterations: int = fixed(0)
+
+
+@register
+class ProximalActiveSet(Solver):
+    """x⁺ = argmin ½xᵀQx + pᵀx + ½ε‖x − x⁰‖² over the constraints, from the working set of the step before.
+
+    Q + εI is factorized once. The steps end after finitely many where the constraints bind (a linear program), else
+    they converge with the factor ε/(ε + σ), σ the least eigenvalue of Q that is not 0. A step that repeats itself is a
+    ray along which the objective may be unbounded: that is checked.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="proximal-active-set",
+        node="qp",
+        summary="proximal-point steps over the dual active set, dense, Q semidefinite",
+        method="dual active set",
+        citation="Rockafellar 1976, SIAM J. Control Optim. 14:877; Arnström, Bemporad and Axehill 2022, IEEE TAC 67",
+        traits=frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=ProximalActiveSetOptions,
+    )
+
+    def obstacle(self, problem: QP) -> str | None:
+        return dense_obstacle(problem) or convex_obstacle(problem)
+
+    def warmup(self) -> None:
+        self.run(QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1)))
+
+    def solve(
+        self,
+        prepared: QP,
+        budget: Budget,
+        options: ProximalActiveSetOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        measure, form = ErrorMeasure(prepared, record), scaled(prepared)
+        n, rows = form.g.size, form.E.size
+        epsilon = options.proximal * max(max_abs(form.H), LEAST)
+        H, G = matrices.dense(form.H), matrices.dense(form.G)
+        H[np.diag_indices(n)] += epsilon
+        x, y = (np.zeros(n), np.zeros(n + rows)) if start is None else form.start(start)
+        measure.see(0, form.parts(x, y))
+        try:
+            method = ActiveSet(H, G, form.lower, form.upper, options.feasibility_tolerance)
+        except np.linalg.LinAlgError as cause:
+            message = f"Q + εI: {cause}: Q is not semidefinite to {options.proximal:.0e}"
+            return measure.conclude(budget, {"iterations": 0}, Claim.FAILED, message)
+        limit = budget.iterations or options.max_iterations or 50 * (n + rows) + 1000
+        deadline, progress, stops = time.monotonic() + budget.seconds, Progress(STALL), method.stops
+        steps = 0
+
+        def look(passing: bool = True) -> float:
+            return measure.see(method.passes + steps, form.parts(method.x(), method.multipliers()), passing=passing)
+
+        while True:
+            steps += 1
+            method.begin(form.g - epsilon * x, y)
+            outcome = method.climb(limit - steps, deadline, None if record is None else look)
+            counters = {"iterations": method.passes + steps, "proximal_steps": steps}
+            if outcome == stops.INFEASIBLE:
+                y = method.multipliers() * np.concatenate([1.0 / form.D, form.E])
+                m = prepared.b.size
+                proved = infeasible(prepared, y[n : n + m], y[n + m :], counters)
+                message = "the dual objective seems unbounded, and nothing proves it"
+                return proved or measure.conclude(budget, counters, Claim.FAILED, message)
+            error, before = look(passing=False), x
+            x, y = method.x(), method.multipliers()
+            if error <= budget.tolerance:
+                return measure.conclude(budget, counters)
+            if outcome == stops.LIMIT or counters["iterations"] >= limit or time.monotonic() > deadline:
+                message = f"error {measure.least:.1e} after {counters['iterations']} iterations"
+                return measure.conclude(budget, counters, Claim.MAX_ITER, message)
+            endless = unbounded(prepared, form.D * (x - before), counters)
+            if endless is not None:
+                return endless
+            trouble = progress.trouble(counters["iterations"], error)
+            if trouble is not None:
+                return measure.conclude(budget, counters, Claim.FAILED, trouble)

@@ -1,0 +1,100 @@
+"""Old names of solvers: they still work and say so once; old results and baselines are read under the new names."""
+
+import logging
+import sqlite3
+from contextlib import closing
+
+import numpy as np
+import pytest
+from edited_results import seal_anew
+
+from cpbench import storage
+from cpbench.analysis import baseline
+from cpbench.bench.lane import Lane
+from cpbench.bench.planning import plan
+from cpbench.bench.planning.grids import entries
+from cpbench.bench.results.store import Store
+from cpbench.errors import DuplicateName
+from cpbench.formulations import LCP
+from cpbench.registry import Registry
+from cpbench.solvers import solvers
+from cpbench.solvers.renamed import RENAMED
+
+LIMITS = plan.Limits(seconds=20.0, repeats=1)
+OLD, NEW = "lcp-enumeration", "enumeration-lcp"
+
+
+def test_every_old_name_stands_for_a_solver_that_exists():
+    names = set(solvers.names())
+    assert set(RENAMED.values()) <= names
+    assert not set(RENAMED) & names
+    assert len(set(RENAMED.values())) == len(RENAMED)
+
+
+def test_native_names_end_in_no_other_node_than_their_own():
+    nodes = {solver.spec.node for solver in solvers} | {"contact", "cone", "global", "rolling"}
+    for solver in solvers:
+        first, _, last = solver.spec.name.rpartition("-")
+        if first and last in nodes and type(solver).__module__.startswith("cpbench.solvers.native."):
+            assert last == solver.spec.node, solver.spec.name
+
+
+def test_an_old_name_works_and_says_so_once(caplog):
+    registry = Registry("solver", renamed={"old": "new"})
+    item = registry.add("new", object())
+    with caplog.at_level(logging.WARNING):
+        assert registry.get("old") is item
+        assert registry.get("old") is item
+    assert [record.getMessage() for record in caplog.records] == ["solver 'old' is now called 'new'"]
+    assert "old" in registry
+    assert registry.names() == ["new"]
+
+
+def test_an_old_name_is_not_given_to_another_solver():
+    registry = Registry("solver", renamed={"old": "new"})
+    with pytest.raises(DuplicateName, match="old name of 'new'"):
+        registry.add("old", object())
+
+
+def test_a_plan_names_solvers_as_they_are_called_now():
+    assert [entry.label for entry in entries([OLD])] == [NEW]
+
+
+def test_results_written_under_an_old_name_are_read_and_resumed_under_the_new_one(tmp_path):
+    """The names are put back in a file of today, with its seals, as an older cpbench would have written it."""
+    storage.save(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0])), tmp_path / "p.h5")
+    asked = [plan.exact()]
+    with Lane() as lane:
+        survey = lane.survey(str(tmp_path / "p.h5"), asked)
+        (pair,) = plan.pairs([survey], entries([NEW]), asked, 1e-6, LIMITS)
+        outcome = lane.run(pair, lane.prepare(pair))
+    path = tmp_path / "old.sqlite"
+    with Store(path, create=True) as store:
+        store.plan([pair])
+        store.finish(pair.key, {**outcome.row, "status": "solved"})
+        store.set_meta(solvers={OLD: {"version": "0.1"}})
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("UPDATE rows SET solver = ?, label = ?", (OLD, OLD))
+        db.commit()
+    seal_anew(path)
+
+    with Store(path) as store:
+        table = store.table()
+        assert list(table["solver"]) == list(table["label"]) == [NEW]
+        assert store.row(pair.key)["label"] == NEW
+        assert [row["solver"] for row in store.rows()] == [NEW]
+        assert store.meta()["solvers"] == {NEW: {"version": "0.1"}}
+        assert not store.audit().broken
+    with Store(path, create=True) as store:
+        store.plan([pair])  # the same pair, asked for by its new name
+        assert store.pending() == set()
+        assert len(store.table()) == 1
+
+
+def test_a_baseline_of_old_names_compares_with_results_of_new_ones():
+    import pandas as pd
+
+    rows = {"problem": ["p"], "fingerprint": ["p"], "solver": [NEW], "label": [NEW], "tolerance": [1e-6]}
+    today = baseline.of(pd.DataFrame(rows | {"status": ["solved"], "error": [1e-9], "claim": ["solved"]}))
+    kept = baseline.parse(baseline.text(today).replace(NEW, OLD), "baseline.csv")
+    assert list(kept["solver"]) == [NEW]
