@@ -37,14 +37,14 @@ _DEPTH = 8
 
 
 def write_texts(group: h5py.Group, info: Info) -> None:
-    """title, description and math_info as string data sets (FCLIB's info, and the native one)."""
+    """Write title, description and math_info as string data sets (FCLIB's info, and the native one)."""
     for name in TEXTS:
         if getattr(info, name):
             put_text(group, name, getattr(info, name))
 
 
 def write_info(parent: h5py.Group, info: Info, *, texts: bool) -> None:
-    """The group `info`, left out when there is nothing to say; `texts` are FCLIB's own in a contact problem."""
+    """Write the group `info`, left out when there is nothing to say; `texts` are FCLIB's own in a contact problem."""
     if info == (
         Info(title=info.title, description=info.description, math_info=info.math_info) if not texts else Info()
     ):
@@ -60,7 +60,7 @@ def write_info(parent: h5py.Group, info: Info, *, texts: bool) -> None:
 
 
 def read_info(problem: Tree, texts: Tree | None) -> Info:
-    """`texts` is the group of title, description and math_info (FCLIB's or `info` itself)."""
+    """Read the info; `texts` is the group of title, description and math_info (FCLIB's or `info` itself)."""
     said: dict[str, Any] = {name: texts.text(name) for name in TEXTS} if texts else {}
     if "info" in problem:
         group = problem.child("info")
@@ -158,7 +158,7 @@ def _factorization(group: Tree, name: str, A: Any) -> Factorization:
 
 
 def _to_json(values: Mapping[str, Any]) -> str:
-    """NumPy scalars as numbers; what is neither a number, a string nor a list of them is refused."""
+    """Return JSON with NumPy scalars as numbers; refuse what is neither a number, a string nor a list of them."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, np.generic):
@@ -182,7 +182,7 @@ def _json(group: Tree, name: str, text: Any) -> dict[str, Any]:
 
 
 def write_place(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
-    """`sequence` and `contacts` of a problem that has them."""
+    """Write `sequence` and `contacts` of a problem that has them."""
     sequence: Sequence | None = getattr(problem, "sequence", None)
     contacts: Contacts | None = getattr(problem, "contacts", None)
     if sequence is not None:
@@ -197,7 +197,7 @@ def write_place(parent: h5py.Group, problem: Problem, *, compress: bool) -> None
 
 
 def read_place(parent: Tree) -> dict[str, Any]:
-    """Fields `sequence` and `contacts`, absent where the file has none."""
+    """Return fields `sequence` and `contacts`, absent where the file has none."""
     found: dict[str, Any] = {}
     if "sequence" in parent:
         group = parent.child("sequence")

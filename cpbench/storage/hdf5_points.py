@@ -54,7 +54,7 @@ def put_guesses(parent: h5py.Group, problem: Problem, points: Sequence[Point]) -
 
 
 def read_point(tree: Tree, kind: type[Point]) -> Any:
-    """The point of a group; parts that are empty by default may be missing. Raises FormatError."""
+    """Read the point of a group; parts that are empty by default may be missing. Raises FormatError."""
     parts: dict[str, Any] = {}
     for name, f in kind.__dataclass_fields__.items():
         fclib = _names(kind).get(name, name)
@@ -67,7 +67,9 @@ def read_point(tree: Tree, kind: type[Point]) -> Any:
 
 
 def _slacks(problem: Problem, point: Point) -> dict[str, NDArray[Any]]:
-    """What stands beside a point; not the value of a nonlinear map, whose last bits differ between machines."""
+    """Return the values stored beside a point, without those of nonlinear maps, whose last bits differ between
+    machines.
+    """
     if problem.maps() and not isinstance(problem, ContactProblem):
         return {}
     return {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}

@@ -61,7 +61,7 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
 
 
 def read(parent: Tree, name: str) -> Problem:
-    """The problem whose `cpbench` group stands in `parent`; `name` when none is stored. Raises FormatError."""
+    """Read the problem whose `cpbench` group stands in `parent`; `name` when none is stored. Raises FormatError."""
     own = parent.child("cpbench")
     said = own.attributes()
     node = _node(own, said)

@@ -42,14 +42,14 @@ class _ArrayExchange(Exchange):
 
     @abstractmethod
     def _get(self, path: Path, wanted: Iterable[str]) -> tuple[Arrays, bytes]:
-        """Those of the arrays that are there, and the header, b"" where there is none; raises FormatError."""
+        """Return those of the arrays that are there, and the header (b"" without one); raises FormatError."""
 
     def _put_maps(self, problem: Problem) -> Arrays:
-        """The nonlinear maps of a problem as arrays, where the exchange carries any."""
+        """Return the nonlinear maps of a problem as arrays, where the exchange carries any."""
         return {}
 
     def _get_maps(self, path: Path, cls: type[Problem]) -> Mapping[str, Map]:
-        """The maps of a problem of class `cls`; raises FormatError."""
+        """Return the maps of a problem of class `cls`; raises FormatError."""
         return {}
 
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
@@ -143,7 +143,7 @@ class NpzFile(_ArrayExchange):
 
 
 def _bytes(folder: Path, name: str) -> bytes | None:
-    """A file of a folder, None when it is not there; raises FormatError."""
+    """Read a file of a folder, None when it is not there; raises FormatError."""
     try:
         with open(os.path.join(folder, name), "rb", buffering=0) as file:
             return file.readall()
