@@ -19,7 +19,9 @@ UNKNOWN = ("nothing", "infeasible")
 
 
 def builtin_folder() -> Path:
-    """The shipped problems: inside an installed package, beside it in a checkout. Raises CpbenchError without them."""
+    """Return the folder of the shipped problems, inside an installed package or beside it in a checkout; raises
+    CpbenchError.
+    """
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "problems", package.parent / "problems"):
         if any(folder.glob("*/*.h5")):
@@ -28,7 +30,8 @@ def builtin_folder() -> Path:
 
 
 def quick_problems(folder: Path) -> list[str]:
-    """Addresses of the small problems of every formulation whose solution is known: `builtin/NODE/COLLECTION.h5::NAME`.
+    """Return the addresses of the small problems of every formulation whose solution is known:
+    `builtin/NODE/COLLECTION.h5::NAME`.
 
     FEW of a formulation, from its collections in turn: of each the largest first that has no dimension above SMALL.
     """
@@ -76,7 +79,7 @@ def write_collections(folder: str | Path, names: Sequence[str] = ()) -> Iterator
 
 
 def _sheet(collection: Collection, instances: list[Instance]) -> str:
-    """What the collection is, and a table an instance: sizes, fingerprint, what is known, properties."""
+    """Describe a collection, with a table for each instance: sizes, fingerprint, known solution, properties."""
     first = instances[0].problem.info
     lines = [
         f"name = {_quoted(collection.name)}",

@@ -85,7 +85,7 @@ class Step:
 
 @collection("contact-sequence", "fc", SUMMARY + ", Delassus form", CITATION, builtin=False)
 def build_local() -> list[Instance]:
-    """u = Wr + q with W = HᵀM⁻¹H and q = HᵀM⁻¹f + w."""
+    """Build the steps as u = Wr + q with W = HᵀM⁻¹H and q = HᵀM⁻¹f + w."""
     found: list[Instance] = []
     for step in scene():
         inverse = sp.diags_array(1.0 / step.body.M)
@@ -98,7 +98,7 @@ def build_local() -> list[Instance]:
 
 @collection("contact-sequence-global", "gfc", SUMMARY, CITATION, builtin=False)
 def build_global() -> list[Instance]:
-    """Mv = Hr + f, u = Hᵀv + w."""
+    """Build the steps as Mv = Hr + f, u = Hᵀv + w."""
     found: list[Instance] = []
     for step in scene():
         problem = GlobalFrictionContact(
@@ -125,7 +125,7 @@ def _place(step: Step, earlier: list[Instance], name: str) -> dict[str, Any]:
 
 
 def _properties(step: Step) -> dict[str, Any]:
-    """How many contacts push, and how many of these slide."""
+    """Count the contacts that push, and those of these that slide."""
     R = step.r.reshape(-1, 3)
     pushing = R[:, 0] > 0
     sliding = pushing & (np.hypot(R[:, 1], R[:, 2]) >= MU * R[:, 0] * (1 - 1e-12))
@@ -134,12 +134,12 @@ def _properties(step: Step) -> dict[str, Any]:
 
 @cache
 def scene() -> tuple[Step, ...]:
-    """The kept steps, in order."""
+    """Simulate the sequence and return its kept steps, in order."""
     return tuple(step for step in _run(_at_rest()) if step.index >= 0)
 
 
 def _at_rest() -> Body:
-    """18 spheres of three sizes in two layers, a little out of line."""
+    """Place 18 spheres of three sizes in two layers, a little out of line."""
     rng = generator(45)
     place = (-0.65, 0.0, 0.65)
     x = np.array([[a, b, c] for c in (-0.62, 0.05) for b in place for a in place])
@@ -171,7 +171,9 @@ def _run(body: Body) -> Iterator[Step]:
 
 
 def _contacts(body: Body, angle: float) -> tuple[Contacts, Vector]:
-    """Pairs whose gap is below MARGIN, and their gaps. Normals point to the first body; wall k is body n + k."""
+    """Find the pairs whose gap is below MARGIN, and their gaps. Normals point to the first body; wall k is body n +
+    k.
+    """
     n, c, s = len(body.x), math.cos(angle), math.sin(angle)
     axes = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
     walls = np.concatenate([axes, -axes])  # inward normals, 1 m from the centre
@@ -201,7 +203,7 @@ def _contacts(body: Body, angle: float) -> tuple[Contacts, Vector]:
 
 
 def _frame(normal: Vector) -> Dense:
-    """The normal, and two tangents that start from the axis it is farthest from: they jump where that changes."""
+    """Return the normal and two tangents that start from the axis it is farthest from: they jump where that changes."""
     tangent = _cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     tangent = tangent / norm(tangent)
     return np.array([normal, tangent, _cross(normal, tangent)])
@@ -212,7 +214,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 
 def _kinematics(body: Body, contacts: Contacts) -> tuple[sp.csr_array, Vector]:
-    """H, and w of the walls alone: their velocity SPIN e_y × p at the contact point p, negative."""
+    """Return H, and w of the walls alone: their velocity SPIN e_y × p at the contact point p, negative."""
     n, nc = len(body.x), len(contacts.id)
     H, w = np.zeros((6 * n, 3 * nc)), np.zeros((nc, 3))
     for c, ((first, second), p, F) in enumerate(
@@ -227,7 +229,7 @@ def _kinematics(body: Body, contacts: Contacts) -> tuple[sp.csr_array, Vector]:
 
 
 def _solve(H: sp.csr_array, w: Vector, f: Vector, M: Vector, guess: Dense, tolerance: float) -> tuple[Vector, Vector]:
-    """r and u of a step, complementary to rounding; u is Hᵀv⁺ + w up to what GRID and the tolerance leave.
+    """Solve for r and u of a step, complementary to rounding; u is Hᵀv⁺ + w up to what GRID and the tolerance leave.
 
     r ← P_K(r − ρû(r)) with ρ ≤ 1/λ_max(W), De Saxcé and Feng's fixed point, with Nesterov's momentum, dropped where it
     points back.

@@ -45,7 +45,7 @@ class _Monotone:
         self.d = dyadic(self.rng, n, 1, 8)
 
     def map(self, z: Vector, value: Vector) -> Map:
-        """F with F(z) = value, to the last digits of arctan."""
+        """Return F with F(z) = value, to the last digits of arctan."""
         q = value - self.M @ z - self.d * arctan(z)
         x = unknowns(self.n)
         linear = product(self.M, x)
@@ -54,7 +54,7 @@ class _Monotone:
 
 
 def complementarity(n: int) -> Instance:
-    """0 ≤ z ⟂ F(z) ≥ 0; a tenth of the components is degenerate, zᵢ = Fᵢ = 0."""
+    """Build 0 ≤ z ⟂ F(z) ≥ 0; a tenth of the components is degenerate, zᵢ = Fᵢ = 0."""
     made = _Monotone(n, n)
     size = dyadic(made.rng, n, 1, 8)
     kind = made.rng.integers(0, 10, n)
@@ -65,7 +65,7 @@ def complementarity(n: int) -> Instance:
 
 
 def simplex(n: int) -> Instance:
-    """Over {z ≥ 0, Σz = d}, from the barycentre: F(z) = w + μ, 0 ≤ z ⟂ w ≥ 0."""
+    """Build the VI over {z ≥ 0, Σz = d}, from the barycentre: F(z) = w + μ, 0 ≤ z ⟂ w ≥ 0."""
     made = _Monotone(n, 1000 + n)
     size = dyadic(made.rng, n, 1, 4)
     used = made.rng.integers(0, 3, n) > 0
@@ -79,7 +79,7 @@ def simplex(n: int) -> Instance:
 
 
 def box(n: int) -> Instance:
-    """Over [−2, 3]ⁿ: a third of the components at either bound."""
+    """Build the VI over [−2, 3]ⁿ: a third of the components at either bound."""
     made = _Monotone(n, 2000 + n)
     size = dyadic(made.rng, n, 1, 2)
     side = made.rng.integers(-1, 2, n)

@@ -75,7 +75,7 @@ def _program(number: int, *parts: Any, **others: Any) -> None:
 
 
 def _instances(rows: str) -> list[Instance]:
-    """Those whose rows are nothing but bounds, or linear, or nonlinear."""
+    """Build the instances whose rows are only bounds, linear, or nonlinear."""
     problems = {number: program.problem(f"hs{number}") for number, program in sorted(_PROGRAMS.items())}
     return [_instance(problem, POINTS[number]) for number, problem in problems.items() if _rows(problem) == rows]
 
@@ -98,7 +98,7 @@ def _instance(problem: NLP, known: Known) -> Instance:
 
 
 def _filled(values: Sequence[float], size: int) -> Any:
-    """No multiplier given: all are 0."""
+    """Fill in multipliers of 0 where none is given."""
     return np.array(values, dtype=float) if values else np.zeros(size)
 
 

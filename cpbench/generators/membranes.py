@@ -59,7 +59,7 @@ class _Square:
         return float(self.edge[i, j])
 
     def laplacian(self, i: int, j: int) -> Symbol:
-        """−h²Δu, where u is 0 around."""
+        """Return −h²Δu, where u is 0 around."""
         around = [self(*at) for at in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1))]
         return 4.0 * self(i, j) - total(u for u in around if isinstance(u, Symbol))
 
@@ -68,7 +68,7 @@ class _Square:
 
 
 def membrane(n: int, load: float = 1.0) -> Instance:
-    """−Δu = load between (sin 9.2x · sin 9.3y)³ and (sin 9.2x · sin 9.3y)² + 0.2; starts at max(0, lb)."""
+    """Build −Δu = load between (sin 9.2x · sin 9.3y)³ and (sin 9.2x · sin 9.3y)² + 0.2; starts at max(0, lb)."""
     u = _Square(n)
     at = np.arange(1, n + 1) * u.h
     wave = np.multiply.outer(sine(9.2 * at), sine(9.3 * at)).ravel()
@@ -80,7 +80,7 @@ def membrane(n: int, load: float = 1.0) -> Instance:
 
 
 def bratu(n: int, load: float, roof: float) -> Instance:
-    """−Δu = load · eᵘ, 0 ≤ u ≤ roof. Without the roof there is no solution for loads above 6.808.
+    """Build −Δu = load · eᵘ, 0 ≤ u ≤ roof. Without the roof there is no solution for loads above 6.808.
 
     The symmetric Jacobian −Δ − load · eᵘ loses its definiteness as u grows: not monotone on the whole box.
     """
@@ -92,7 +92,7 @@ def bratu(n: int, load: float, roof: float) -> Instance:
 
 
 def minimal_surface(n: int) -> Instance:
-    """The gradient of the area over u = 1 − (2x − 1)² on two sides, 0 on the others, u ≥ 1 on the middle quarter.
+    """Build the gradient of the area over u = 1 − (2x − 1)² on two sides, 0 on the others, u ≥ 1 on the middle quarter.
 
     Two triangles a cell: the one of a point and its right and upper neighbours has the area ½h²·√(1 + |∇u|²).
     """

@@ -31,7 +31,7 @@ DEGENERATE = (6.0**0.5 / 2.0, 0.0, 0.0, 0.5)
     "Prog. 37:1; Billups 1995, thesis, Wisconsin; Munson (MCPLIB); Dirkse and Ferris 1995, OMS 5:319",
 )
 def build() -> list[Instance]:
-    """Kojima–Shindo, Josephy, Mathiesen's market at two data, Billups, munson1."""
+    """Build Kojima–Shindo, Josephy, Mathiesen's market at two data, Billups, munson1."""
     return [
         kojima_shindo(),
         josephy(),
@@ -43,7 +43,7 @@ def build() -> list[Instance]:
 
 
 def of(n: int, formula: Callable[[list[Symbol]], Sequence[Any]]) -> Map:
-    """The map z ↦ formula(z) of n unknowns."""
+    """Return the map z ↦ formula(z) of n unknowns."""
     z = unknowns(n)
     return mapped(z, formula(z))
 
@@ -66,7 +66,7 @@ def kojima_shindo_map() -> Map:
 
 
 def kojima_shindo() -> Instance:
-    """Four quadratics, not monotone, with two solutions, one of them degenerate."""
+    """Build four quadratics, not monotone, with two solutions, one of them degenerate."""
     problem = NCP(F=kojima_shindo_map(), start=MCPLIB_STARTS[0], name="kojima-shindo")
     said = {
         "class": "two solutions",
@@ -77,7 +77,7 @@ def kojima_shindo() -> Instance:
 
 
 def josephy() -> Instance:
-    """Kojima's four quadratics with other second and third rows: F(z) = (0, 2 + √6/2, 5, 0) at the solution."""
+    """Build Kojima's four quadratics with other second and third rows: F(z) = (0, 2 + √6/2, 5, 0) at the solution."""
 
     def F(z: list[Symbol]) -> list[Symbol]:
         a, b, c, d = z
@@ -94,7 +94,8 @@ def josephy() -> Instance:
 
 
 def mathiesen(name: str, share: float, rest: float, b: Sequence[float], solution: Sequence[float]) -> Instance:
-    """Activity y and prices p of three goods; the consumer owns b₂, b₃ and spends `share` on good 1, `rest` on good 2.
+    """Build activity y and prices p of three goods; the consumer owns b₂, b₃ and spends `share` on good 1, `rest` on
+    good 2.
 
     Homogeneous in p: with p, every t·p with t > 0 is a solution, and F′ is singular there. Not defined at p = 0.
     """
@@ -110,7 +111,9 @@ def mathiesen(name: str, share: float, rest: float, b: Sequence[float], solution
 
 
 def billups() -> Instance:
-    """F(z) = (z − 1)² − 1.01, from 0: Newton's directions lead to where merits are least, and that is no solution."""
+    """Build F(z) = (z − 1)² − 1.01, from 0: Newton's directions lead to where merits are least, which is no
+    solution.
+    """
     problem = NCP(F=of(1, lambda z: [(z[0] - 1.0) ** 2 - 1.01]), start=np.zeros(1), name="billups")
     solution = NCPPoint(z=[1.0 + np.sqrt(1.01)])
     said = {"class": "made against Newton", "degenerate": False}
@@ -118,7 +121,7 @@ def billups() -> Instance:
 
 
 def munson1() -> Instance:
-    """Three unknowns of MCPLIB, affine: z = (1, 0, 0)."""
+    """Build three unknowns of MCPLIB, affine: z = (1, 0, 0)."""
     M, q = np.array([[1.0, 2, 3], [0, 1, -1], [1, 1, 0]]), (-1.0, 1.0, 1.0)
     F = of(3, lambda z: [row + c for row, c in zip(product(M, z), q, strict=True)])
     return Instance(NCP(F=F, name="munson1"), NCPPoint(z=[1.0, 0, 0]), "published", properties={"class": "affine"})

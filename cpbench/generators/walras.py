@@ -86,7 +86,9 @@ class _Economy:
         self.e = self.x + self._trades(goods, people)
 
     def _trades(self, goods: int, people: int) -> Dense:
-        """Everybody owns some of what the next one eats most, for as much, by value, of what it eats itself."""
+        """Draw endowments: everybody owns some of what the next one eats most, for as much, by value, of what it eats
+        itself.
+        """
         trade = np.zeros((people, goods))
         best = self.shares.argmax(axis=1)
         for h in range(people):
@@ -100,7 +102,7 @@ class _Economy:
 
 
 def _demand(shares: Dense, income: list[Symbol], p: list[Symbol]) -> list[Symbol]:
-    """Of Cobb and Douglas, good by good."""
+    """Return the demand of Cobb and Douglas, good by good."""
     spent = product(shares.T, income)
     return [amount / price for amount, price in zip(spent, p, strict=True)]
 
@@ -110,7 +112,7 @@ def _excess(supply: Vector, demand: list[Symbol]) -> list[Any]:
 
 
 def cobb_douglas(goods: int, people: int) -> Instance:
-    """0 ≤ p ⟂ supply − demand(p) ≥ 0; with p*, every t p* with t > 0 is a solution, F′ is singular there."""
+    """Build 0 ≤ p ⟂ supply − demand(p) ≥ 0; with p*, every t p* with t > 0 is a solution, F′ is singular there."""
     economy = _Economy(goods, people, 100 * goods + people)
     p = unknowns(goods)
     F = mapped(p, _excess(economy.e.sum(axis=0), _demand(economy.shares, economy.income(p), p)))
@@ -120,7 +122,7 @@ def cobb_douglas(goods: int, people: int) -> Instance:
 
 
 def substitution(goods: int, people: int, sigma: float) -> Instance:
-    """The variational inequality on {p ≥ 0, Σp = Σp*} with F = supply − demand(p), σ = ½ or 2.
+    """Build the variational inequality on {p ≥ 0, Σp = Σp*} with F = supply − demand(p), σ = ½ or 2.
 
     By Walras' law, pᵀF(p) = 0, the multiplier of Σp = 1 is 0, and every solution is an equilibrium.
     """
@@ -141,7 +143,7 @@ def substitution(goods: int, people: int, sigma: float) -> Instance:
 
 
 def activities(goods: int, people: int, k: int) -> Instance:
-    """0 ≤ y ⟂ −Aᵀp ≥ 0, 0 ≤ p ⟂ supply + Ay − demand(p) ≥ 0, p₁ = 1; two of three activities are in use."""
+    """Build 0 ≤ y ⟂ −Aᵀp ≥ 0, 0 ≤ p ⟂ supply + Ay − demand(p) ≥ 0, p₁ = 1; two of three activities are in use."""
     economy = _Economy(goods, people, 100 * goods + people + k)
     rng, p_star = economy.rng, economy.p
     used = np.arange(k) % 3 != 2
