@@ -20,8 +20,9 @@ _TURNED = {"StrictGreaterThan": "LT", "GreaterThan": "LE"}
 
 
 def read(variables: Sequence[Any], outputs: Sequence[Any], parameters: Mapping[str, float]) -> Map:
-    """The map from symbols to expressions in them and in the symbols named in `parameters`; raises ProblemError on a
-    function or symbol that a map has not."""
+    """Return the map from symbols to expressions in them and in the symbols named in `parameters`; raises ProblemError
+    on a function or symbol that a map has not.
+    """
     return _Reader(variables, parameters).map(outputs)
 
 
@@ -88,7 +89,7 @@ class _Reader:
         return apply(Operator.POW, value, self._value(exponent))
 
     def _piecewise(self, pieces: list[Any]) -> int:
-        """The first piece whose condition holds; NaN has no place in a map: the last condition must be True."""
+        """Return the first piece whose condition holds; NaN has no place in a map: the last condition must be True."""
         apply = self._build.apply
         value, condition = pieces[0].args
         if condition == True:  # noqa: E712 - SymPy's own truth

@@ -84,7 +84,9 @@ class Model:
         return FormatError(self.source, where, cause)
 
     def beside(self) -> list[Function]:
-        """The functions of a complementarity problem, each beside its variable; raises FormatError where it is none."""
+        """Return the functions of a complementarity problem, each beside its variable; raises FormatError for another
+        model.
+        """
         if self.sense != "feasibility":
             raise self.refused("objective", f"is {self.sense} beside Complements, expected feasibility")
         rows = len(self.above) + len(self.equal)
@@ -97,7 +99,7 @@ class Model:
 
 
 def read_model(text: bytes | str, source: str | Path) -> Model:
-    """The model in a text; `source` is what messages name. Raises FormatError."""
+    """Read the model in a text; `source` is what messages name. Raises FormatError."""
     raw = text.encode("utf-8", "replace") if isinstance(text, str) else text
     return _Reader(source, parse(raw, source)).model
 
@@ -168,7 +170,7 @@ class _Reader:
                 self.model.above += [Row(row, most, below=True)] if most < math.inf else []
 
     def _side(self, set_: Any, side: str | float, rows: int, where: str) -> Sequence[float]:
-        """A side of a set, for each of its rows."""
+        """Return a side of a set, for each of its rows."""
         fields = self._fields
         if not isinstance(side, str):
             return [side] * rows
@@ -187,7 +189,7 @@ class _Reader:
             ub[column] = high
 
     def _complement(self, rows: list[Function], where: str) -> None:
-        """Functions, then as many variables."""
+        """Add functions, followed by as many variables."""
         model, fields = self.model, self._fields
         model.complementary = True
         if len(rows) % 2:
@@ -203,7 +205,9 @@ class _Reader:
 
 
 def _has_maps(model: dict[str, Any]) -> bool:
-    """Whether a model becomes a problem with maps if it has parameters: it has Complements, or a nonlinear function."""
+    """Return whether a model becomes a problem with maps if it has parameters: it has Complements or a nonlinear
+    function.
+    """
     objective, constraints = model.get("objective"), model.get("constraints")
     parts = [objective, *(constraints if isinstance(constraints, list) else [])]
     kinds = [
@@ -216,6 +220,8 @@ def _has_maps(model: dict[str, Any]) -> bool:
 
 
 def _text(model: dict[str, Any], key: str) -> str:
-    """A text of the model, "" where there is none; what no file could be written with is replaced."""
+    """Return a text of the model, "" where there is none; characters that no file could be written with are
+    replaced.
+    """
     value = model.get(key, "")
     return value.encode("utf-8", "replace").decode() if isinstance(value, str) else ""

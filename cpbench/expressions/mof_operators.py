@@ -40,7 +40,7 @@ class Value:
     number: int
 
     def of(self, operator: Operator, *others: Value) -> Value:
-        """operator(self, others)."""
+        """Apply an operator to a value and others."""
         return Value(self.build, self.build.apply(operator, self.number, *(other.number for other in others)))
 
     def _constant(self, value: float) -> Value:
@@ -71,14 +71,14 @@ class Value:
         return self.number == self.build.constant(value)
 
     def signed(self, size: Value) -> Value:
-        """`size` with the sign of this, 0 where this is 0."""
+        """Return `size` with the sign of this, 0 where this is 0."""
         zero = self._constant(0.0)
         above, below = zero.of(Operator.LT, self), self.of(Operator.LT, zero)
         return above.of(Operator.CHOOSE, size) - below.of(Operator.CHOOSE, size)
 
 
 def _choice(condition: Value, yes: Value, no: Value) -> Value:
-    """ifelse, in as few operations as there are; what NOT and CHOOSE are written as becomes these again."""
+    """Return ifelse in as few operations as there are; what NOT and CHOOSE are written as becomes these again."""
     if no.is_constant(0.0):
         return condition.of(Operator.CHOOSE, yes)
     otherwise = condition.of(Operator.NOT)
@@ -95,7 +95,7 @@ _AREAS = {"asech": Operator.ACOSH, "acsch": Operator.ASINH, "acoth": Operator.AT
 
 
 def _named(table: Mapping[str, Operator], suffix: str, formula: Callable[[Value, Operator], Value]) -> dict[str, Any]:
-    """`formula` of an argument and an operator, for every name of a table."""
+    """Return `formula` of an argument and an operator, for every name of a table."""
     return {f"{name}{suffix}": (1, lambda x, o=o: formula(x, o)) for name, o in table.items()}
 
 
@@ -126,7 +126,7 @@ KNOWN = frozenset((*UNARY, *BINARY, *MANY, *FORMULAS))
 
 
 def combine(build: Builder, head: str, arguments: list[int]) -> int | None:
-    """The value of an operation, None where it is none with so many arguments."""
+    """Return the value of an operation, None where no operation has so many arguments."""
     count = len(arguments)
     if count == 1 and head in UNARY:
         return build.apply(UNARY[head], arguments[0])
