@@ -49,7 +49,7 @@ class Fact:
         return {None: "not decided", True: "yes", False: "no"}[self.value] if _is_truth(self.value) else f"{self.value}"
 
     def __str__(self) -> str:
-        """`P-matrix of M: yes (exact, least ratio of minors 0.2)`."""
+        """Format as `P-matrix of M: yes (exact, least ratio of minors 0.2)`."""
         measured = f"{self.evidence} {self.number:.3g}".strip() if self.number is not None else self.evidence
         if self.tolerance is not None:
             measured += f", tolerance {self.tolerance:.1e}"
@@ -58,7 +58,7 @@ class Fact:
         return f"{self.subject}: {self.said}" + (f" ({remark})" if remark else "")
 
     def record(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """Return plain values, for JSON."""
         return {**asdict(self), "how": str(self.how)}
 
 
@@ -67,5 +67,5 @@ def _is_truth(value: object) -> bool:
 
 
 def undecided(name: str, matrix: str, why: str, number: float | None = None) -> Fact:
-    """The fact that something was not decided, and why."""
+    """State that something was not decided, and why."""
     return Fact(name, matrix, None, How.UNDECIDED, number, evidence=why)
