@@ -36,7 +36,7 @@ Function: TypeAlias = Callable[[Any, Any], Any]
 
 
 def equations(problem: MiCP, phi: Function) -> Map:
-    """Φ."""
+    """Return Φ."""
     record = Recorder(problem.start.size)
     z, lb, ub = record.z, problem.lb, problem.ub
     F = record(problem.F, z)
@@ -65,7 +65,7 @@ class MiCPtoEquation(Conversion):
 
     @abstractmethod
     def function(self, a: Any, b: Any) -> Any:
-        """φ(a, b)."""
+        """Return φ(a, b)."""
 
     def apply(self, problem: MiCP) -> tuple[Equation, Trace]:
         self.require(problem)

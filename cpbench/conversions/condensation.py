@@ -21,7 +21,7 @@ NO_LOCAL = "no contact problem in r alone exists: take constrained or massless u
 
 
 def obstacle(problem: GlobalContact) -> str | None:
-    """Why velocities and joint reactions do not follow from r; None when they do."""
+    """Return why velocities and joint reactions do not follow from r; None when they do."""
     if not problem.b.size:
         return singular_mass(problem)
     instead = NO_LOCAL if problem.saddle.singular and problem.factorization.singular else "use gfc-fcm, which keeps λ"
@@ -29,22 +29,24 @@ def obstacle(problem: GlobalContact) -> str | None:
 
 
 def kind(problem: GlobalContact) -> Kind:
-    """What the condition number of K allows to promise."""
+    """Return the promise that the condition number of K allows."""
     return elimination.kind(problem.saddle.rcond)
 
 
 def reservation(problem: GlobalContact) -> str:
-    """That number."""
+    """Return the condition number behind `kind`."""
     return elimination.reservation(problem.saddle.rcond, "the matrix of bodies and joints")
 
 
 def singular_mass(problem: GlobalContact) -> str | None:
-    """The obstacle of edges that eliminate v by M alone."""
+    """Return the obstacle of edges that eliminate v by M alone."""
     return elimination.singularity(problem.factorization, "the mass matrix M", NO_LOCAL)
 
 
 def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
-    """W, q and the trace: `factor` (K), `H`, `f`, `b`. W is symmetric to the last bit when M is symmetric."""
+    """Eliminate v: W, q and the trace: `factor` (K), `H`, `f`, `b`. W is symmetric to the last bit when M is
+    symmetric.
+    """
     H, joints = problem.H, problem.b.size
     if joints:
         H = matrices.block([[H], [matrices.zeros(joints, H.shape[1], H)]])
@@ -57,14 +59,14 @@ def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
 
 
 def size(problem: GlobalContact) -> Size:
-    """What `condense` will make of W, at most; joints couple all contacts."""
+    """Bound the size of W that `condense` will make; joints couple all contacts."""
     if problem.b.size:
         return Size.dense(problem.w.size, problem.w.size)
     return elimination.size(matrices.transpose(problem.H), problem.factorization, problem.H)
 
 
 def lift(point: FCPoint, trace: Trace) -> GFCPoint:
-    """(v, λ) = K⁻¹(Hr + f, −b)."""
+    """Return (v, λ) = K⁻¹(Hr + f, −b)."""
     force = trace["H"] @ point.r + trace["f"]
     v, lam = np.split(trace["factor"].solve(np.concatenate([force, -trace["b"]])), [force.size])
     return GFCPoint(v=v, r=point.r, lam=lam)

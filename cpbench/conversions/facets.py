@@ -26,7 +26,7 @@ from cpbench.matrices import Dense, Vector
 
 
 def directions(facets: int, angle: float) -> Dense:
-    """Unit vectors at angle + 2πi/ν [rad], shape (2, ν), ν even; to every one its opposite, exactly."""
+    """Return unit vectors at angle + 2πi/ν [rad], shape (2, ν), ν even; to every one its opposite, exactly."""
     share = facets // 4 if facets % 4 == 0 else facets // 2
     theta = angle + 2.0 * math.pi / facets * np.arange(share)
     first = np.stack([np.cos(theta), np.sin(theta)])
@@ -36,7 +36,7 @@ def directions(facets: int, angle: float) -> Dense:
 
 
 def obstacle(problem: FrictionContact, facets: int, angle: float) -> str | None:
-    """Why a polygon of `facets` sides cannot stand for the disk of this problem, else None."""
+    """Return why a polygon of `facets` sides cannot stand for the disk of this problem, else None."""
     wrong = wrong_knobs(facets, angle)
     if wrong is None and problem.dimension != 3:
         return f"the problem is {problem.dimension}-dimensional, where Coulomb's law is an LCP exactly; use fc-lcp-2d"
@@ -44,7 +44,7 @@ def obstacle(problem: FrictionContact, facets: int, angle: float) -> str | None:
 
 
 def wrong_knobs(facets: int, angle: float) -> str | None:
-    """Why there is no such polygon, else None."""
+    """Return why there is no such polygon, else None."""
     if facets < 4 or facets % 2:
         return f"facets = {facets}: directions come in opposite pairs, use an even number of at least 4"
     if not math.isfinite(angle):
@@ -53,7 +53,7 @@ def wrong_knobs(facets: int, angle: float) -> str | None:
 
 
 def congruence(D: Dense) -> Congruence:
-    """M of (47)-(48) with the vertices D, shape (d − 1, ν), its coefficients at a contact 1 and μ."""
+    """Return M of (47)-(48) with the vertices D, shape (d − 1, ν), its coefficients at a contact 1 and μ."""
     d, count = D.shape[0] + 1, D.shape[1]
     embed = np.zeros((d, count + 2))
     embed[0, 0] = 1.0
@@ -65,7 +65,7 @@ def congruence(D: Dense) -> Congruence:
 
 
 def to_lcp(problem: FrictionContact, D: Dense) -> tuple[LCP, Trace]:
-    """The LCP of (47)-(48) with the vertices D, shape (d − 1, ν), and the trace of its `push`: W, q, mu."""
+    """Return the LCP of (47)-(48) with the vertices D, shape (d − 1, ν), and the trace of its `push`: W, q, mu."""
     form = congruence(D)
     M = form.assemble(problem.W, coefficients(problem.mu))
     q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
@@ -73,47 +73,47 @@ def to_lcp(problem: FrictionContact, D: Dense) -> tuple[LCP, Trace]:
 
 
 def operator(problem: FrictionContact, D: Dense) -> ContactOperator:
-    """M of `to_lcp`, never assembled."""
+    """Return M of `to_lcp`, never assembled."""
     return congruence(D).operator(problem.W, coefficients(problem.mu))
 
 
 def predict(problem: FrictionContact, D: Dense) -> Size:
-    """What `to_lcp` will make, at most."""
+    """Bound the size of what `to_lcp` will make."""
     return congruence(D).size(problem.W)
 
 
 def coefficients(*bounds: Vector) -> Dense:
-    """1 and the friction coefficients of every contact, as columns."""
+    """Return 1 and the friction coefficients of every contact, as columns."""
     return np.column_stack([np.ones(bounds[0].size), *bounds])
 
 
 def from_lcp(point: LCPPoint, D: Dense) -> FCPoint:
-    """r = Ex."""
+    """Return r = Ex."""
     x = point.z.reshape(-1, D.shape[1] + 2)
     return FCPoint(r=np.column_stack([x[:, 0], x[:, 1:-1] @ D.T]).ravel())
 
 
 def into_lcp(beta: Dense, D: Dense, normal: Vector, velocity: Dense) -> LCPPoint:
-    """x = (r_N, β, λ) with the least λ that the velocities u_T allow, max_i(−d_iᵀu_T), and at least 0."""
+    """Return x = (r_N, β, λ) with the least λ that the velocities u_T allow, max_i(−d_iᵀu_T), and at least 0."""
     lam = np.maximum((-velocity[:, 1:] @ D).max(axis=1, initial=0.0), 0.0)
     return LCPPoint(z=np.column_stack([normal, beta, lam]).ravel())
 
 
 def push(point: FCPoint, trace: Trace, D: Dense) -> LCPPoint:
-    """x of a three-dimensional answer: r_T projected on the polygon with vertices μ r_N D, then `into_lcp`."""
+    """Return x of a three-dimensional answer: r_T projected on the polygon with vertices μ r_N D, then `into_lcp`."""
     normal, r_T, velocity = split(point, trace, 3)
     return into_lcp(coordinates(r_T, D, trace["mu"] * normal), D, normal, velocity)
 
 
 def split(point: FCPoint, trace: Trace, d: int) -> tuple[Vector, Dense, Dense]:
-    """r_N ≥ 0, r_T and u of every contact."""
+    """Return r_N ≥ 0, r_T and u of every contact."""
     u = trace["W"] @ point.r + trace["q"]
     R = point.r.reshape(-1, d)
     return np.maximum(R[:, 0], 0.0), R[:, 1:], u.reshape(-1, d)
 
 
 def coordinates(x: Dense, D: Dense, bound: Vector | None = None) -> Dense:
-    """β ≥ 0 of every row of x with Dβ = x, on the two neighbouring vertices that enclose it; shape (nc, ν).
+    """Return β ≥ 0 of every row of x with Dβ = x, on the two neighbouring vertices that enclose it; shape (nc, ν).
 
     With `bound`, x is first projected on the polygon with vertices bound·D: then eᵀβ ≤ bound.
     """

@@ -35,7 +35,7 @@ class FCtoCP(Conversion):
     cost = 3.0
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """A digit more: the target's error is over ‖q̂‖, that of contact over ‖q‖, and once in other units."""
+        """Ask for a digit more: the target's error is over ‖q̂‖, that of contact over ‖q‖, and once in other units."""
         return 0.1 * tolerance
 
     def apply(self, problem: FrictionContact) -> tuple[CP, Trace]:

@@ -50,7 +50,7 @@ class FCtoLCP2D(Conversion):
         return facets.to_lcp(problem, _DIRECTIONS)
 
     def operator(self, problem: FrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
+        """Return M of the LCP, never assembled."""
         self.require(problem)
         return facets.operator(problem, _DIRECTIONS)
 

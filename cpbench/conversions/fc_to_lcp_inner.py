@@ -50,7 +50,7 @@ class FCtoLCPInner(Conversion):
         return polygon.to_lcp(problem, self.vertices)
 
     def operator(self, problem: FrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
+        """Return M of the LCP, never assembled."""
         self.require(problem)
         return polygon.operator(problem, self.vertices)
 

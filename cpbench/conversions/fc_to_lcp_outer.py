@@ -52,7 +52,7 @@ class FCtoLCPOuter(Conversion):
         return polygon.to_lcp(problem, self.vertices)
 
     def operator(self, problem: FrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
+        """Return M of the LCP, never assembled."""
         self.require(problem)
         return polygon.operator(problem, self.vertices)
 

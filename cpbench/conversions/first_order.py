@@ -22,7 +22,7 @@ from cpbench.matrices import Vector
 
 
 def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
-    """F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
+    """Return F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
     n, m, k = problem.start.size, problem.g.rows, problem.h.rows
     record = Recorder(n + m + k)
     z, lam, mu = np.split(record.z, [n, n + m])
@@ -37,7 +37,7 @@ def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
 
 
 def program_point(x: Vector, trace: Trace) -> NLPPoint:
-    """z, λ, μ, and ν: the force on z where a bound takes it, 0 where z is free to follow it.
+    """Return z, λ, μ, and ν: the force on z where a bound takes it, 0 where z is free to follow it.
 
     Of the force and the distance to the bound that it presses against, the smaller counts as 0.
     """
@@ -54,7 +54,7 @@ def program_vector(point: NLPPoint) -> Vector:
 
 
 def program_kind(problem: NLP) -> Kind:
-    """Equivalent, one-way or necessary; see `unsettled` for the programs of which none can be said."""
+    """Return equivalent, one-way or necessary; see `unsettled` for the programs that allow no promise."""
     if not problem.convex:
         return Kind.NECESSARY
     return Kind.ONE_WAY if qualification.of_program(problem) else Kind.EQUIVALENT
@@ -67,8 +67,9 @@ def program_reservation(problem: NLP) -> str:
 
 
 def unsettled(problem: NLP, name: str) -> str | None:
-    """That nothing can be said of an edge: a minimum may have no multipliers, and a point with multipliers may be no
-    minimum; else None."""
+    """Return why the KKT system is neither necessary nor sufficient here: a minimum may have no multipliers, and a
+    point with multipliers may be no minimum; else None.
+    """
     why = "" if problem.convex else qualification.of_program(problem)
     if not why:
         return None
@@ -79,7 +80,7 @@ def unsettled(problem: NLP, name: str) -> str | None:
 
 
 def of_inequality(problem: VI) -> tuple[Map, Vector, Vector]:
-    """F, and the bounds of the multipliers (λ, μ, ν), of which none is bounded from above."""
+    """Return F, and the bounds of the multipliers (λ, μ, ν), of which none is bounded from above."""
     m, k, p = problem.b.size, problem.d.size, problem.g.rows
     if not m + k + p:
         return problem.F, np.zeros(0), np.zeros(0)

@@ -77,7 +77,7 @@ class QVItoMiCP(Conversion):
 
 
 def _conditions(problem: QVI) -> Map:
-    """F(z, λ, κ, ν) of the target."""
+    """Return F(z, λ, κ, ν) of the target."""
     n, low, up, p = problem.start.size, problem.lower.rows, problem.upper.rows, problem.g.rows
     record = Recorder(n + low + up + p)
     z, lam, kappa, nu = np.split(record.z, np.cumsum([n, low, up]))

@@ -34,7 +34,7 @@ class RFCtoCP(Conversion):
     cost = 3.0
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """A digit more, as `fc-cp`."""
+        """Ask for a digit more, as `fc-cp`."""
         return 0.1 * tolerance
 
     def apply(self, problem: RollingFrictionContact) -> tuple[CP, Trace]:

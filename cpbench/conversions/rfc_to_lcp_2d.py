@@ -47,7 +47,7 @@ class RFCtoLCP2D(Conversion):
         return rolling_facets.to_lcp(problem, _DIRECTIONS)
 
     def operator(self, problem: RollingFrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
+        """Return M of the LCP, never assembled."""
         self.require(problem)
         return rolling_facets.operator(problem, _DIRECTIONS)
 

@@ -54,7 +54,7 @@ class RFCtoLCPFacets(Conversion):
         return rolling_facets.to_lcp(problem, self.vertices)
 
     def operator(self, problem: RollingFrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
+        """Return M of the LCP, never assembled."""
         self.require(problem)
         return rolling_facets.operator(problem, self.vertices)
 

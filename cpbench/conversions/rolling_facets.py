@@ -23,7 +23,7 @@ from cpbench.matrices import Dense, Vector
 
 
 def to_lcp(problem: RollingFrictionContact, D: Dense) -> tuple[LCP, Trace]:
-    """The LCP with the vertices D, shape (k, ν), for forces and moments; trace: `W`, `q`, `mu`, `mu_r`."""
+    """Build the LCP with the vertices D, shape (k, ν), for forces and moments; trace: `W`, `q`, `mu`, `mu_r`."""
     form = congruence(D)
     M = form.assemble(problem.W, facets.coefficients(problem.mu, problem.mu_r))
     q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
@@ -31,12 +31,12 @@ def to_lcp(problem: RollingFrictionContact, D: Dense) -> tuple[LCP, Trace]:
 
 
 def operator(problem: RollingFrictionContact, D: Dense) -> ContactOperator:
-    """M of `to_lcp`, never assembled."""
+    """Return M of `to_lcp`, never assembled."""
     return congruence(D).operator(problem.W, facets.coefficients(problem.mu, problem.mu_r))
 
 
 def congruence(D: Dense) -> Congruence:
-    """M of the LCP with the vertices D, shape (k, ν), its coefficients at a contact 1, μ and μ_r."""
+    """Return M of the LCP with the vertices D, shape (k, ν), its coefficients at a contact 1, μ and μ_r."""
     k, count = D.shape
     width = 1 + 2 * (count + 1)
     embed = np.zeros((1 + 2 * k, width))
@@ -52,14 +52,16 @@ def congruence(D: Dense) -> Congruence:
 
 
 def from_lcp(point: LCPPoint, D: Dense) -> FCPoint:
-    """r = Ex."""
+    """Return r = Ex."""
     count = D.shape[1]
     x = point.z.reshape(-1, 1 + 2 * (count + 1))
     return FCPoint(r=np.column_stack([x[:, 0], x[:, 1 : 1 + count] @ D.T, x[:, 2 + count : -1] @ D.T]).ravel())
 
 
 def push(point: FCPoint, trace: Trace, D: Dense) -> LCPPoint:
-    """x of an answer: forces and moments projected on their polygons, λ and κ the least that the velocities allow."""
+    """Return x of an answer: forces and moments projected on their polygons, λ and κ the least that the velocities
+    allow.
+    """
     k = D.shape[0]
     normal, tangential, u = facets.split(point, trace, 1 + 2 * k)
     columns: list[Dense | Vector] = [normal]

@@ -16,7 +16,7 @@ MOST = 1e4
 
 
 def amplification(moved: Vector, constants: Vector) -> float:
-    """1 + 2|Mc|/|q| in the row where it is least, MOST at most; 1 where no row has a constant.
+    """Return 1 + 2|Mc|/|q| in the row where it is least, MOST at most; 1 where no row has a constant.
 
     The row with the largest constant sets the size of the solution, and with it the terms of all others.
 
