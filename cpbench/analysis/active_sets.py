@@ -53,8 +53,8 @@ class Pairs:
 
 
 def active_set(problem: Problem, point: object, tolerance: float = 1e-6) -> list[Pairs]:
-    """Pairs z, w of an LCP or NCP; v, w of an MLCP; distances to the bounds and forces of a MiCP; multipliers and
-    slacks of the rows and bounds of a QP.
+    """Return pairs z, w of an LCP or NCP; v, w of an MLCP; distances to the bounds and forces of a MiCP; multipliers
+    and slacks of the rows and bounds of a QP.
 
     Zero is what is at most `tolerance` in size. Raises NotApplicable for other formulations, PointError on an answer
     that is not finite or not of this problem.
@@ -78,7 +78,7 @@ def active_set(problem: Problem, point: object, tolerance: float = 1e-6) -> list
 def _pairs(
     problem: LCP | MLCP | QP | NCP | MiCP, point: object
 ) -> Iterator[tuple[str, str, Vector, Vector, float, float]]:
-    """Names, values and sizes."""
+    """Yield names, values and sizes of the pairs."""
     with np.errstate(all="ignore"):
         if isinstance(problem, LCP) and isinstance(point, LCPPoint):
             w = problem.slacks(point)["w"]
@@ -126,7 +126,7 @@ def _size(value: Vector, unit: float) -> float:
 
 
 def _sides(x: Vector, y: Vector, tolerance: float) -> NDArray[np.str_]:
-    """A Side for every pair."""
+    """Return a Side for every pair."""
     names = [Side.NEGATIVE, Side.NEITHER, Side.FIRST, Side.SECOND]
     conditions = [
         np.minimum(x, y) < -tolerance,

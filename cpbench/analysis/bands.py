@@ -52,7 +52,7 @@ def profile_bands(
     seed: int = 0,
     floor: float = FLOOR,
 ) -> Bands:
-    """Pointwise bands (expanded percentiles) of performance profiles ρ_s(τ); the ratios themselves are not resampled.
+    """Compute pointwise bands (expanded percentiles) of performance profiles ρ_s(τ); the ratios are not resampled.
 
     Parameters
     ----------
@@ -96,14 +96,16 @@ def profile_bands(
 
 
 def _steps(bins: npt.NDArray[np.intp], codes: npt.NDArray[np.intp], taus: int, count: int) -> sparse.csr_array:
-    """How many problems of each family a label solves first at each τ, τ × families."""
+    """Count how many problems of each family a label solves first at each τ, τ × families."""
     inside = bins < taus
     ones = np.ones(int(inside.sum()))
     return sparse.coo_array((ones, (bins[inside], codes[inside])), shape=(taus, count)).tocsr()
 
 
 def _grid(ratio: Array) -> Array:
-    """At most GRID of the distinct finite ratios, the least and the largest among them; 1 where there is none."""
+    """Return at most GRID of the distinct finite ratios, the least and the largest among them; 1 where there is
+    none.
+    """
     found = np.unique(ratio[np.isfinite(ratio)])
     if not len(found):
         return np.ones(1)

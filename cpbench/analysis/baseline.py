@@ -46,7 +46,7 @@ _READ = (
 
 
 def of(table: pd.DataFrame) -> pd.DataFrame:
-    """The outcomes of a table of results: text in every column of `COLUMNS`, unmeasured pairs included.
+    """Return the outcomes of a table of results: text in every column of `COLUMNS`, unmeasured pairs included.
 
     Raises StoreError when two rows tell of one pair.
 
@@ -86,7 +86,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def text(lines: pd.DataFrame) -> str:
-    """The measured lines as they are kept, sorted: the same bytes for the same lines in any order."""
+    """Format the measured lines as they are kept, sorted: the same bytes for the same lines in any order."""
     kept = _ordered(lines[~lines["status"].isin(UNMEASURED)], "the baseline")
     written = io.StringIO()
     written.write(f"{HEADER}\n")
@@ -95,7 +95,7 @@ def text(lines: pd.DataFrame) -> str:
 
 
 def parse(content: str, place: str) -> pd.DataFrame:
-    """The lines of a kept text; `place` is the name of its file in messages.
+    """Parse the lines of a kept text; `place` is the name of its file in messages.
 
     Raises FormatError with the line number: what is written by hand may be anything.
     """
@@ -136,7 +136,8 @@ def parse(content: str, place: str) -> pd.DataFrame:
 
 
 def as_table(lines: pd.DataFrame, like: pd.DataFrame | None = None) -> pd.DataFrame:
-    """The lines in the columns of `table.normalised`: status, error (the upper end of its decade), counters; no times.
+    """Return the lines in the columns of `table.normalised`: status, error (the upper end of its decade), counters;
+    no times.
 
     `like` : the results it will be compared with: whole fingerprints, and the options of a label, are taken from them.
 
@@ -178,12 +179,12 @@ def as_table(lines: pd.DataFrame, like: pd.DataFrame | None = None) -> pd.DataFr
 
 
 def labels(lines: pd.DataFrame) -> pd.Series[str]:
-    """What tables call the solver of each line: with its options, and how it is reached."""
+    """Return the label of the solver of each line: with its options, and its route."""
     return lines["solver"].where(lines["route"] == EXACT, lines["solver"] + "@" + lines["route"])
 
 
 def counters(told: str) -> dict[str, int]:
-    """Counters as they are written, by name.
+    """Parse counters as they are written, by name.
 
     >>> counters("inner%20steps=3 iterations=7")
     {'inner steps': 3, 'iterations': 7}
@@ -193,7 +194,7 @@ def counters(told: str) -> dict[str, int]:
 
 
 def decades(error: pd.Series[float], tolerance: pd.Series[float]) -> pd.Series[str]:
-    """Each error as it is written: a power of ten at or above it, or that it is within the tolerance.
+    """Write each error as a power of ten at or above it, or as within the tolerance.
 
     >>> decades(pd.Series([2e-13, 3e-4, np.inf]), pd.Series([1e-6] * 3)).tolist()
     ['<=1e-06', '1e-03', 'inf']
@@ -210,7 +211,7 @@ def decades(error: pd.Series[float], tolerance: pd.Series[float]) -> pd.Series[s
 
 
 def bounds(told: pd.Series[str]) -> pd.Series[float]:
-    """The upper end of each written error, ∞ where there is none."""
+    """Return the upper end of each written error, ∞ where there is none."""
     numbers = {text: float(text.removeprefix("<=") or "inf") for text in told.unique()}
     return told.map(numbers).astype(float)
 
@@ -230,7 +231,7 @@ def _without_request(names: pd.Series[str], request: pd.Series[str]) -> pd.Serie
 
 
 def _written(column: pd.Series[str]) -> pd.Series[str]:
-    """Counters as words, a name never being two of them."""
+    """Write counters as words, a name never being two of them."""
 
     def words(told: str) -> str:
         found: dict[str, int] = json.loads(told) if told else {}
@@ -240,7 +241,7 @@ def _written(column: pd.Series[str]) -> pd.Series[str]:
 
 
 def _ordered(lines: pd.DataFrame, place: str) -> pd.DataFrame:
-    """Lines by problem, then solver; the key decides what is left, so that the order is total."""
+    """Sort lines by problem, then solver; the key breaks ties, so that the order is total."""
     twice = lines.duplicated(list(KEY))
     if twice.any():
         row = lines[twice].iloc[0]

@@ -33,7 +33,7 @@ class Footnote:
 
 
 def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
-    """The footnotes of a table of these rows.
+    """Return the footnotes of a table of these rows.
 
     >>> rows = pd.DataFrame({"label": ["a", "b", "b"], "start": "file", "started": ["", "cold: no point", "file"]})
     >>> for note in footnotes(rows, {"a": {"launches": True}}):
@@ -52,18 +52,18 @@ def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
 
 
 def marks(label: str, notes: Iterable[Footnote]) -> str:
-    """The marks behind the name of a solver."""
+    """Return the marks behind the name of a solver."""
     return "".join(note.mark for note in notes if label in note.labels)
 
 
 def fell_back(rows: pd.DataFrame) -> dict[str, int]:
-    """By label the rows that were to begin at a point and had none."""
+    """Count by label the rows that were to begin at a point and had none."""
     cold = rows["started"].str.startswith(COLD) & (rows["started"] != FIRST_STEP) & (rows["start"] != COLD)
     return {str(label): int(count) for label, count in rows.loc[cold, "label"].value_counts().items()}
 
 
 def launching(labels: Iterable[str], sheets: Sheets) -> list[str]:
-    """The labels whose every solve launches a program.
+    """Return the labels whose every solve launches a program.
 
     >>> launching(["lemke", "gams-path"], {"lemke": {}, "gams-path": {"launches": True}})
     ['gams-path']
@@ -72,7 +72,7 @@ def launching(labels: Iterable[str], sheets: Sheets) -> list[str]:
 
 
 def methods(labels: Iterable[str], sheets: Sheets) -> dict[str, list[str]]:
-    """The labels of each kind of method."""
+    """Return the labels of each kind of method."""
     found: dict[str, list[str]] = {}
     for label in labels:
         method = sheets.get(label, {}).get("method")
@@ -82,7 +82,7 @@ def methods(labels: Iterable[str], sheets: Sheets) -> dict[str, list[str]]:
 
 
 def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
-    """The sentence beside a figure or table of this metric; '' where its numbers compare as they stand.
+    """Return the sentence beside a figure or table of this metric; '' where its numbers compare as they stand.
 
     >>> from cpbench.analysis.metrics import METRICS
     >>> sheets = {"lemke": {"method": "pivoting"}, "path": {"method": "Newton with pivoting", "launches": True}}

@@ -15,7 +15,7 @@ Integers: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 
 def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
-    """Each value's place among the distinct ones in ascending order, and these: text is compared once a name.
+    """Code each value by its place among the distinct ones in ascending order; text is compared once a name.
 
     >>> place, names = codes(pd.Series(["b", "a", "b"]))
     >>> place.tolist(), names.tolist()
@@ -26,7 +26,7 @@ def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
 
 
 def by_appearance(values: pd.Series) -> tuple[Integers, pd.Index]:
-    """Each value's place among the distinct ones in order of appearance, and these.
+    """Code each value by its place among the distinct ones in order of appearance.
 
     Rows of one problem lie side by side: what is the same as in the row before is not looked up again.
 
@@ -42,7 +42,7 @@ def by_appearance(values: pd.Series) -> tuple[Integers, pd.Index]:
 
 
 def order(clean: pd.DataFrame) -> Integers | None:
-    """Positions of the rows by problem, fingerprint, label and key; None where they lie so already.
+    """Return the positions of the rows by problem, fingerprint, label and key; None where they lie so already.
 
     A results file gives its rows in order, and to find that out costs less than to sort them.
     """
@@ -56,7 +56,7 @@ def order(clean: pd.DataFrame) -> Integers | None:
 
 
 def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Series[str]) -> bool:
-    """Whether rows ascend strictly by the three; text is compared only where it changes."""
+    """Return whether rows ascend strictly by the three; text is compared only where it changes."""
     place, names = by_appearance(problem)
     if not names.is_monotonic_increasing or (np.diff(place) < 0).any():
         return False

@@ -52,16 +52,16 @@ class Measured:
     solvers: int
 
     def expected(self, cost: float) -> float:
-        """Seconds that a run of problems of this cost takes."""
+        """Return the seconds that a run of problems of this cost takes."""
         return START * self.solvers + self.factor * cost
 
     def affordable(self, budget: float) -> float:
-        """The cost that fits into a budget [s], negative where not even the workers do."""
+        """Return the cost that fits into a budget [s], negative where not even the workers do."""
         return (budget - START * self.solvers) / self.factor
 
 
 def measured(table: pd.DataFrame) -> Measured:
-    """What a table of results tells; of pairs that are there twice, the later row.
+    """Read the costs and outcomes of a table of results; of pairs that are there twice, the later row.
 
     Raises StoreError when no row was run.
     """
@@ -82,7 +82,7 @@ def measured(table: pd.DataFrame) -> Measured:
 
 
 def _spent(rows: pd.DataFrame) -> pd.Series[float]:
-    """Seconds of every row; from the times of its parts where an older file has no wall time."""
+    """Return the seconds of every row; from the times of its parts where an older file has no wall time."""
     repeats = rows["repeats"].fillna(1.0).clip(lower=1.0)
     once = rows[["load", "verify", "lift"]].fillna(0.0).sum(axis=1)
     often = rows[["setup", "solve"]].fillna(0.0).sum(axis=1) * repeats
@@ -90,7 +90,9 @@ def _spent(rows: pd.DataFrame) -> pd.Series[float]:
 
 
 def _units(rows: pd.DataFrame) -> pd.Series[str]:
-    """What can be chosen: a problem, or all steps of a sequence that starts each from the answer to the one before."""
+    """Return the unit of choice of each row: a problem, or all steps of a sequence that starts each from the
+    previous answer.
+    """
     place = rows["address"].str.replace(r"(::|/)[^/]*$", "", regex=True)
     followed = (rows["start"] == FOLLOWED) & (rows["sequence"] != "")
     scene = "sequence " + rows["sequence"] + " of " + place
@@ -99,7 +101,7 @@ def _units(rows: pd.DataFrame) -> pd.Series[str]:
 
 
 def _who(rows: pd.DataFrame) -> pd.Series[str]:
-    """Label, with whatever setting is not the same everywhere."""
+    """Return the label of each row, with whatever setting is not the same everywhere."""
     who = rows["label"].astype(object)
     for name in WHO[1:]:
         if rows[name].nunique(dropna=False) > 1:
@@ -108,7 +110,7 @@ def _who(rows: pd.DataFrame) -> pd.Series[str]:
 
 
 def _factor(rows: pd.DataFrame, solvers: int) -> tuple[float, bool]:
-    """What passed over what was spent, at least 1; whether it had to be assumed."""
+    """Return elapsed over used seconds, at least 1; and whether it had to be assumed."""
     passed = spent = 0.0
     for _, own in rows[rows["finished"] != ""].groupby("host"):
         own = own.sort_values("finished", kind="stable")

@@ -94,7 +94,7 @@ def experience(
     warm: bool = False,
     inexact: bool = False,
 ) -> Experience:
-    """The cases of a normalised table of results whose rows were all run.
+    """Collect the cases of a normalised table of results whose rows were all run.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def experience(
 
 
 def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, Mapping[str, Any]]) -> Iterator[Case]:
-    """The cases of rows that were run, in order of appearance; what tells of a problem is taken from its first row."""
+    """Yield the cases of rows that were run, in order of appearance; features are taken from a problem's first row."""
     number = timed.groupby(list(setting), dropna=False, sort=False).ngroup().to_numpy()
     rows = timed.iloc[np.argsort(number, kind="stable")]
     counts = np.bincount(number)
@@ -151,7 +151,7 @@ def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, M
 
 
 def to_text(found: Experience, without: Iterable[str] = (), about: str = "") -> str:
-    """The experience as JSON of three lines a case, sorted, with numbers of DIGITS digits: a table to ship.
+    """Write the cases as JSON of three lines a case, sorted, with numbers of DIGITS digits: a table to ship.
 
     Labels in `without` are left out; a failure is null. Cases that nobody else solved are left out with them.
     """
@@ -171,7 +171,7 @@ def to_text(found: Experience, without: Iterable[str] = (), about: str = "") -> 
 
 
 def from_text(text: str, name: str) -> Experience:
-    """The experience that `to_text` wrote; `name` tells in the error where the text is from.
+    """Read the cases that `to_text` wrote; `name` tells in the error where the text is from.
 
     Raises CpbenchError when it is none, or of another version.
     """
@@ -200,6 +200,6 @@ def _case(item: Mapping[str, Any]) -> Case:
 
 
 def _rounded(value: float) -> float:
-    """A whole number as it is, any other with DIGITS significant digits."""
+    """Round to DIGITS significant digits, whole numbers not at all."""
     rounded = value if float(value).is_integer() else float(f"{value:.{DIGITS}g}")
     return int(rounded) if float(rounded).is_integer() and abs(rounded) < 2**53 else rounded

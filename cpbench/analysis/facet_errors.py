@@ -87,7 +87,7 @@ def faceted_slide(
 
 
 def bounds(facets: Vector) -> dict[str, Vector]:
-    """The suprema over all directions: radius too small (inner), too large (outer), and slip angle [deg].
+    """Return the suprema over all directions: radius too small (inner), too large (outer), and slip angle [deg].
 
     >>> {name: round(float(value), 4) for name, value in bounds(np.array(4.0)).items()}
     {'inner': 0.2929, 'outer': 0.4142, 'angle': 45.0}

@@ -32,12 +32,12 @@ _LEAST_DEVIATION = 0.25
 
 
 def places(known: Experience) -> Matrix:
-    """The coordinates of every case, cases × features."""
+    """Return the coordinates of every case, cases × features."""
     return np.array([coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
 
 
 def distances(asked: Matrix, theirs: Matrix, used: Masks) -> Matrix:
-    """d of every case from every problem asked about, asked × cases, in deviations of the cases that are used."""
+    """Return d of every case from every query problem, queries × cases, in deviations of the cases that are used."""
     there = ~np.isnan(theirs) & used[:, None]
     count = np.maximum(there.sum(axis=0), 1)
     mean = np.where(there, theirs, 0.0).sum(axis=0) / count
@@ -54,7 +54,7 @@ def distances(asked: Matrix, theirs: Matrix, used: Masks) -> Matrix:
 
 
 def coordinates(features: Mapping[str, Any]) -> Floats:
-    """The features as numbers that may be subtracted; NaN for one that is not there."""
+    """Return the features as numbers that may be subtracted; NaN for one that is not there."""
     found: list[float] = []
     for name in _LOGARITHMS:
         value = float(features.get(name, math.nan)) + (name in _COUNTS)

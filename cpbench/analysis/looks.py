@@ -18,7 +18,7 @@ LEADING = 12
 
 
 def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
-    """The look of every label, all different.
+    """Assign a look to every label, all different.
 
     >>> rows = pd.DataFrame({"label": ["a", "b", "b", "c"], "node": ["lcp", "lcp", "qp", "qp"], "problem": "p",
     ...                      "status": "solved", "solve": 1.0, "tolerance": 1e-6, "threads": 1})

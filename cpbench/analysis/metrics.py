@@ -68,7 +68,7 @@ METRICS: Mapping[str, Metric] = {
 
 
 def metric(name: str, group: pd.DataFrame | None = None) -> Metric:
-    """The metric of that name; with a group, counters are those that some row of it has.
+    """Return the metric of that name; with a group, counters are those that some row of it has.
 
     Raises UnknownName, with the nearest names.
 
@@ -88,7 +88,7 @@ def metric(name: str, group: pd.DataFrame | None = None) -> Metric:
 
 
 def counters(group: pd.DataFrame) -> set[str]:
-    """The names of all counters that some row of the group has.
+    """Return the names of all counters that some row of the group has.
 
     >>> sorted(counters(pd.DataFrame({"counters": ['{"pivots": 3}', "", '{"iterations": 1, "pivots": 0}']})))
     ['iterations', 'pivots']
@@ -112,7 +112,7 @@ class Measured:
 
 
 def measured(group: pd.DataFrame, metric: Metric) -> Measured:
-    """The metric of each pair of a group. Raises StoreError when a pair has two rows.
+    """Return the metric of each pair of a group. Raises StoreError when a pair has two rows.
 
     >>> rows = pd.DataFrame({"problem": ["p"] * 3, "fingerprint": ["p"] * 3, "address": "", "label": ["a", "b", "c"],
     ...     "status": ["solved", "wrong", "solved"], "counters": ['{"iterations": 0}', '{"iterations": 1}', ""]})
@@ -129,12 +129,12 @@ def measured(group: pd.DataFrame, metric: Metric) -> Measured:
 
 
 def matrix(group: pd.DataFrame, metric: Metric) -> pd.DataFrame:
-    """The values of `measured`, problems × labels; who was left out of them, that tells."""
+    """Return the values of `measured`, problems × labels; `measured` also gives the labels left out."""
     return measured(group, metric).values
 
 
 def spent(group: pd.DataFrame, metric: Metric) -> Floats:
-    """What each row spent, whatever its status; NaN where that is not known.
+    """Return the cost of each row, whatever its status; NaN where it is unknown.
 
     >>> rows = pd.DataFrame({"convert": [math.nan, 1.0], "setup": 0.5, "solve": [1.0, math.nan], "lift": 0.0})
     >>> spent(rows, METRICS["time"]).tolist()
@@ -148,7 +148,7 @@ def spent(group: pd.DataFrame, metric: Metric) -> Floats:
 
 
 def _parsed(group: pd.DataFrame) -> tuple[rows_of.Integers, list[dict[str, object]]]:
-    """The distinct texts of the column `counters`, read, and which of them each row has."""
+    """Parse the distinct texts of the column `counters`, and return which of them each row has."""
     place, texts = pd.factorize(group["counters"].fillna(""))
     try:
         return np.asarray(place), json.loads(f"[{','.join(text or '{}' for text in texts)}]")

@@ -67,7 +67,7 @@ class NCPFunction:
 
 
 def functions(weight: float = 0.5) -> tuple[NCPFunction, ...]:
-    """(35)-(38), the third with λ = `weight`."""
+    """Return the functions (35)-(38), the third with λ = `weight`."""
     return (
         NCPFunction("(35)", "minimum", least),
         NCPFunction("(36)", "Fischer–Burmeister", fischer_burmeister),

@@ -35,7 +35,8 @@ Portrait = dict[str, Any]
 
 
 def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Portrait:
-    """`cones` of an LCP with n = 2; else `blocks`, and `contacts` (or `unanswered`) of a contact problem.
+    """Summarise a problem for its thumbnail: `cones` of an LCP with n = 2; else `blocks`, and `contacts` (or
+    `unanswered`) of a contact problem.
 
     Raises what `contact_states` raises of an answer that is none.
 
@@ -57,7 +58,7 @@ def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e
 
 
 def _blocks(problem: Problem) -> list[list[dict[str, Any] | None]]:
-    """The matrices, in rows as they stand in the equations."""
+    """Shade the matrices, in rows as they stand in the equations."""
     data: dict[str, Any] = problem.data()
     places = arranged(problem)
     there: dict[str, Matrix] = {name: data[name] for row in places for name in row if name}
@@ -83,7 +84,7 @@ def _blocks(problem: Problem) -> list[list[dict[str, Any] | None]]:
 
 
 def _shades(values: Dense, largest: float) -> str:
-    """A digit a cell, row by row: 0 of zeros, DECADES of the largest.
+    """Encode a digit a cell, row by row: 0 of zeros, DECADES of the largest.
 
     >>> _shades(np.array([[1.0, 0.1], [0.0, 1e-9]]), 1.0)
     '6501'
@@ -95,7 +96,7 @@ def _shades(values: Dense, largest: float) -> str:
 
 
 def _contacts(states: ContactStates) -> dict[str, Any]:
-    """Counts of the states, and of the contacts that push r_T/(μ r_N) and r_N over the largest, in thousandths."""
+    """Count the states, and the contacts that push r_T/(μ r_N) and r_N over the largest, in thousandths."""
     pushing = np.flatnonzero(states.state != str(State.OPEN))
     normal = states.r[:, 0]
     shown = np.sort(pushing[np.argsort(-normal[pushing], kind="stable")[:CONTACTS]])
@@ -114,7 +115,7 @@ def _contacts(states: ContactStates) -> dict[str, Any]:
 
 
 def _cones(problem: LCP) -> dict[str, Any]:
-    """Unit vectors along the edges of the cones, the direction of q, the solutions."""
+    """Return unit vectors along the edges of the cones, the direction of q, the solutions."""
     cones = complementary_cones(problem)
     edges = [cone.generators / np.maximum(np.linalg.norm(cone.generators, axis=0), 1e-300) for cone in cones]
     return {

@@ -87,7 +87,7 @@ class Ranking:
 
 
 def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None = None) -> list[Ranking]:
-    """The ranking of every group in which a solver was started, in order of the groups.
+    """Rank every group in which a solver was started, in order of the groups.
 
     `sheets` : what the results say of each label (`meta["solvers"]`); one with a true `launches` is marked.
 
@@ -109,7 +109,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
 
 
 def formulation(group: Group, groups: Sequence[Group]) -> str:
-    """The node of a group, and what tells it from the other groups of the node.
+    """Return the node of a group, and what tells it from the other groups of the node.
 
     >>> one, two = Group("fc", 1e-4, "cold", 1), Group("fc", 1e-8, "cold", 1)
     >>> formulation(one, [one]), formulation(one, [one, two])
@@ -161,12 +161,14 @@ def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collecti
 
 
 def _count(rows: pd.DataFrame) -> dict[str, int]:
-    """Rows by label."""
+    """Count rows by label."""
     return {str(label): int(n) for label, n in rows["label"].value_counts().items()}
 
 
 def _routes(rows: pd.DataFrame) -> dict[str, tuple[str, int]]:
-    """The route that most rows of a label took, the first by name of equally many, and how many others there are."""
+    """Return the route that most rows of a label took, the first by name of equally many, and how many others there
+    are.
+    """
     taken = rows.loc[rows["route"] != "", ["label", "route"]].value_counts()
     found: dict[str, list[tuple[int, str]]] = {}
     for (label, route), count in taken.items():  # type: ignore[misc]
@@ -175,7 +177,7 @@ def _routes(rows: pd.DataFrame) -> dict[str, tuple[str, int]]:
 
 
 def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[str]]:
-    """What a reader must know of each label."""
+    """Return the warnings that a reader needs about each label."""
     found: dict[str, list[str]] = {}
 
     def warn(counts: Mapping[str, int], text: str) -> None:
@@ -198,7 +200,7 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
 
 
 def _sentence(name: str, problems: int, ranked: Sequence[RankedSolver], times: pd.DataFrame) -> str:
-    """What to use, and what that rests on."""
+    """Say which solver to use, and on which evidence."""
     if not problems:
         return f"{name}: no problem that has a solution."
     if not ranked or not ranked[0].solved + ranked[0].stationary:
@@ -224,8 +226,9 @@ def _sentence(name: str, problems: int, ranked: Sequence[RankedSolver], times: p
 
 
 def _faster(first: str, times: pd.DataFrame) -> tuple[str, float, int] | None:
-    """Who is most times faster than the first (geometric mean where both solve), of those that solve at least half of
-    what it solves; None where that is not much."""
+    """Return the label most times faster than the first (geometric mean where both solve), of those that solve at
+    least half of what it solves; None where that is not much.
+    """
     if first not in times.columns:
         return None
     logs = np.log(np.maximum(times, FLOOR))

@@ -46,7 +46,8 @@ class Change(StrEnum):
 
 
 def changes(old: pd.DataFrame, new: pd.DataFrame, slack: float = SLACK) -> pd.DataFrame:
-    """One row a pair of either baseline: `COLUMNS` of the old with `_old`, of the new with `_new`, change, detail.
+    """Compare two baselines, one row a pair of either: `COLUMNS` of the old with `_old`, of the new with `_new`,
+    change, detail.
 
     >>> rows = pd.DataFrame({"problem": ["p", "q"], "fingerprint": ["p", "q"], "label": ["s", "s"],
     ...     "tolerance": [1e-6] * 2, "error": [0.0, 0.0], "status": ["solved", "timeout"]})
@@ -92,7 +93,7 @@ def changes(old: pd.DataFrame, new: pd.DataFrame, slack: float = SLACK) -> pd.Da
 
 
 def accepted(found: pd.DataFrame, patterns: Sequence[str]) -> pd.Series[bool]:
-    """Which regressions are meant by any of the patterns: globs of a problem, a solver's label or PROBLEM:LABEL.
+    """Return which regressions any of the patterns accepts: globs of a problem, a solver's label or PROBLEM:LABEL.
 
     A label with its options in brackets means itself, although the brackets are a glob's.
     """
@@ -109,7 +110,8 @@ def accepted(found: pd.DataFrame, patterns: Sequence[str]) -> pd.Series[bool]:
 
 
 def updated(found: pd.DataFrame, accept: pd.Series[bool], reason: str, *, prune: bool = False) -> pd.DataFrame:
-    """The lines of the baseline after `changes`: better and other outcomes taken over, worse ones where accepted.
+    """Return the lines of the baseline after `changes`: better and other outcomes taken over, worse ones where
+    accepted.
 
     An accepted line keeps `reason` beside it; a reason stays as long as its pair fails.
     """
@@ -130,17 +132,17 @@ def updated(found: pd.DataFrame, accept: pd.Series[bool], reason: str, *, prune:
 
 
 def _ranks(status: pd.Series[str]) -> pd.Series[float]:
-    """0 done with, 1 not solved, 2 wrong or crashed; the same order as in a comparison of two runs."""
+    """Rank 0 done with, 1 not solved, 2 wrong or crashed; the same order as in a comparison of two runs."""
     return 1.0 - status.isin(SETTLED).astype(float) + status.isin(WORST).astype(float)
 
 
 def _sign(difference: pd.Series[float]) -> pd.Series[int]:
-    """-1 better, 0, 1 worse; 0 where one side is missing."""
+    """Return -1 for better, 0, 1 for worse; 0 where one side is missing."""
     return pd.Series(np.sign(difference.fillna(0.0).to_numpy(dtype=float)), index=difference.index).astype(int)
 
 
 def _error(both: pd.DataFrame) -> pd.Series[int]:
-    """Sign of the change of the error by more than the guard; 0 where either side has none."""
+    """Return the sign of the change of the error by more than the guard; 0 where either side has none."""
     exponents = [_exponents(both[f"error_{side}"]) for side in ("old", "new")]
     difference = (exponents[1] - exponents[0]).fillna(0.0)  # of two infinities, none
     return _sign(difference.where(difference.abs() > GUARD, 0.0))
@@ -154,7 +156,7 @@ def _exponents(told: pd.Series[str]) -> pd.Series[float]:
 
 
 def _counters(both: pd.DataFrame, slack: float) -> tuple[pd.Series[int], pd.Series[str]]:
-    """Sign of the change of counters by more than the slack (worse wins), and the counters it is about."""
+    """Return the sign of the change of counters by more than the slack (worse wins), and the counters it is about."""
     sign = pd.Series(0, index=both.index)
     detail = pd.Series("", index=both.index, dtype=object)
     differ = both[(both["counters_old"] != both["counters_new"]) & (both["side"] == "both")]
@@ -172,5 +174,5 @@ def _counters(both: pd.DataFrame, slack: float) -> tuple[pd.Series[int], pd.Seri
 
 
 def _room(one: int, other: int, slack: float) -> float:
-    """How far two counts may be apart, whichever came first."""
+    """Return how far two counts may be apart, in either order."""
     return max(1.0, slack * min(abs(one), abs(other))) if slack else 0.0

@@ -121,7 +121,7 @@ class Standing:
         return np.round(self.scores / TIE), -(self.solved + 1) / (self.started + 1)
 
     def best(self, may: Masks) -> Integers:
-        """The first label of each problem asked about, of those that may be taken."""
+        """Return the first label of each query problem, of those that may be taken."""
         left = may & (self.measured > 0)
         left = np.where(left.any(axis=1, keepdims=True), left, may)
         for key in (*self.ranks, self.scores):
@@ -137,7 +137,7 @@ def recommend(
     used: Masks | None = None,
     knobs: Knobs = SHIPPED,
 ) -> Recommendation:
-    """The labels in `applicable`, ranked for a problem of these features; those that were never measured come last.
+    """Rank the labels in `applicable` for a problem of these features; those that were never measured come last.
 
     `used` : which cases are used, all without it.
 
@@ -172,7 +172,7 @@ def recommend(
 def standing(
     known: Experience, distance: Matrix, nodes: Texts, may: Masks, used: Masks, knobs: Knobs = SHIPPED
 ) -> Standing:
-    """How the labels stand on problems of these `nodes`, so far from each case, which `may` take these labels."""
+    """Score the labels on problems of these `nodes`, so far from each case, which `may` take these labels."""
     same = (known.nodes[None, :] == nodes[:, None]) & used
     near = same & (distance <= NEAR * knobs.width)
     started, solved = ~np.isnan(known.ratios), np.isfinite(known.ratios)
@@ -186,7 +186,7 @@ def standing(
 
 
 def _scores(losses: Matrix, distance: Matrix, used: Masks, same: Masks, may: Masks, knobs: Knobs) -> Matrix:
-    """ŝ of every label, asked × labels."""
+    """Return ŝ of every label, queries × labels."""
     there = (~np.isnan(losses) & used[:, None]).astype(float)
     loss = np.where(there > 0, losses, 0.0)
     nearest = np.sort(np.where(same, distance, math.inf), axis=1)

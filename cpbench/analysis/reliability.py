@@ -53,7 +53,7 @@ MET = (*MET_TOLERANCE, *CHARGED_TO_ROUTE)
 
 
 def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
-    """Ends of Wilson's interval of a rate, elementwise; NaN for no trial.
+    """Return the ends of Wilson's interval of a rate, elementwise; NaN for no trial.
 
         (p + z²/2n ± z √(p(1 − p)/n + z²/4n²)) / (1 + z²/n),    p = successes / n
 
@@ -71,7 +71,7 @@ def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95)
 
 
 def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
-    """Claim against verdict, one row a label, of the pairs where the solver came back within its limits.
+    """Compare claim and verdict, one row a label, of the pairs where the solver came back within its limits.
 
     Left out is what says nothing of a claim: rows that were read off a history, which have none, answers that rounding
     decides, and those of a solver that drops a term, whose own problem nobody has.
@@ -108,7 +108,7 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
 
 def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
-    """What a label does and how well it knows, one row a label (sorted).
+    """Summarise what a label does and how well it knows, one row a label (sorted).
 
     Columns: planned (pairs), started (all but unsupported, unavailable, not run), judged (came back with a claim),
     solved; true, false, modest, honest, correct, correct_low, correct_high as in `claims`; recognised (of the answers
@@ -139,8 +139,8 @@ def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
 
 def false_claims(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows whose solver claims to have solved the problem it was given, and the error that was judged there says
-    otherwise.
+    """Return rows whose solver claims to have solved the problem it was given, against the error that was judged
+    there.
 
     Older files call a row of a route that promises less than an answer wrong also where the solver met its target.
     """
@@ -149,12 +149,14 @@ def false_claims(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def target_tolerance(table: pd.DataFrame) -> pd.Series[float]:
-    """What each row's error on the solver's own problem is held against; an older file measured at the row's own."""
+    """Return the tolerance that each row's error on the solver's own problem is compared with; an older file has the
+    row's own.
+    """
     return table["target_tolerance"].fillna(table["tolerance"])
 
 
 def losses(table: pd.DataFrame) -> pd.DataFrame:
-    """The exact routes that lost answers which met their solver's target, one row a route, most first.
+    """Return the exact routes that lost answers which met their solver's target, one row a route, most first.
 
     Columns: route, lost (answers), factor (largest error on the asked problem over the error on the solver's own).
 
@@ -171,7 +173,7 @@ def losses(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
-    """The routes that promise less than an answer, one row a (label, kind).
+    """Return the routes that promise less than an answer, one row a (label, kind).
 
     Columns: pairs, solved (on the problem that was asked), missed (within the tolerance on the solver's own problem,
     or claimed to be where that was not measured, and not on the asked one),

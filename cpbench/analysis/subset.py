@@ -81,7 +81,7 @@ class Value:
         self.total = 0.0
 
     def gain(self, row: int) -> float:
-        """What the problem in this row would add."""
+        """Return how much the problem in this row would add."""
         return float(np.sum(np.sqrt(self._seen + self._told(row)) - self._roots))
 
     def add(self, row: int) -> float:
@@ -93,7 +93,7 @@ class Value:
         return gained
 
     def _told(self, row: int) -> Array:
-        """d of the problem in this row, labels × labels; 0 where one does not take part, or of two failures."""
+        """Return d of the problem in this row, labels × labels; 0 where one does not take part, or of two failures."""
         level = self._levels[row]
         with np.errstate(invalid="ignore"):
             ahead = level[np.newaxis, :] - level[:, np.newaxis]
@@ -101,7 +101,7 @@ class Value:
 
 
 def value(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float = FLOOR) -> float:
-    """f(problems) / f(all), 1 where nothing tells the labels apart.
+    """Return f(problems) / f(all), 1 where nothing tells the labels apart.
 
     >>> times = pd.DataFrame({"a": [1.0, 1.0, 1.0], "b": [4.0, 1.0, math.inf]}, index=["p", "q", "r"])
     >>> value(times, ["q"]), round(value(times, ["p"]), 4), value(times, ["p", "r"])
@@ -124,7 +124,7 @@ def choose(
     seed: int = 0,
     floor: float = FLOOR,
 ) -> Subset:
-    """The problems of `outcomes` to take within a budget [s]; `seed` decides between equal ones.
+    """Choose the problems of `outcomes` to take within a budget [s]; `seed` decides between equal ones.
 
     Parameters
     ----------
@@ -159,7 +159,8 @@ def choose(
 
 
 def scores(outcomes: pd.DataFrame, floor: float = FLOOR) -> pd.Series[float]:
-    """Of every label the mean, over the problems on which it takes part, of least time over its time (0: not solved).
+    """Score every label by the mean, over the problems on which it takes part, of least time over its time (0: not
+    solved).
 
     >>> scores(pd.DataFrame({"a": [1.0, 1.0], "b": [4.0, math.inf], "c": [math.nan, 2.0]})).tolist()
     [1.0, 0.125, 0.5]
@@ -171,7 +172,8 @@ def scores(outcomes: pd.DataFrame, floor: float = FLOOR) -> pd.Series[float]:
 
 
 def agreement(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float = FLOOR) -> tuple[float, int]:
-    """Kendall's τ_b of the labels' scores on `problems` with those on all, and how many labels take part in both.
+    """Return Kendall's τ_b of the labels' scores on `problems` with those on all, and how many labels take part in
+    both.
 
     NaN below two labels, and where all of them score the same.
     """
@@ -185,7 +187,7 @@ def agreement(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float
 
 
 def _representatives(family: Array, costs: Array, ties: Array, budget: float) -> tuple[list[int], dict[str, float]]:
-    """The cheapest problem of every family that fits, cheapest first, and the families that do not fit."""
+    """Choose the cheapest problem of every family that fits, cheapest first, and list the families that do not fit."""
     cheapest: dict[str, int] = {}
     for row in np.lexsort((ties, costs)):
         cheapest.setdefault(str(family[row]), int(row))
@@ -210,7 +212,7 @@ def _filled(
     by_cost: bool,
     floor: float,
 ) -> tuple[Value, list[tuple[int, float]]]:
-    """The value of the greedy choice that begins with `first`, and its rows with what each added.
+    """Fill the budget greedily, beginning with `first`; return the value, and the rows with what each added.
 
     `by_cost` : gain per cost decides, else gain alone.
     """

@@ -52,7 +52,7 @@ class Run:
 
 
 def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
-    """One row a label and run that measured it, by label, then date.
+    """Return one row a label and run that measured it, by label, then date.
 
     Columns: file, label, date (its last row's), version (of the solver), cpbench, machine; pairs that were run, solved,
     wrong, crash; base (the file it is compared with, itself where it is the first on its machine), common (pairs solved
@@ -99,7 +99,9 @@ def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
 
 
 def moved(points: pd.DataFrame) -> list[str]:
-    """Labels by how much they changed, most first: pairs solved more or fewer, then the largest ratio either way."""
+    """Sort labels by how much they changed, most first: pairs solved more or fewer, then the largest ratio either
+    way.
+    """
     share = points["solved"] / points["pairs"]
     ratio = pd.Series(np.abs(np.log(points["ratio"].to_numpy(dtype=float))), index=points.index).fillna(0.0)
     by = pd.DataFrame({"label": points["label"], "share": share, "ratio": ratio}).groupby("label")
@@ -109,7 +111,7 @@ def moved(points: pd.DataFrame) -> list[str]:
 
 
 def machine_text(told: Mapping[str, Any]) -> str:
-    """A machine by what lasts of it; '' of one of which nothing is told.
+    """Describe a machine by its lasting facts; '' without any.
 
     >>> machine_text({"cpu": "a processor", "cores": 2, "ram_gib": 8.0, "load": 0.3})
     'a processor, 2 cores, 8 GiB'
@@ -120,7 +122,9 @@ def machine_text(told: Mapping[str, Any]) -> str:
 
 
 def _rows(runs: Sequence[Run]) -> pd.DataFrame:
-    """The rows of all runs that were run, each with the number of its run, machine, and time (∞ unless solved)."""
+    """Return the rows of all runs that were run, each with the number of its run, machine, and time (∞ unless
+    solved).
+    """
     parts: list[pd.DataFrame] = []
     for number, run in enumerate(runs):
         rows = rows_of.with_time(rows_of.normalised(run.table))
@@ -148,7 +152,7 @@ def _rows(runs: Sequence[Run]) -> pd.DataFrame:
 
 
 def _ratios(rows: pd.DataFrame, points: pd.DataFrame, floor: float) -> pd.DataFrame:
-    """common and ratio of every (label, run) that has a pair solved in its base too."""
+    """Return common and ratio of every (label, run) that has a pair solved in its base too."""
     timed = rows.loc[np.isfinite(rows["time"]), ["label", "run", "key", "time"]].drop_duplicates(
         ["label", "run", "key"]
     )
@@ -161,5 +165,5 @@ def _ratios(rows: pd.DataFrame, points: pd.DataFrame, floor: float) -> pd.DataFr
 
 
 def _several(values: pd.Series[str]) -> str:
-    """The different values, in order."""
+    """Join the different values, in order."""
     return " + ".join(sorted({value for value in values.unique() if value}))

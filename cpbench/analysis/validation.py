@@ -64,7 +64,8 @@ def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.D
 
 
 def rates(known: Experience, evaluation: pd.DataFrame) -> pd.DataFrame:
-    """One row a node, and the sum of all as the last, 'all': what `evaluate` found, beside simpler choices.
+    """Evaluate the recommendation by node, one row a node, and the sum of all as the last, 'all', beside simpler
+    choices.
 
     Columns: node, problems, origins, solved, within (of the virtual best, twice); and the last two of
 
@@ -100,7 +101,7 @@ def rates(known: Experience, evaluation: pd.DataFrame) -> pd.DataFrame:
 
 
 def chosen(known: Experience, part: Places) -> list[Knobs]:
-    """The knobs for each part, by what the others show; of equals the first of KNOBS."""
+    """Choose the knobs for each part by the other parts; of equals the first of KNOBS."""
     parts = int(part.max()) + 1
     hits = np.zeros((len(KNOBS), parts))
     at, may = places(known), ~np.isnan(known.ratios)
@@ -118,7 +119,7 @@ def chosen(known: Experience, part: Places) -> list[Knobs]:
 
 
 def dealt(known: Experience) -> Places:
-    """The part of every case: origins, the largest first, each to the part that has least."""
+    """Deal every case to a part: origins, the largest first, each to the part that has least."""
     names, counts = np.unique(known.origins.astype(str), return_counts=True)
     filled = [0] * min(PARTS, len(names))
     place: dict[str, int] = {}
@@ -129,8 +130,9 @@ def dealt(known: Experience) -> Places:
 
 
 def _plain(known: Experience, own: Places, used: Masks) -> list[int]:
-    """The label for each case that is within most often on the used cases of its node, else of any; then that solves
-    most, of those that take the case."""
+    """Return the label for each case that is within most often on the used cases of its node, else of any; then that
+    solves most, of those that take the case.
+    """
     found: list[int] = []
     for i in own:
         there = used & (known.nodes == known.nodes[i])
@@ -142,7 +144,7 @@ def _plain(known: Experience, own: Places, used: Masks) -> list[int]:
 
 
 def _spread(places: Places, most: int | None) -> Places:
-    """At most so many, evenly spaced."""
+    """Return at most so many places, evenly spaced."""
     if most is None or len(places) <= most:
         return places
     return places[np.arange(most) * len(places) // most]
@@ -153,5 +155,5 @@ def _name(label: str) -> str:
 
 
 def _automatic(label: str) -> bool:
-    """Whether a label is of a solver that chooses among others, registered here."""
+    """Return whether a label is of a solver that chooses among others, registered here."""
     return _name(label) in solvers and solvers.get(_name(label)).spec.method == "automatic choice"

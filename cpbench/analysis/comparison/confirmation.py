@@ -19,19 +19,21 @@ PAIR = ["fingerprint", "label_new", "request", "tolerance", "measure", "start", 
 
 
 def alarms(found: Comparison, statuses: Collection[str] = ()) -> pd.DataFrame:
-    """The pairs that alarmed; `statuses` : those that are an alarm where a pair has them on the new side only."""
+    """Return the pairs that alarmed; `statuses` : those that are an alarm where a pair has them on the new side
+    only.
+    """
     return found.pairs[_alarmed(found, statuses)]
 
 
 def to_repeat(found: Comparison, statuses: Collection[str] = ()) -> pd.DataFrame:
-    """The pairs to run again: those that alarmed, and all that were timed of the labels whose times did."""
+    """Return the pairs to run again: those that alarmed, and all that were timed of the labels whose times did."""
     slower = [suite.label for suite in found.suites if suite.time == Verdict.REGRESSED]
     timed = found.pairs["comparable"] & found.pairs["label_new"].isin(slower)
     return found.pairs[_alarmed(found, statuses) | timed]
 
 
 def confirmed(first: Comparison, again: Comparison, statuses: Collection[str] = ()) -> Comparison:
-    """`first` with its alarms that are not in `again` inconclusive, and a note that counts them.
+    """Return `first` with its alarms that are not in `again` inconclusive, and a note that counts them.
 
     A pair that `again` has not stays what it was: nobody could run it.
     """
@@ -74,7 +76,7 @@ def _alarmed(found: Comparison, statuses: Collection[str]) -> pd.Series[bool]:
 
 
 def _counted(what: str, alarmed: int, again: int, calm: int) -> str:
-    """How many alarmed, did so again, did not, and could not be run."""
+    """Count the alarms, those confirmed, those not confirmed, and those that could not be run."""
     rest = alarmed - again - calm
     parts = [f"{again} of {counted(alarmed, what)} alarmed twice", f"{calm} did not"]
     return ", ".join([*parts, *([f"{rest} could not be run again"] if rest else [])])

@@ -42,7 +42,7 @@ FIRST = "iterations"
 
 
 def rulings(pairs: pd.DataFrame) -> pd.DataFrame:
-    """An empty ruling for every pair: verdict, gate, kind, why."""
+    """Create an empty ruling for every pair: verdict, gate, kind, why."""
     return pd.DataFrame(dict.fromkeys(("verdict", "gate", "kind", "why"), UNDECIDED), index=pairs.index)
 
 
@@ -58,7 +58,7 @@ def rule(ruling: pd.DataFrame, gate: str, verdict: Verdict, where: pd.Series[boo
 
 
 def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
-    """Rule by status.
+    """Rule by status, in place.
 
     `stray` : the factor by which one time strays by itself. A solve that ended that near to the limit on one side,
     and over it on the other, is no change of status.
@@ -96,8 +96,9 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
 
 
 def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
-    """Rule by the error that was verified, of answers that solve the problem on neither side: within the tolerance all
-    are equal, beyond it a factor of 10 counts."""
+    """Rule by the error that was verified, of answers that solve the problem on neither side: within the tolerance
+    all are equal, beyond it a factor of 10 counts.
+    """
     floor = pairs["tolerance"].astype(float)
     base, new = (pairs[f"error_{side}"].astype(float).clip(lower=floor) for side in ("base", "new"))
     apart = np.isfinite(base) & np.isfinite(new) & ((new > DECADE * base) | (base > DECADE * new))
@@ -110,7 +111,7 @@ def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
 def by_counters(
     pairs: pd.DataFrame, margin: float, left_out: Collection[tuple[str, str]] = frozenset()
 ) -> pd.DataFrame:
-    """What the counters of pairs solved on both sides say: verdict ('' where none is common), why.
+    """Judge the counters of pairs solved on both sides: verdict ('' where none is common), why.
 
     A counter moved when it changed by more than `margin` relative to the smaller side, and by more than 1. `iterations`
     is looked at first, then the others by name; counters that moved apart leave the pair inconclusive.
@@ -127,7 +128,7 @@ def by_counters(
 
 
 def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:
-    """(solver without its variant, counter) that moved between two sides of the same code: they tell nothing."""
+    """Find (solver without its variant, counter) that moved between two sides of the same code: they prove nothing."""
     found: set[tuple[str, str]] = set()
     columns = ["solver", "counters_base", "counters_new"]
     for solver, base, new in pairs[columns].drop_duplicates().itertuples(index=False, name=None):
@@ -136,7 +137,7 @@ def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:
 
 
 def _base(solver: str) -> str:
-    """`x` of `x@head`."""
+    """Return `x` of `x@head`."""
     return solver.partition("@")[0]
 
 
@@ -158,7 +159,7 @@ def _moved(solver: str, base: str, new: str, margin: float, left_out: Collection
 
 
 def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: float) -> dict[str, int]:
-    """Sign of the change of the common counters that moved."""
+    """Return sign of the change of the common counters that moved."""
     changes: dict[str, int] = {}
     for name in before.keys() & after.keys():
         gap = after[name] - before[name]
@@ -169,7 +170,7 @@ def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: fl
 
 @lru_cache(maxsize=2**14)
 def _read(text: str) -> Mapping[str, float]:
-    """Counters of a row; what is no number is none."""
+    """Parse the counters of a row; drop what is no number."""
     try:
         found = json.loads(text) if text else {}
     except ValueError:
@@ -179,6 +180,6 @@ def _read(text: str) -> Mapping[str, float]:
 
 
 def differ(pairs: pd.DataFrame, column: str) -> pd.Series[bool]:
-    """Whether a limit is known on both sides and differs."""
+    """Return whether a limit is known on both sides and differs."""
     base, new = pairs[f"{column}_base"], pairs[f"{column}_new"]
     return base.notna() & new.notna() & (base != new)

@@ -72,7 +72,8 @@ class Noise:
 
 
 def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tuple[float, ...]]:
-    """`drift` and `spread` of `Noise` from the reference solves of each file; one list where both sides are one run.
+    """Return `drift` and `spread` of `Noise` from the reference solves of each file; one list where both sides are
+    one run.
 
     The drift is what the two medians differ by, and SURE standard errors more: a few solves that jump about tell that
     the machine may have been slower for as long as nobody looked.
@@ -97,7 +98,7 @@ def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tup
 
 
 def one_machine(pairs: pd.DataFrame, machines: Sequence[Mapping[str, Mapping[str, Any]]]) -> pd.Series[bool]:
-    """Whether both times of a pair were taken on one machine: a host of one name, and of one description.
+    """Return whether both times of a pair were taken on one machine: a host of one name, and of one description.
 
     `machines` : what each file says of its hosts; hosts of which it says nothing are another machine.
     """
@@ -107,5 +108,5 @@ def one_machine(pairs: pd.DataFrame, machines: Sequence[Mapping[str, Mapping[str
 
 
 def _lasting(told: Mapping[str, Any]) -> dict[str, Any]:
-    """What a machine is, without how it was."""
+    """Return the lasting facts of a machine, without its load or temperature at the time."""
     return {name: told.get(name) for name in ("cpu", "cores", "threads", "ram_gib")}

@@ -17,7 +17,7 @@ from cpbench.verification import Status
 
 
 def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Whose figures may not be published, which a summary of a CI job does."""
+    """Note the solvers whose figures may not be published, which a summary of a CI job does."""
     terms: dict[str, str] = {}
     for table, meta in zip(tables, metas, strict=True):
         terms |= attendance.restricted(table, meta.get("solvers") or {})
@@ -25,7 +25,7 @@ def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, A
 
 
 def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
-    """On what was not compared, and why; `idle` pairs were started on neither side."""
+    """Note what was not compared, and why; `idle` pairs were started on neither side."""
     notes: list[str] = []
     if len(found.only_base) or len(found.only_new):
         notes.append(f"{len(found.only_base)} rows are in the base only, {len(found.only_new)} in the new results only")
@@ -51,7 +51,7 @@ def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
 
 
 def on_stationary(judged: pd.DataFrame, counted: bool) -> list[str]:
-    """On answers that are stationary only: how many on each side, or that they are `counted` as solved."""
+    """Note answers that are stationary only: how many on each side, or that they are `counted` as solved."""
     if counted:
         return ["stationary answers are counted as solved (--count-stationary)"]
     base, new = (int((judged[f"status_{side}"] == str(Status.STATIONARY)).sum()) for side in ("base", "new"))
@@ -61,7 +61,7 @@ def on_stationary(judged: pd.DataFrame, counted: bool) -> list[str]:
 
 
 def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -> list[str]:
-    """On what times are worth here; `interleaved`: both sides are one run, `here`: some pair is of one machine."""
+    """Note how far times can be trusted; `interleaved`: both sides are one run, `here`: some pair is of one machine."""
     timed = judged["ratio"].notna()
     if not timed.any():
         return []

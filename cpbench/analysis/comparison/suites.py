@@ -67,7 +67,7 @@ class Suite:
 
 
 def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tuple[Suite, ...]:
-    """The suites of judged pairs (`comparison.compare`), in order of label."""
+    """Return the suites of judged pairs (`comparison.compare`), in order of label."""
     parts = [_measured(str(label), own, noise, seed) for label, own in pairs.groupby("label_new", sort=True)]
     adjusted = holm([part.p for part in parts])
     return tuple(_decided(replace(part, p=p), noise, alpha) for part, p in zip(parts, adjusted, strict=True))
@@ -76,7 +76,7 @@ def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tupl
 def mean_ratio(
     ratios: pd.Series[float], families: pd.Series[str], problems: pd.Series[str], seed: int = 0
 ) -> tuple[float, float, float, int]:
-    """Geometric mean, interval and number of families; NaN where one problem leaves no interval.
+    """Return the geometric mean, interval and number of families; NaN where one problem leaves no interval.
 
     Problems of one family only are resampled one by one. A problem without a family is one by itself.
 
@@ -146,7 +146,7 @@ def _decided(suite: Suite, noise: Noise, alpha: float) -> Suite:
 
 
 def _wanting(suite: Suite, noise: Noise, apart: bool) -> str:
-    """What would decide."""
+    """Return what would decide an open verdict."""
     if suite.timed < FEWEST:
         return f"at least {FEWEST} problems that both sides solve would decide, or more repeats"
     if not math.isfinite(suite.low):

@@ -86,14 +86,15 @@ class Comparison:
     notes: tuple[str, ...]
 
     def of(self, verdict: Verdict) -> pd.DataFrame:
-        """The pairs of a verdict, those that no clock decided first."""
+        """Return the pairs of a verdict, those decided without a clock first."""
         own = self.pairs[self.pairs["verdict"] == verdict]
         order = own["gate"].map({"status": 0, "error": 1, "counters": 2, "time": 3})
         return own.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")
 
     def became(self, status: str) -> pd.DataFrame:
-        """The pairs that have this status on the new side, and not on the base; not those that were run again and
-        did not come to it."""
+        """Return the pairs that have this status on the new side, and not on the base; without repeated pairs that
+        did not confirm it.
+        """
         now = (self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)
         return self.pairs[now & (self.pairs["kind"] != NOT_AGAIN)]
 
@@ -126,7 +127,7 @@ def compare_labels(
 
 
 def equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
-    """The pairs of two labels of equal code in a run; raises CpbenchError, UnknownName."""
+    """Return the pairs of two labels of equal code in a run; raises CpbenchError, UnknownName."""
     return _equal_pairs(_prepared(run), labels)
 
 
@@ -206,7 +207,7 @@ def _noise(base: Side, new: Side, settings: Settings, interleaved: bool, equal: 
 
 
 def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settings: Settings) -> pd.DataFrame:
-    """Pairs with what their times say, and their ruling."""
+    """Return pairs with what their times say, and their ruling."""
     ruling = gates.rulings(own)
     gates.by_status(own, ruling, told.strays)
     gates.by_error(own, ruling)
@@ -227,7 +228,7 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settin
 
 
 def worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> Verdict:
-    """The verdict on the whole: `Comparison.verdict`."""
+    """Return the verdict on the whole: `Comparison.verdict`."""
     if not len(judged):
         return Verdict.INCONCLUSIVE
     by_time = judged["gate"] == "time"
