@@ -18,7 +18,7 @@ ROWS = 96
 
 
 def answer(run: Run) -> Iterator[str]:
-    """The sentences, the figure of the formulations with most problems, and the rankings as one table."""
+    """Yield the sentences, the figure of the formulations with most problems, and the rankings as one table."""
     told = [ranking for ranking in run.rankings if ranking.rows]
     if not told:
         return
@@ -44,19 +44,19 @@ def answer(run: Run) -> Iterator[str]:
 
 
 def sentence_of(ranking: Ranking) -> str:
-    """The sentence of a ranking without the name of the formulation that it begins with."""
+    """Return the sentence of a ranking without the name of the formulation that it begins with."""
     return ranking.sentence.removeprefix(f"{ranking.formulation}: ")
 
 
 def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
-    """The first of its solvers; the first line names the formulation and links to its details."""
+    """Yield the first of its solvers; the first line names the formulation and links to its details."""
     for k, row in enumerate(ranking.rows[:most]):
         name = f"[{plain(ranking.formulation)}]({file_of(run, ranking.group)})" if k == 0 else ""
         yield [name, *cells_of(row, row.solver in tunings(run))]
 
 
 def cells_of(row: RankedSolver, tuned: bool) -> Sequence[str]:
-    """Solver, route, solved, median, factor and remarks as Markdown."""
+    """Return solver, route, solved, median, factor and remarks as Markdown."""
     route = row.route + (f" and {row.others} more" if row.others else "")
     return (
         code(row.solver) + (" (tuned)" if tuned else ""),

@@ -11,7 +11,7 @@ from cpbench.report.text import code, counted, cut, listed, plain, seconds, tabl
 
 
 def publishing(run: Run) -> Iterator[str]:
-    """What must not be published, or what was left out for it."""
+    """Yield what must not be published, or what was left out for it."""
     if run.left_out:
         what = "Tables, figures and `results.csv`" if run.has_csv else "Tables and figures"
         yield (
@@ -33,7 +33,7 @@ def publishing(run: Run) -> Iterator[str]:
 
 
 def tuned(run: Run) -> Iterator[str]:
-    """What the tuning of solvers cost, and how many of these problems it has seen."""
+    """Yield what the tuning of solvers cost, and how many of these problems it has seen."""
     found = tunings(run)
     if not found:
         return
@@ -67,7 +67,7 @@ def _tuned(label: str, record: Mapping[str, Any], here: set[str]) -> list[str]:
 
 
 def absent(run: Run) -> Iterator[str]:
-    """Why solvers could not run here, each reason once."""
+    """Yield why solvers could not run here, each reason once."""
     found = attendance.absences(run.rows)
     if not found:
         return

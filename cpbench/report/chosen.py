@@ -63,7 +63,7 @@ class Chosen:
         return rows_of.label_kinds(self.rows)
 
     def measured(self, name: str) -> tuple[Measured, str]:
-        """A metric of the ranked labels, and a sentence on who is left out, '' when nobody is."""
+        """Return a metric of the ranked labels, and a sentence on the labels left out, '' when there is none."""
         ranked = self.rows[rows_of.ranked(self.rows)]
         found = measured(ranked, metric(name, self.rows))
         told: list[str] = []
@@ -75,12 +75,12 @@ class Chosen:
         return found, f" Left out: {'; '.join(told)}." if told else ""
 
     def scope(self, *more: str) -> str:
-        """What, how many, tolerance: the title's end."""
+        """Return the end of a title: what, how many, tolerance."""
         of = counted(self.problems, "problem")
         return ", ".join([f"{one_line(self.node)}: {of}", f"tolerance {self.tolerance:g}", *more])
 
     def conditions(self) -> str:
-        """N, tolerance, limit, start and what counts as solved: the end of every guide."""
+        """Return the end of every guide: N, tolerance, limit, start and what counts as solved."""
         most = rows_of.limit(self.rows)
         starts = ", ".join(sorted({one_line(start) for start in self.rows["start"]} - {""}))
         judged = f"{self.tolerance:g}" + ("" if self.asked == self.tolerance else f" (asked for: {self.asked:g})")
@@ -93,7 +93,7 @@ class Chosen:
 
 
 def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
-    """The rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed.
+    """Select the rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed.
 
     `every_start` : rows of all starts are wanted together.
     """
@@ -120,14 +120,16 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
 
 
 def leading(chosen: Chosen, values: pd.DataFrame, most: int) -> list[str]:
-    """The labels to draw where not all fit: those of largest area under the profile."""
+    """Return the labels to draw where not all fit: those of largest area under the profile."""
     from cpbench.analysis.profiles import performance_profile
 
     return performance_profile(values, chosen.problems).leading(most)
 
 
 def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
-    """`A,B` as two labels that are there; a comma within brackets is part of one. Raises CpbenchError, UnknownName."""
+    """Split `A,B` into two labels that are there; a comma within brackets is part of one. Raises CpbenchError,
+    UnknownName.
+    """
     labels = brackets.split(text, ",")
     if len(labels) != 2 or not all(labels) or labels[0] == labels[1]:
         raise CpbenchError(f"--against {text}: takes two different labels, as --against nsgs,lemke@inner8")
@@ -138,7 +140,7 @@ def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
 
 
 def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
-    """The names that a pattern stands for; brackets are part of a label."""
+    """Return the names that a pattern stands for; brackets are part of a label."""
     found: set[str] = set()
     for pattern in patterns:
         own = {name for name in known if name == pattern or fnmatchcase(name, pattern.replace("[", "[[]"))}
@@ -149,7 +151,7 @@ def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
 
 
 def _one_of(rows: pd.DataFrame, field: str, wanted: str, told: str) -> pd.DataFrame:
-    """The rows of the wanted value of a field, or of the only one."""
+    """Select the rows of the wanted value of a field, or of the only one."""
     values = rows[field].map(_spelled)
     known = sorted(set(values))
     if wanted:
@@ -168,7 +170,7 @@ def _spelled(value: Any) -> str:
 
 
 def _at(rows: pd.DataFrame, tolerance: float) -> tuple[pd.DataFrame, float]:
-    """The rows at a tolerance and the one that was asked for; answers to another are judged again."""
+    """Return the rows at a tolerance, and that tolerance; answers to another are judged again."""
     known = sorted(set(rows["tolerance"]))
     if math.isnan(tolerance):
         if len(known) > 1:

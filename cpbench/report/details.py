@@ -15,7 +15,7 @@ WHOLE_RUN = "details.md"
 
 
 def file_of(run: Run, group: Group) -> str:
-    """Name of the file with the details of a group."""
+    """Return the name of the file with the details of a group."""
     return f"details-{slug_of(run, group)}.md"
 
 

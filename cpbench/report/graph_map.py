@@ -30,7 +30,7 @@ GUIDE = "Blue: exact for every problem, or for some. Dashed: approximations and 
 
 
 def graph_drawing(kinds: Collection[Kind]) -> Drawing:
-    """The map with the conversions that may be of one of `kinds`."""
+    """Draw the map with the conversions that may be of one of `kinds`."""
     with canvas.drawing():
         figure, roads = graph_map(kinds)
     title = f"{counted(len(formulations), 'formulation')} and {counted(roads, 'conversion')} between them"
@@ -38,7 +38,7 @@ def graph_drawing(kinds: Collection[Kind]) -> Drawing:
 
 
 def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
-    """Boxes and arrows, and how many conversions these are; made within `canvas.drawing`."""
+    """Draw boxes and arrows, and count these conversions; made within `canvas.drawing`."""
     pairs: dict[tuple[str, str], bool] = {}
     roads = [edge for edge in edges() if edge.source != edge.target and best_kind(edge) in kinds]
     for edge in roads:
@@ -70,7 +70,7 @@ def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
 
 
 def _border(name: str, other: str) -> float:
-    """Points from the middle of a box to a little beyond its border, towards another box."""
+    """Return the points from the middle of a box to a little beyond its border, towards another box."""
     across, up = (b - a for a, b in zip(PLACES[name], PLACES[other], strict=True))
     length = math.hypot(across * UNIT[0], up * UNIT[1])
     half = (6.0 + 2.9 * len(name), 11.0)

@@ -22,7 +22,9 @@ MATRIX_PROBLEMS = 60
 
 
 def slug_of(run: Run, group: Group) -> str:
-    """The group's part of names of files: its formulation, with its settings where some formulation has several."""
+    """Return the group's part of names of files: its formulation, with its settings where some formulation has
+    several.
+    """
     slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
     if len(run.parts) == run.rows["node"].nunique():
         return slug

@@ -11,7 +11,7 @@ from cpbench.verification import Status
 
 
 def imported(run: Run) -> Iterator[str]:
-    """One line a label and place; nothing when all rows are of this tool."""
+    """Yield one line a label and place; nothing when all rows are of this tool."""
     made = run.rows[run.rows["origin"] != ""]
     if not len(made):
         return

@@ -22,7 +22,7 @@ LISTED = 8
 
 
 def known_sections(run: Run) -> Iterator[str]:
-    """All of them, in order; those that have nothing to say are not there, but for false claims and failures."""
+    """Yield all sections, in order; empty ones are left out, but for false claims and failures."""
     yield from false_claims(run, LISTED)
     yield from _remarks(run)
     yield from multi_start(run, 3)
@@ -35,7 +35,7 @@ def known_sections(run: Run) -> Iterator[str]:
 
 
 def _remarks(run: Run) -> Iterator[str]:
-    """A line each on directions, on what conversions lost, and on routes that promise less than an answer."""
+    """Yield a line each on directions, on what conversions lost, and on routes that promise less than an answer."""
     told: list[str] = []
     wrong = failures.flagged(run.rows, "direction")
     if len(wrong):
@@ -100,7 +100,7 @@ def _kind(run: Run, status: str, own: list[Reason]) -> list[str]:
 
 
 def _never_started(run: Run) -> Iterator[str]:
-    """What could not be run, in a line a reason; it counts against nobody."""
+    """Yield what could not be run, in a line a reason; it counts against no solver."""
     lines: list[str] = []
     for one in attendance.absences(run.rows):
         why = cut((one.detail.strip().splitlines() or ["not told"])[-1], 160)

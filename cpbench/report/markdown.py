@@ -45,7 +45,7 @@ def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Pa
 
 
 def _headline(run: Run) -> str:
-    """How much was run, and what came of it; pairs that could not be run are told apart and count against nobody."""
+    """Return how much was run and with which results; pairs that could not be run are counted apart."""
     if not len(run.rows):
         return "No pair was planned: no solver is reached from the problems that were read."
     rows = run.rows
@@ -67,13 +67,13 @@ def _headline(run: Run) -> str:
 
 
 def _remarks(run: Run) -> Iterator[str]:
-    """What was asked of the run and not done."""
+    """Yield what was requested of the run and not done."""
     if run.remarks:
         yield "\\\n".join(f"**{plain(remark)}.**" for remark in run.remarks)
 
 
 def _pointers(run: Run) -> Iterator[str]:
-    """Where the rest is."""
+    """Yield where the rest is."""
     yield "## Where the details are"
     whole = vega.lacking() or "`report.html`: every figure and pair, filtered as you like; offline, in any browser"
     lines = [f"- {whole}"]

@@ -23,7 +23,9 @@ GUIDE = (
 
 
 def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
-    """A table a problem, start by solution; nothing where no problem was started from several points of its file."""
+    """Yield a table a problem, start by solution; nothing where no problem was started from several points of its
+    file.
+    """
     found = list(solutions(run.read, run.answers))
     if not found:
         return
@@ -38,7 +40,7 @@ def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
 
 
 def summary(one: Found) -> str:
-    """How many solutions were found, and who found all of them.
+    """Count the solutions reached, and name the solvers that reached all of them.
 
     A solver that finds each from some start shows them all to whoever tries all starts.
     """
@@ -51,7 +53,7 @@ def summary(one: Found) -> str:
 
 
 def rounded(x: Vector) -> str:
-    """A solution in a few numbers.
+    """Format a solution in a few numbers.
 
     >>> rounded(np.array([1.0, 0.0, 1.2247448]))
     '(1, 0, 1.22)'
@@ -61,7 +63,7 @@ def rounded(x: Vector) -> str:
 
 
 def _line(one: Found, start: str) -> list[str]:
-    """The solvers that found each solution from a start, and those that found none."""
+    """Return the solvers that reached each solution from a start, and those that reached none."""
     reached = one.reached(start)
     idle = [label for label in one.labels if (start, label) in one.status and not one.place.get((start, label))]
     cells = [_who(reached.get(k, [])) for k in range(1, len(one.solutions) + 1)]

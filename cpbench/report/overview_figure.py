@@ -73,7 +73,7 @@ def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
 
 
 def overview_figure(panels: Sequence[Panel], looks: Mapping[str, int]) -> Figure:
-    """The panels in rows, each with its own axis of τ."""
+    """Draw the panels in rows, each with its own axis of τ."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -112,7 +112,7 @@ def _curves(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
 
 
 def _names(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
-    """A line a named solver, most solved first: its look, what it solved, its name."""
+    """Draw a line a named solver, most solved first: its look, what it solved, its name."""
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(NAMED - 0.5, -0.5)

@@ -15,7 +15,8 @@ BEGIN, END = "<!-- tables from the registries: begin -->", "<!-- tables from the
 
 
 def registry_tables() -> str:
-    """Formulations, conversions, solvers and formats, each a heading and a table, and the graph of the first two.
+    """Write formulations, conversions, solvers and formats, each a heading and a table, and the graph of the first
+    two.
 
     Solvers that run only when they are named are counted by family.
     """
@@ -47,7 +48,7 @@ def registry_tables() -> str:
 
 
 def replace_between_marks(text: str, tables: str) -> str:
-    """`text` with what stands between the two marks replaced."""
+    """Replace the text between the two marks."""
     before, _, rest = text.partition(BEGIN)
     _, _, after = rest.partition(END)
     return f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}"
@@ -63,7 +64,7 @@ def _summary(edge: Conversion) -> str:
 
 
 def _families(specs: Iterable[SolverSpec]) -> str:
-    """How many there are of each family, which is the name up to the first hyphen."""
+    """Count each family, which is the name up to the first hyphen."""
     found: dict[str, list[str]] = {}
     for spec in specs:
         found.setdefault(spec.name.partition("-")[0], []).append(spec.name)

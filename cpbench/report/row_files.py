@@ -39,7 +39,7 @@ def write(rows: pd.DataFrame, path: Path, *, force: bool = True) -> None:
 
 
 def chosen(count: int, asked: Collection[str] | None = None) -> tuple[list[str], list[str]]:
-    """The formats in which a report of `count` rows has them, and a line on each that is left out.
+    """Choose the formats in which a report of `count` rows has them, with a line on each that is left out.
 
     `asked` : of FORMATS, and CSV with them as far as it fits; None for all that fit.
 

@@ -127,7 +127,7 @@ def assembled(
     count_stationary: bool = False,
     answers: Mapping[str, Vector] | None = None,
 ) -> Run:
-    """The run that a report is about; the parameters are those of `folder.write_folder`."""
+    """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
     rows = _without_folders(rows_of.normalised(table))
     run = Run(rows, meta, folder, portraits=portraits, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
     run = replace(run, answers=answers or {})
@@ -142,7 +142,7 @@ def assembled(
 
 
 def _publishable(run: Run) -> Run:
-    """The run without the solvers whose figures must not be published: neither their rows nor their sheets."""
+    """Return the run without the solvers whose figures must not be published: neither their rows nor their sheets."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     left_out = restricted(run.rows, sheets)
     kept = {label: sheet for label, sheet in sheets.items() if sheet.get("name") not in left_out}
@@ -151,7 +151,7 @@ def _publishable(run: Run) -> Run:
 
 
 def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
-    """Addresses and messages relative to the working folder: a report names nobody's home."""
+    """Return addresses and messages relative to the working folder: a report shows no home folder."""
     here, home = str(Path.cwd()).rstrip(os.sep) + os.sep, str(Path.home()).rstrip(os.sep) + os.sep
     return rows.assign(
         address=_each_once(rows["address"], lambda text: text.removeprefix(here)),
@@ -160,19 +160,19 @@ def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _each_once(values: pd.Series, made: Callable[[str], str]) -> pd.Series:
-    """What is made of each text: of a million rows few differ in it."""
+    """Apply a function once to each text: of a million rows few differ in it."""
     place, texts = by_appearance(values)
     changed = pd.Series(list(map(made, texts.tolist())), dtype=values.dtype)
     return pd.Series(changed.array.take(place), index=values.index)
 
 
 def group_name(run: Run, group: Group) -> str:
-    """The formulation, with what tells it from other groups of the same formulation, as Markdown."""
+    """Return the formulation, with what tells it from other groups of the same formulation, as Markdown."""
     return plain(group_name_text(run, group))
 
 
 def group_name_text(run: Run, group: Group) -> str:
-    """The same as plain text."""
+    """Return the same as plain text."""
     others = [g for g, _ in run.parts if g.node == group.node]
     parts = [one_line(group.node)]
     if len({g.tolerance for g in others}) > 1:
@@ -189,11 +189,11 @@ def group_name_text(run: Run, group: Group) -> str:
 
 
 def tunings(run: Run) -> dict[str, Mapping[str, Any]]:
-    """How the options of tuned solvers were found, by label."""
+    """Return how the options of tuned solvers were found, by label."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     return {label: sheet["tuned"] for label, sheet in sheets.items() if sheet.get("tuned")}
 
 
 def each(frame: pd.DataFrame) -> Iterator[Any]:
-    """The rows of a frame, its columns as attributes."""
+    """Yield the rows of a frame, its columns as attributes."""
     yield from frame.itertuples(index=False)

@@ -41,7 +41,7 @@ JSON = ("options", "counters_base", "counters_new")
 
 
 def document(found: Comparison) -> str:
-    """The whole file."""
+    """Write the whole file."""
     counts = found.pairs["verdict"].value_counts()
     noise = found.noise
     told: dict[str, Any] = {
@@ -92,7 +92,7 @@ def _read(text: str) -> Any:
 
 
 def _valid(value: Any) -> Any:
-    """With null for NaN and texts for infinities, which JSON does not have; lone surrogates as they are written."""
+    """Replace NaN by null and infinities by texts, which JSON does not have; lone surrogates as they are written."""
     if isinstance(value, dict):
         return {str(name): _valid(part) for name, part in value.items()}
     if isinstance(value, list | tuple):

@@ -20,7 +20,7 @@ from cpbench.report.text import one_line
 
 
 def document(found: Comparison) -> str:
-    """The whole file."""
+    """Write the whole file."""
     root = ElementTree.Element("testsuites", name="cpbench compare")
     rows = {str(label): own for label, own in found.pairs.groupby("label_new", sort=True)}
     for suite in found.suites:
@@ -48,7 +48,7 @@ def _suite(found: Comparison, suite: Suite, own: pd.DataFrame) -> ElementTree.El
 
 
 def _names(own: pd.DataFrame) -> list[str]:
-    """The problems, and what tells pairs of one problem apart where there are several."""
+    """Name the problems, with what tells pairs of one problem apart where there are several."""
     names = own["problem"].astype(str)
     for column in ("tolerance", "start", "set", "label_base", "step", "options", "fingerprint"):
         twice = names.duplicated(keep=False)

@@ -22,12 +22,12 @@ LISTED = 50
 
 
 def document(found: Comparison) -> str:
-    """The whole summary."""
+    """Write the whole summary."""
     return "\n\n".join(_parts(found)) + "\n"
 
 
 def section(found: Comparison) -> Iterator[str]:
-    """The same as a section of a report about the new side."""
+    """Yield the summary as a section of a report about the new side."""
     yield f"## Compared with {code(found.base.name)}"
     for part in _parts(found):
         yield f"#{part}" if part.startswith("## ") else part
@@ -46,7 +46,7 @@ def _parts(found: Comparison) -> Iterator[str]:
 
 
 def _section(found: Comparison, verdict: Verdict, own: pd.DataFrame) -> Iterator[str]:
-    """Pairs of a verdict, after the labels whose times have it."""
+    """Yield pairs of a verdict, after the labels whose times have it."""
     labels = [suite for suite in found.suites if suite.time == verdict and verdict != Verdict.INCONCLUSIVE]
     if not len(own) and not labels:
         return

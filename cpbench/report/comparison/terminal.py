@@ -15,7 +15,7 @@ LISTED = 10
 
 
 def lines(found: Comparison) -> Iterator[str]:
-    """Verdict, what regressed with the commands that show it, labels, notes."""
+    """Yield the verdict, regressions with the commands that show them, labels, notes."""
     yield f"{found.verdict}: {words.headline(found)}"
     for told in words.versions(found):
         yield f"  {one_line(told)}"

@@ -18,7 +18,7 @@ ORDER = (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.SAME, Verdict.INCONCLUSIVE
 
 
 def headline(found: Comparison) -> str:
-    """The verdict and what it rests on, in one sentence."""
+    """Return the verdict and its evidence in one sentence."""
     sure = found.pairs[found.pairs["gate"] != "time"]
     counts = {v: int((sure["verdict"] == v).sum()) for v in (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.INCONCLUSIVE)}
     told = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
@@ -35,7 +35,7 @@ def headline(found: Comparison) -> str:
 
 
 def times_of(suite: Suite) -> str:
-    """Geometric mean with its interval."""
+    """Format the geometric mean with its interval."""
     if not suite.timed:
         return "—"
     if math.isnan(suite.low):
@@ -44,14 +44,14 @@ def times_of(suite: Suite) -> str:
 
 
 def on_time(suite: Suite) -> str:
-    """The verdict on a label's times, and what would decide where it is open."""
+    """Describe the verdict on a label's times, and what would decide where it is open."""
     if suite.time is None:
         return "not compared"
     return f"{suite.time}: {suite.why}" if suite.why else str(suite.time)
 
 
 def margin(found: Comparison) -> str:
-    """What δ is here, and why."""
+    """Describe δ here, and why."""
     noise = found.noise
     parts = [f"margin {noise.margin:.1%}"]
     if math.isfinite(noise.drift) and noise.drift > 1:
@@ -65,7 +65,7 @@ def margin(found: Comparison) -> str:
 
 
 def versions(found: Comparison) -> list[str]:
-    """Solvers whose version differs between the sides, and the versions of cpbench where they differ."""
+    """Return solvers whose version differs between the sides, and the versions of cpbench where they differ."""
     told: list[str] = []
     sides = (found.base, found.new)
     ours = [str(side.meta.get("cpbench", "")) for side in sides]
@@ -81,7 +81,7 @@ def versions(found: Comparison) -> list[str]:
 
 
 def again(found: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
-    """The command that runs the new side of a pair again."""
+    """Return the command that runs the new side of a pair again."""
     own = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
     row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds", "origin")}}
     here = str(Path.cwd()) + os.sep
@@ -90,6 +90,6 @@ def again(found: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
 
 
 def slowest(found: Comparison, label: str) -> pd.Series[Any]:
-    """The pair of a label whose time grew most."""
+    """Return the pair of a label whose time grew most."""
     own = found.pairs[(found.pairs["label_new"] == label) & found.pairs["comparable"]]
     return own.loc[own["ratio"].idxmax()]

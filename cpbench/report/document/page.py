@@ -140,7 +140,7 @@ def _body(
 
 
 def _methods(run: Run, macros: Macros) -> Iterator[str]:
-    """The paragraph that a paper needs."""
+    """Yield the paragraph that a paper needs."""
     tolerances = ", ".join(small(t) for t in sorted(set(run.rows["tolerance"])))
     most = rows_of.limit(run.rows)
     limit = macros.define(("limit",), duration(most) if math.isfinite(most) else "none")
@@ -158,7 +158,7 @@ def _methods(run: Run, macros: Macros) -> Iterator[str]:
 
 
 def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: Collection[str]) -> Iterator[str]:
-    """Section of a formulation: sentences, table, profile, small multiples."""
+    """Yield section of a formulation: sentences, table, profile, small multiples."""
     name = group_name_text(run, group)
     words = (name,)
     problems = int(rows["fingerprint"].nunique())
@@ -203,7 +203,7 @@ def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: C
 
 
 def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
-    """A profile a family, by its title in TeX; its ratios are taken among its own problems."""
+    """Return a profile a family, by its title in TeX; its ratios are taken among its own problems."""
     sizes = rows.groupby("family")["fingerprint"].nunique().sort_index().sort_values(ascending=False, kind="stable")
     found: dict[str, profiles.Profile] = {}
     for family in sizes.index[:FAMILIES]:
@@ -215,7 +215,7 @@ def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
 
 
 def _with_labels(own: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with every label among them: who has none in this family has a pair that is not solved."""
+    """Add every label to the rows: one without a pair in this family gets a pair that is not solved."""
     absent = rows.drop_duplicates("label")
     absent = absent[~absent["label"].isin(own["label"])]
     first = own.iloc[0]
@@ -226,7 +226,7 @@ def _with_labels(own: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _by_tolerance(run: Run, group: Group, rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
-    """A profile a tolerance: those that were run, or looser ones that the answers are held against."""
+    """Return a profile a tolerance: those that were run, or looser ones that the answers are held against."""
     same = [
         (other.tolerance, own)
         for other, own in rows_of.groups(run.rows)

@@ -18,7 +18,7 @@ LISTED = 60
 
 
 def false_claims(run: Run) -> Iterator[Markup]:
-    """Answers that were called right and are not, each with the command that runs it again."""
+    """Yield answers that were claimed right and are not, each with the command that runs it again."""
     found = run.false_claims
     if not len(found):
         yield element("p", "Every claim of a solver held on the problem it was given.")
@@ -34,7 +34,9 @@ def false_claims(run: Run) -> Iterator[Markup]:
 
 
 def reasons(run: Run) -> Iterator[Markup]:
-    """Failed here and solved there; outcomes and messages that are alike in one line; lost answers; who was absent."""
+    """Yield failures that others solved; outcomes and messages that are alike in one line; lost answers; unavailable
+    solvers.
+    """
     if run.failures:
         yield element("h3", "Failed here, solved there: ", element("span", data_group_name=""))
         yield element("div", data_figure="failed")

@@ -19,8 +19,9 @@ from cpbench.verification import Status
 
 
 def overview(run: Run) -> Iterator[Markup]:
-    """The places of the answer, its figure and its ranking, then the answers of all formulations and the numbers of the
-    run."""
+    """Yield the places of the answer, its figure and its ranking, then the answers of all formulations and the
+    numbers of the run.
+    """
     rows = run.rows
     if not len(rows):
         yield element("p", "No pair was planned: no solver is reached from the problems that were read.")
@@ -44,7 +45,7 @@ def overview(run: Run) -> Iterator[Markup]:
 
 
 def _choices(run: Run) -> Iterator[Markup]:
-    """A button a group, where there are several."""
+    """Yield a button a group, where there are several."""
     if len(run.parts) > 1:
         names = [group_name_text(run, group) for group, _ in run.parts]
         made = (
@@ -55,7 +56,7 @@ def _choices(run: Run) -> Iterator[Markup]:
 
 
 def _formulations(run: Run) -> Iterator[Markup]:
-    """The answers of all groups, where there are several, each to be chosen."""
+    """Yield the answers of all groups, where there are several, each to be chosen."""
     if len(run.parts) < 2:
         return
     places = {group: place for place, (group, _) in enumerate(run.parts)}
@@ -70,7 +71,7 @@ def _formulations(run: Run) -> Iterator[Markup]:
 
 
 def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
-    """How much was run, and what came of it; what could not be run is told apart."""
+    """Yield how much was run and with which results; pairs that could not be run are counted apart."""
     rows = run.rows
     never = int(rows["status"].isin(REFUSED).sum())
     facts = {

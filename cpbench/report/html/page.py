@@ -43,7 +43,7 @@ def write(run: Run, title: str) -> Path:
 
 
 def page(run: Run, title: str) -> str:
-    """The HTML of a run."""
+    """Write the HTML of a run."""
     columns, facts = columns_of(run)
     rankings_of = {ranking.group: ranking for ranking in run.rankings}
     for told, (group, rows) in zip(facts["groups"], run.parts, strict=True):
@@ -75,6 +75,6 @@ def _asset(name: str) -> str:
 
 
 def _policy(scripts: list[str]) -> str:
-    """Only these scripts, styles and data of the page itself, no network at all."""
+    """Return a policy that allows only these scripts, styles and data of the page itself, no network at all."""
     hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'" for s in scripts)
     return f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"

@@ -26,7 +26,7 @@ DIGITS = 4
 
 
 def ranking(rows: pd.DataFrame) -> dict[str, Any]:
-    """One line a label, most solved first: what it solved with its interval over families, and its times."""
+    """Rank labels, one line each, most solved first: what it solved with its interval over families, and its times."""
     times = rows_of.times(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, rows_of.limit(rows)))
     started = rows_of.spread(rows, (~rows["status"].isin(REFUSED)).to_numpy(), False)
@@ -43,7 +43,7 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def answer(ranking: Ranking | None) -> dict[str, Any]:
-    """The sentence of a group, without its name in front, and the first lines of its ranking."""
+    """Return the sentence of a group, without its name in front, and the first lines of its ranking."""
     if ranking is None:
         return {"sentence": "no solver was started.", "rows": [], "more": 0}
     lines = [
@@ -54,8 +54,10 @@ def answer(ranking: Ranking | None) -> dict[str, Any]:
 
 
 def bands(rows: pd.DataFrame) -> dict[str, Any]:
-    """Bands around the leading curves of the performance profile of the times, nothing filtered: ends at each τ, in the
-    order of `labels`. No labels where nobody's times may be compared, or where families are too few for a band."""
+    """Compute bands around the leading curves of the performance profile of the times, nothing filtered: ends at
+    each τ, in the order of `labels`. No labels where no times may be compared, or where families are too few for a
+    band.
+    """
     compared = rows_of.only_ranked(rows)
     time = metrics.METRICS["time"]
     found = metrics.measured(compared, time).values
@@ -80,7 +82,7 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def growth(rows: pd.DataFrame, symbols: Sequence[str]) -> Mapping[str, Records]:
-    """How the time of each label grows with each dimension that varies enough, where that can be told."""
+    """Fit how the time of each label grows with each dimension that varies enough."""
     found: dict[str, Records] = {}
     ranked = rows_of.only_ranked(rows)
     for symbol in symbols:
@@ -93,12 +95,14 @@ def growth(rows: pd.DataFrame, symbols: Sequence[str]) -> Mapping[str, Records]:
 
 
 def warm(table: pd.DataFrame) -> Records:
-    """Warm against cold over the whole run, one line a formulation, label and start; no line without such pairs."""
+    """Compare warm and cold starts over the whole run, one line a formulation, label and start; no line without such
+    pairs.
+    """
     return records(starts.gains(starts.pairs(table)))
 
 
 def records(frame: pd.DataFrame) -> Records:
-    """Columns as lists that JSON can hold: what is no number, or infinite, is null."""
+    """Return columns as lists that JSON can hold: null for values that are no number, or infinite."""
     return {str(name): [_clean(value) for value in frame[name].tolist()] for name in frame}
 
 

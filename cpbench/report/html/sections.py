@@ -56,7 +56,7 @@ LINKS = {
 
 
 def sections(run: Run, title: str) -> tuple[Markup, Markup]:
-    """All sections, and the links to them."""
+    """Return all sections, and the links to them."""
     there = dict(_present(run))
     made: list[Markup] = []
     for name, inside in there.items():
@@ -67,7 +67,7 @@ def sections(run: Run, title: str) -> tuple[Markup, Markup]:
 
 
 def _present(run: Run) -> Iterator[tuple[str, list[Markup]]]:
-    """Those that have something to say."""
+    """Yield the sections that are not empty."""
     yield "overview", list(overview(run))
     absent = set() if len(run.histories) else {"errors"}
     absent |= set() if (run.rows["sequence"] != "").any() or run.rows["start"].nunique() > 1 else {"sequences"}

@@ -11,7 +11,9 @@ from cpbench.report.run import Run
 
 
 def several_starts(run: Run) -> Iterator[Markup]:
-    """A table a problem, solver by start, with the number of the solution; nothing where no problem has several."""
+    """Yield a table a problem, solver by start, with the number of the solution; nothing where no problem has
+    several.
+    """
     found = list(solutions(run.read, run.answers))
     if not found:
         return
@@ -26,12 +28,12 @@ def several_starts(run: Run) -> Iterator[Markup]:
 
 
 def _most_first(one: Found) -> list[str]:
-    """The labels, those that solve from most starts first."""
+    """Sort the labels, those that solve from most starts first."""
     count = {label: sum(1 for (_, of) in one.place if of == label) for label in one.labels}
     return sorted(one.labels, key=lambda label: (-count[label], label))
 
 
 def _cell(one: Found, start: str, label: str) -> str:
-    """The number of the solution, or what came instead."""
+    """Format the number of the solution, or the status without one."""
     place = one.place.get((start, label))
     return f"solution {place}" if place else one.status.get((start, label), "—").replace("_", " ")

@@ -17,7 +17,7 @@ from cpbench.verification import Status
 
 
 def solvers(run: Run) -> Iterator[Markup]:
-    """Versions, licences, methods and citations; which were tuned, and what that took."""
+    """Yield versions, licences, methods and citations; which were tuned, and what that took."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"].unique())
     used = run.rows[run.rows["version"] != ""].groupby("solver")["version"].unique()
@@ -54,7 +54,9 @@ def solvers(run: Run) -> Iterator[Markup]:
 
 
 def problems(run: Run) -> Iterator[Markup]:
-    """Families of problems with their source and licence, as far as their files tell; nothing where none does."""
+    """Yield families of problems with their source and licence, as far as their files give them; nothing where none
+    does.
+    """
     made = run.portraits()
     first = run.rows.drop_duplicates("fingerprint")
     found: dict[tuple[str, str, str, str], int] = {}
@@ -73,7 +75,7 @@ def problems(run: Run) -> Iterator[Markup]:
 
 
 def machine(run: Run) -> Iterator[Markup]:
-    """Facts of the machine, its drift during the run, files that were refused."""
+    """Yield facts of the machine, its drift during the run, files that were refused."""
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
     hosts = sorted(set(run.rows["host"].unique()) - {""})
     facts |= {"hosts": ", ".join(hosts)} if hosts else {}

@@ -31,7 +31,7 @@ FLOOR = 1e-3
 
 @figure_kind("active-set", answer=Need.REQUIRED, tolerance="Size, relative to the largest, up to which a number is 0.")
 def draw(problem: Problem, point: Point, *, tolerance: float = 1e-6) -> Drawing:
-    """A column of two panels for each kind of pair."""
+    """Draw a column of two panels for each kind of pair."""
     if not 0 < tolerance < 1:
         raise CpbenchError(f"--tolerance {tolerance:g}: is a share, between 0 and 1")
     found = active_set(problem, point, tolerance)

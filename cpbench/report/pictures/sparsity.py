@@ -34,7 +34,7 @@ LEAST = 0.16
 
 @figure_kind("sparsity")
 def draw(problem: Problem, point: Point | None = None) -> Drawing:
-    """A panel a matrix that has entries, in common scale of shades."""
+    """Draw a panel a matrix that has entries, in common scale of shades."""
     places, data = arranged(problem), problem.data()
     if not places:
         raise NotApplicable("sparsity", f"this {problem.node} has no matrix with entries")
@@ -54,7 +54,7 @@ def draw(problem: Problem, point: Point | None = None) -> Drawing:
 
 
 def _shares(sizes: list[int], others: list[int]) -> list[float]:
-    """Sizes over the largest of all, none too small to see."""
+    """Return sizes over the largest of all, none too small to see."""
     largest = max(*sizes, *others)
     return [max(size / largest, LEAST) for size in sizes]
 
@@ -81,7 +81,7 @@ def _grid(
 
 
 def _panel(axes: Axes, problem: Problem, name: str, M: Matrix, largest: float) -> None:
-    """Shades by the logarithm of the largest entry of a cell."""
+    """Draw shades by the logarithm of the largest entry of a cell."""
     block = getattr(problem, "dimension", 1) if isinstance(problem, ContactProblem) else 1
     coarse = coarsened(M, CELLS, block)
     with np.errstate(divide="ignore"):

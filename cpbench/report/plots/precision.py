@@ -16,7 +16,7 @@ from cpbench.report.text import listed_plainly
 
 @figure_kind("precision", problem=Need.NONE)
 def draw(run: Run, choice: Choice) -> Drawing:
-    """One curve a solver with histories, the one that gets furthest in the first colour."""
+    """Draw one curve a solver with histories, the one that gets furthest in the first colour."""
     chosen = choose(run, choice)
     require_histories(chosen)
     found = histories.work_precision(chosen.rows, chosen.histories)

@@ -26,7 +26,7 @@ BANDS = 3
     bands=f"Bootstrap bands around the {BANDS} leading curves.",
 )
 def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False) -> Drawing:
-    """The profile of the solvers shown, against the best of them."""
+    """Draw the profile of the solvers shown, against the best of them."""
     chosen = choose(run, choice)
     found, left_out = chosen.measured(metric)
     profile = performance_profile(found.values, chosen.problems, found.metric.floor)

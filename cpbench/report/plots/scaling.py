@@ -28,7 +28,7 @@ PANELS, ACROSS = 12, 4
 
 @figure_kind("scaling", problem=Need.NONE, size="Dimension: n, m, nc, ... (default: the one that varies most).")
 def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
-    """Panels of the solvers with most solved problems, by slope."""
+    """Draw panels of the solvers with most solved problems, by slope."""
     chosen = choose(run, choice)
     symbol = size or scaling.widest(chosen.rows)
     points = scaling.points(chosen.rows, symbol)
@@ -71,7 +71,7 @@ def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
 
 
 def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
-    """Dots, triangles, line and slope of one solver."""
+    """Draw dots, triangles, line and slope of one solver."""
     axes.plot(points["x"], points["seconds"], linestyle="none", marker=".", markersize=2.5, color="#D4D4D4", zorder=1)
     own = points[points["label"] == record["label"]]
     done, stopped = own[~own["stopped"]], own[own["stopped"]]
