@@ -1,4 +1,4 @@
-"""Which of each pair 0 ≤ x ⟂ y ≥ 0 is zero in an answer, which are both, which are neither."""
+"""Active sets: which of each pair 0 ≤ x ⟂ y ≥ 0 is zero in an answer, which are both, which are neither."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from cpbench.matrices import Vector, max_abs
 
 
 class Side(StrEnum):
-    """Which of a pair is away from zero."""
+    """Member of a pair that is away from zero."""
 
     FIRST = "first"
     SECOND = "second"

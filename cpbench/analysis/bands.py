@@ -37,7 +37,7 @@ class Bands:
 
     @property
     def few(self) -> bool:
-        """Whether there are so few families that the bands are a rough guess, which callers must say."""
+        """True if there are so few families that the bands are a rough guess, which callers must say."""
         return self.families < bootstrap.FEW
 
 

@@ -1,4 +1,4 @@
-"""What a line of a baseline tells, and whether one that was written by hand does."""
+"""Fields of a line of a baseline, and the check of one that was written by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must be said beside a cost, because it is not the same cost for every solver.
+"""Caveats beside a cost that is not the same cost for every solver.
 
 A program that is launched for every solve is charged with its launch. Iterations are pivots in one method and
 factorizations in another. `sheets` is what the results say of each label (`meta["solvers"]`); those of older files know
@@ -25,7 +25,7 @@ FIRST_STEP = "cold: first step"
 
 @dataclass(frozen=True)
 class Footnote:
-    """What is said below a table of times of the solvers that have its mark, and nothing where `labels` is empty."""
+    """Footnote of a table of times on the solvers that have its mark; none where `labels` is empty."""
 
     mark: str
     labels: tuple[str, ...]

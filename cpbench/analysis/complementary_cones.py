@@ -33,7 +33,8 @@ class ComplementaryCone:
 
 @dataclass(frozen=True, eq=False)
 class LemkePath:
-    """Where Lemke's method was after every pivot: w − Mz = q + z₀e, the complementary pairs but one complementary.
+    """Path of Lemke's method, a point after every pivot: w − Mz = q + z₀e, the complementary pairs but one
+    complementary.
 
     Attributes
     ----------

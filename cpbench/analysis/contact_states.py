@@ -16,7 +16,7 @@ from cpbench.matrices import Dense, Vector, norm
 
 
 class State(StrEnum):
-    """What a contact does."""
+    """State of a contact."""
 
     STICK = "stick"
     SLIP = "slip"
@@ -43,7 +43,7 @@ class ContactStates:
 
     @property
     def against(self) -> Dense:
-        """Where r_T/(μ r_N) should be while sliding, −(μ∘u_T) over its length; 0 without sliding; (nc, d − 1).
+        """The value of r_T/(μ r_N) expected while sliding, −(μ∘u_T) over its length; 0 without sliding; (nc, d − 1).
 
         With different μ along the two tangents r_T is not against u_T, but this holds (associated slip).
         """

@@ -1,4 +1,4 @@
-"""What a run of some of the problems will take, from what a run of all of them took.
+"""Expected time of a run of some of the problems, from the times of a run of all of them.
 
     expected(S) = START · solvers + factor · sum over p in S of cost(p)
 
@@ -34,7 +34,7 @@ FOLLOWED = "previous"
 
 @dataclass(frozen=True)
 class Measured:
-    """What results tell of the problems, each by its fingerprint; a sequence that is followed is one problem.
+    """Measurements of the problems, each by its fingerprint; a sequence that is followed is one problem.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What was measured, as a recommendation uses it: problems with their features, and what each label came to on them.
+"""Training cases of a recommendation: problems with their features, and the result of each label on them.
 
 An outcome is a time [s], ∞ for a label that was started and did not solve the problem (a claim that is false is a
 failure, however fast), NaN for one that was not started: no route, refused, not installed. Times are compared within
@@ -82,7 +82,7 @@ class Experience:
 
     @cached_property
     def origins(self) -> rows_of.Texts:
-        """Where each case is from: what is left out together with it."""
+        """Origin of each case: the cases of one origin are left out together."""
         families, prints = ([getattr(case, name) for case in self.cases] for name in ("family", "fingerprint"))
         return np.array(origins(families, prints), dtype=object)
 

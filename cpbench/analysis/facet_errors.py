@@ -1,4 +1,4 @@
-"""What polygons in place of Coulomb's disk do: one sliding contact, solved with facets in every direction.
+"""Errors of polygons in place of Coulomb's disk: one sliding contact, solved with facets in every direction.
 
 Nothing here knows the formulas 1 − cos(π/ν), 1/cos(π/ν) − 1 and 180°/ν but :func:`bounds`: the numbers come from the
 edges `fc-lcp-inner` and `fc-lcp-outer`, Lemke's method, and the lift.

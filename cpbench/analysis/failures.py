@@ -1,4 +1,4 @@
-"""What was not solved, and why: problems without an answer, failures by reason, rows that carry a flag."""
+"""Failures and their reasons: problems without an answer, failures by reason, rows that carry a flag."""
 
 from __future__ import annotations
 

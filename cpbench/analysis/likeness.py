@@ -1,4 +1,4 @@
-"""How like problems are, by their features.
+"""Similarity of problems, by their features.
 
 Distances are root mean squares over the features that either problem has, each over its standard deviation: of
 logarithms for sizes and scales, one unit where only one problem has it, at most CUT.

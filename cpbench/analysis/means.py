@@ -32,7 +32,7 @@ SMALL = 10
 
 @dataclass(frozen=True)
 class Penalty:
-    """What a problem that was not solved costs: `factor` times the time limit or, where given, `seconds`.
+    """Cost of a problem that was not solved: `factor` times the time limit or, where given, `seconds`.
 
     >>> str(LIMIT), str(PAR10), str(Penalty(seconds=100.0))
     ('limit', 'PAR10', '100 s')

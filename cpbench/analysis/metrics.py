@@ -1,4 +1,4 @@
-"""What a solver spent, by any measure: time, iterations, memory, whatever it counts.
+"""Metrics of the cost of a solve: time, iterations, memory, counters of the solver.
 
     matrix(group, metric)[p, s] = what s spent on p, and ∞ unless its answer was verified as solved
 

@@ -27,7 +27,7 @@ SAME = 1e-3
 
 @dataclass(frozen=True)
 class Found:
-    """What the solvers found on one problem.
+    """Solutions that the solvers found for one problem.
 
     Attributes
     ----------

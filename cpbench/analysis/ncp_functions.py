@@ -55,7 +55,7 @@ def _negated(values: Values) -> Values:
 
 @dataclass(frozen=True)
 class NCPFunction:
-    """One of them, with its number in the lecture and its name."""
+    """NCP function, with its number in the lecture and its name."""
 
     equation: str
     name: str

@@ -1,4 +1,4 @@
-"""Where problems come from: families of one collection belong together, and are left out together.
+"""Origins of problems: families of one collection belong together, and are left out together.
 
 Problems of one origin resemble each other, whatever family they are filed under: the tests of Hock and Schittkowski
 are three families by their rows, and TORSION1 and TORSIONA are one file with other parameters. A rule on names finds

@@ -1,4 +1,4 @@
-"""What a run says to who asked it which solver to use: of every group a ranking, and one sentence.
+"""Answer to the question which solver to use: of every group a ranking, and one sentence.
 
 The order is by problems solved, then by stationary points found, then by the geometric mean of the time over that of
 the fastest, then by name. A solver is measured on what it was started on: pairs that no route reaches, that are not

@@ -1,4 +1,4 @@
-"""What changed between two baselines, and which of it is taken over: better outcomes are, worse ones are not.
+"""Changes between two baselines: better outcomes are taken over, worse ones are not.
 
 The first of status, error and counters that differs decides about a pair. An error counts as another one when it is
 more than `GUARD` decades away, a counter when it is more than `slack` of the smaller one (and more than 1) away: closer
@@ -28,7 +28,7 @@ FLAKY = "flaky"
 
 
 class Change(StrEnum):
-    """What became of a pair, in the order in which they are told."""
+    """Change of a pair, in the order of reports."""
 
     REGRESSED = "regressed"
     FIXED = "fixed"

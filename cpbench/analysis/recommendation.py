@@ -1,4 +1,4 @@
-"""Which solver for a problem: the labels ranked by what they came to on the problems most like it.
+"""Recommendation of solvers for a problem: labels ranked by their results on the most similar problems.
 
 Losses are ℓ[p, s] = min(log₂ r[p, s], worst) in doublings of the virtual best's time, worst for a failure (the
 penalised ratios of PAR10, cut where a slow answer is as little worth as none). The loss that a label is expected to
@@ -93,13 +93,13 @@ class Recommendation:
 
     @property
     def known(self) -> bool:
-        """Whether anything like it was measured."""
+        """True if a similar problem was measured."""
         return self.similar > 0
 
 
 @dataclass(frozen=True)
 class Standing:
-    """What every label is expected to come to on problems asked about, asked × labels.
+    """Expected results of every label on query problems, queries × labels.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Standing:
 
     @cached_property
     def ranks(self) -> tuple[Matrix, Matrix]:
-        """What decides between labels before their scores do: scores in steps of TIE, then the share solved."""
+        """Keys that decide between labels before their scores do: scores in steps of TIE, then the share solved."""
         return np.round(self.scores / TIE), -(self.solved + 1) / (self.started + 1)
 
     def best(self, may: Masks) -> Integers:

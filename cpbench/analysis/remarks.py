@@ -1,4 +1,4 @@
-"""What a reader of a run should know before any number of it: in which rows something else was done than was asked."""
+"""Remarks before any number of a run: rows in which the run deviated from its request."""
 
 from __future__ import annotations
 

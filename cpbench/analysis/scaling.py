@@ -1,4 +1,4 @@
-"""How time grows with size: log t = a + b log x, where a timeout says "longer than the limit", not "no answer".
+"""Growth of time with size: log t = a + b log x, where a timeout says "longer than the limit", not "no answer".
 
 The line is the likeliest one with normal errors (`censored`), its times known only from below where a problem was
 stopped at the limit. The interval of the slope takes the problems as independent. Those of one family are not:

@@ -1,4 +1,4 @@
-"""What the choice of shift and penalty decides in an order by means, and not the solvers."""
+"""Sensitivity of an order by means to the choice of shift and penalty."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Pick:
 
 @dataclass(frozen=True)
 class Subset:
-    """What was chosen, in that order. `value` : f(chosen) / f(all), 1 where nothing tells the solvers apart.
+    """Chosen problems, in that order. `value` : f(chosen) / f(all), 1 where nothing tells the solvers apart.
     `missed` : families that did not fit, with the cost of their cheapest problem [s]. `order` : which of the two
     orders was the better one."""
 
@@ -66,7 +66,7 @@ class Subset:
 
     @property
     def cost(self) -> float:
-        """What all of them cost together [s]."""
+        """Total cost [s]."""
         return math.fsum(pick.cost for pick in self.picks)
 
 

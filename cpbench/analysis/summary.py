@@ -1,4 +1,4 @@
-"""What a group of results says at a glance: how much each label solved and how fast, by status, node and family."""
+"""Summary of a group of results: how much each label solved and how fast, by status, node and family."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a solver does as one of its options changes, or as the number of facets of its route does.
+"""Sweeps over one option of a solver, or over the number of facets of its route.
 
 A label is a solver, its options and a request for a route: `nsgs[omega=0.8]`, `lemke@inner16`. The labels that agree
 in all but one of these are a *series*, and the value in which they differ is its abscissa.

@@ -48,7 +48,7 @@ CHARGED = ("convert", "setup", "solve", "lift")
 
 @dataclass(frozen=True, order=True)
 class Group:
-    """What the rows of a group have in common."""
+    """Settings that the rows of a group have in common."""
 
     node: str
     tolerance: float

@@ -27,7 +27,7 @@ UNCLAIMED = "inaccurate"
 
 @dataclass(frozen=True)
 class Ladders:
-    """What becomes of each row at any tolerance ε.
+    """Statuses of each row at any tolerance ε.
 
     Attributes
     ----------

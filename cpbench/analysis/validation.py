@@ -1,4 +1,4 @@
-"""How good advice is: every origin is left out in turn, and what advises it has never seen it.
+"""Validation of advice: every origin is left out in turn, and advice on it has never seen it.
 
 The knobs of the estimate are part of the advice. They are chosen among KNOBS for every part of the origins by what the
 others show (nested cross-validation; Stone, J. R. Statist. Soc. B 36 (1974); Varma and Simon, BMC Bioinformatics 7

@@ -16,7 +16,7 @@ from cpbench.registry import Registry
 
 @dataclasses.dataclass(frozen=True)
 class Size:
-    """What a conversion will make, at most.
+    """Upper bound of what a conversion will make.
 
     Attributes
     ----------

@@ -57,7 +57,7 @@ def equations(problem: MiCP, phi: Function) -> Map:
 
 @dataclass(frozen=True)
 class MiCPtoEquation(Conversion):
-    """What the edges by an NCP function share; `function` is theirs. Trace: empty."""
+    """Base of the edges by an NCP function, their `function`. Trace: empty."""
 
     source: ClassVar[str] = "micp"
     target: ClassVar[str] = "equation"

@@ -1,4 +1,4 @@
-"""What is said of a matrix that makes a problem nonconvex, and a promise a weaker one."""
+"""Messages on a matrix that makes a problem nonconvex, and a promise weaker."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class _Bodies:
 
 @dataclass(frozen=True)
 class _Touching:
-    """Which groups of d columns every body touches, and the blocks there; see the kernel."""
+    """Groups of d columns that every body touches, and the blocks there; see the kernel."""
 
     d: int
     groups: int

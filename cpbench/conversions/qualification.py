@@ -45,12 +45,12 @@ class Constraints:
 
     @cached_property
     def curved(self) -> NDArray[np.bool_]:
-        """Which rows of g are not affine."""
+        """Rows of g that are not affine."""
         return _curved(self.g)
 
     @property
     def count(self) -> int:
-        """How many rows of g and h are not affine."""
+        """Number of rows of g and h that are not affine."""
         return int(self.curved.sum() + _curved(self.h).sum())
 
     def no_slater(self) -> str:

@@ -35,7 +35,7 @@ class Compiled:
 
     @property
     def affine(self) -> bool:
-        """Whether there is no nonlinear term."""
+        """True if there is no nonlinear term."""
         return not self._terms
 
     def value(self, z: Vector) -> Vector:

@@ -143,7 +143,7 @@ class Map:
 
     @cached_property
     def compiled(self) -> Compiled:
-        """What evaluates it and its derivatives; built when first asked for."""
+        """Evaluator of the map and its derivatives; built at first use."""
         from cpbench.expressions.evaluation import Compiled
 
         return Compiled(self)

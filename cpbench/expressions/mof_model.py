@@ -47,7 +47,7 @@ class Row:
 
 @dataclass
 class Model:
-    """What a text says, in the order of its variables.
+    """Contents of a text, in the order of its variables.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Model:
 
     @property
     def affine(self) -> bool:
-        """Whether everything but the objective is. Not where there are parameters, which no matrix keeps."""
+        """True if everything but the objective is affine. False where there are parameters, which no matrix keeps."""
         if self.functions.parametric:
             return False
         rows = (row.function for row in (*self.above, *self.equal))

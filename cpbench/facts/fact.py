@@ -8,7 +8,7 @@ from typing import Any
 
 
 class How(StrEnum):
-    """How a fact was found; what it is worth."""
+    """Evidence for a fact."""
 
     EXACT = "exact"
     """By its definition, or by a witness that anyone can check; rounding of single operations apart."""

@@ -1,4 +1,4 @@
-"""What a run answers, first of all: a sentence a formulation, one figure, and the ranking."""
+"""Answer of a run, its first section: a sentence a formulation, one figure, and the ranking."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ FIELDS = {"node": "formulations", "set": "sets", "start": "starts", "measure": "
 
 @dataclass(frozen=True)
 class Choice:
-    """What was asked for; '' (0, NaN) is whatever there is. `solvers` and `families` may have * and ?."""
+    """Requested rows; '' (0, NaN) accepts any value. `solvers` and `families` may have * and ?."""
 
     node: str = ""
     solvers: tuple[str, ...] = ()

@@ -27,7 +27,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Need(StrEnum):
-    """Whether a figure takes a problem, or an answer."""
+    """Need of a figure for a problem, or an answer."""
 
     NONE = "none"
     OPTIONAL = "optional"

@@ -1,4 +1,4 @@
-"""What a reader of a run must know beside its answer, in brief: false claims, lost answers, failures by kind."""
+"""Known limitations of a run, in brief: false claims, lost answers, failures by kind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every section of a report is made from: the rows, the facts of the run, and the folder."""
+"""Input of every section of a report: the rows, the facts of the run, and the folder."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Run:
 
     @property
     def stationary(self) -> str:
-        """What is said of stationary answers; '' without any."""
+        """Sentence about stationary answers; '' without any."""
         if self.count_stationary:
             return "stationary answers are counted as solved (--count-stationary)"
         count = int((self.rows["status"] == str(Status.STATIONARY)).sum())
@@ -72,7 +72,7 @@ class Run:
 
     @property
     def all_rows(self) -> str:
-        """Where a reader finds every row."""
+        """Place of the full list of rows."""
         return "`results.csv`" if self.has_csv else "the results file"
 
     @cached_property
@@ -104,12 +104,12 @@ class Run:
 
     @cached_property
     def failures(self) -> list[Reason]:
-        """Why pairs that were started were not solved."""
+        """Reasons why started pairs were not solved."""
         return failures.failures(self.rows)
 
     @cached_property
     def refusals(self) -> list[Reason]:
-        """Why pairs were never started although their solver is there."""
+        """Reasons why pairs were never started although their solver is there."""
         found = failures.failures(self.rows, refused=True)
         return [reason for reason in found if reason.status != Status.UNAVAILABLE]
 

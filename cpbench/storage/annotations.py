@@ -1,4 +1,4 @@
-"""What stands beside the mathematics in an HDF5 problem: info, provenance with traces, sequence, contact geometry.
+"""Annotations of an HDF5 problem: info, provenance with traces, sequence, contact geometry.
 
 <problem>/info                    title, description, math_info; the rest of Info as attributes
 <problem>/provenance/<k>          attributes conversion, kind, source_node, source, parameters (JSON)

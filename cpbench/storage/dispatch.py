@@ -1,4 +1,4 @@
-"""Which format a file is in, and the four verbs on problems: load, members, save, find."""
+"""Detection of a file's format, and the four verbs on problems: load, members, save, find."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def encode_pack(
 
 
 class HDF5(Format):
-    """What the native and the FCLIB format share: they are told apart by content."""
+    """Base of the native and the FCLIB format, which differ in content only."""
 
     suffixes = SUFFIXES
     keeps_provenance = True

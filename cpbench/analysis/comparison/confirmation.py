@@ -1,4 +1,4 @@
-"""What of a comparison alarms a second time: an alarm that does not come back is inconclusive, and told.
+"""Confirmation of alarms by a second run: an alarm that does not come back is inconclusive, and reported.
 
 An alarm is a pair that regressed, a pair that has a status now that it had not, or a label whose times regressed.
 """

@@ -1,4 +1,4 @@
-"""What is not random is compared first: status, then verified error, then counters.
+"""Gates that compare what is not random first: status, then verified error, then counters.
 
 Each gate takes pairs (`pairs.Matched.pairs`) and rules on those it can tell something of; what it leaves undecided is
 for the next one. A status that got worse is a regression of its kind and never a ratio.

@@ -1,4 +1,4 @@
-"""How far times of equal code differ in these runs: below that, a change of times is the machine's.
+"""Noise: how far times of equal code differ in these runs. Below that, a change of times is the machine's.
 
 What is known of it: the solve that is always the same, which a run repeats (its drift from one file to the other), and,
 where a run has one build under two labels, how these two differ. One worker process beside another has a bias of its
@@ -28,7 +28,7 @@ SURE = 2.0
 
 @dataclass(frozen=True)
 class Noise:
-    """What is known of a comparison's noise.
+    """Noise of a comparison.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a reader of a comparison has to know beside its verdicts, in sentences."""
+"""Notes beside the verdicts of a comparison, in sentences."""
 
 from __future__ import annotations
 

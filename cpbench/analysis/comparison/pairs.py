@@ -1,4 +1,4 @@
-"""Which rows of two tables are one pair, and which have no partner: nothing is guessed.
+"""Pairing of the rows of two tables: rows without a partner are listed, nothing is guessed.
 
 A pair is one problem (its mathematics: the fingerprint), solver, options, route request, tolerance, measure, start and
 number of threads. Where that is not unique on a side, the set, the step of a scene and the name of the problem tell

@@ -30,7 +30,7 @@ NOT_AGAIN = "not confirmed"
 
 @dataclass(frozen=True)
 class Side:
-    """One side: a name to be told by, a table (`analysis.table`), and what its file says beside the rows.
+    """One side: its name, a table (`analysis.table`), and the facts of its file beside the rows.
 
     A table without times (a baseline) is compared by status, error and counters. `references` are the repeated
     reference solves, `machines` what each host is.
@@ -48,9 +48,10 @@ class Side:
 
 @dataclass(frozen=True)
 class Settings:
-    """How much counts. `margin` : relative change of times; `counter_margin` : of counters. `alpha` : level of tests.
-    `same_machine` : the two files are of one machine, whatever it is called in them. `count_stationary` : stationary
-    answers are among the solved."""
+    """Thresholds of a comparison. `margin` : relative change of times; `counter_margin` : of counters. `alpha` :
+    level of tests. `same_machine` : the two files are of one machine, whatever it is called in them.
+    `count_stationary` : stationary answers are among the solved.
+    """
 
     margin: float = 0.05
     counter_margin: float = 0.05

@@ -1,4 +1,4 @@
-"""One interpreter for all maps: it goes through a list of operations, so that no map is ever compiled by itself.
+"""Interpreter of all maps: it goes through a list of operations, so that no map is ever compiled by itself.
 
 The numbers of the operators are those of `cpbench.expressions.operators`, written out: as constants they become one
 jump table.

@@ -1,4 +1,4 @@
-"""What did not go well: false claims, failures by reason, solvers that could not run."""
+"""Section of failures: false claims, failures by reason, solvers that could not run."""
 
 from __future__ import annotations
 

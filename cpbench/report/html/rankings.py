@@ -1,4 +1,4 @@
-"""What a page says of a whole group, whatever is filtered: ranking with intervals, bands around the curves of its
+"""Data of a whole group, whatever is filtered: ranking with intervals, bands around the curves of its
 profile, growth with size, warm starts."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which of each complementary pair is zero in an answer, for lcp, mlcp, qp, ncp and micp.
+"""Active set: which of each complementary pair is zero in an answer, for lcp, mlcp, qp, ncp and micp.
 
 Above: the pairs over their sizes, on logarithmic axes with zero at the tolerance. Below: the same by number.
 """

@@ -1,4 +1,4 @@
-"""What facets in place of Coulomb's disk do: friction against the direction of sliding, and errors against ν.
+"""Errors of facets in place of Coulomb's disk: friction against the direction of sliding, and errors against ν.
 
 Measured: one contact is solved by fc-lcp-inner, fc-lcp-outer and Lemke's method, sliding in 360 directions. With FILE
 it is a contact of that problem alone (its W_cc and μ), without it W = I, μ = 0.5.
