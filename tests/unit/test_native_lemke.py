@@ -9,7 +9,7 @@ from cpbench import kernel_cache
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp import lemke, lemke_batch, lemke_columns
+from cpbench.solvers.native.lcp import lemke, lemke_batch, lemke_columns, lemke_run
 from cpbench.solvers.native.lcp.first_basis import dense_lcp
 from cpbench.solvers.native.lcp.principal_transform import transformed
 from cpbench.testing import planted
@@ -63,7 +63,7 @@ def test_updates_by_products_are_those_by_vectors(
     kernel = kernel_cache.load("cpbench.solvers.kernels.pivoting")
     monkeypatch.setattr(lemke_columns, "FAR", 1)
     monkeypatch.setattr(lemke_columns, "LIKELY", 5)
-    options = lemke.LemkeOptions()
+    options = lemke_run.LemkeOptions()
     for seed in range(5):
         problem, _ = planted.lcp(np.random.default_rng(seed), 40, kind)
         M, q = np.array(problem.M), np.array(problem.q)
@@ -121,7 +121,8 @@ def test_a_batch_of_other_shapes_is_refused() -> None:
 
 def test_a_ray_by_products(monkeypatch: pytest.MonkeyPatch) -> None:
     """Infeasible and larger than SMALL: the ray is recognised there too, and proven."""
-    monkeypatch.setattr(lemke, "SMALL", 10)
+    for module in (lemke, lemke_run):
+        monkeypatch.setattr(module, "SMALL", 10)
     rng = np.random.default_rng(2)
     A = rng.standard_normal((30, 12))
     y = np.abs(rng.standard_normal(30))
@@ -179,7 +180,7 @@ def test_guessed_bases_end_in_solutions(kind: str) -> None:
     """Beyond SMALL: from sweeps and without, and a unique solution is the same one."""
     problem, _ = planted.lcp(np.random.default_rng(3), 300, kind)
     found = [
-        solvers.get("lemke").run(problem, Budget(tolerance=1e-9), lemke.LemkeOptions(crash_sweeps=sweeps))
+        solvers.get("lemke").run(problem, Budget(tolerance=1e-9), lemke_run.LemkeOptions(crash_sweeps=sweeps))
         for sweeps in (0, 3, 20)
     ]
     assert [output.claim for output in found] == [Claim.SOLVED] * 3
@@ -216,7 +217,7 @@ def test_infeasible_whatever_the_start() -> None:
 @pytest.mark.parametrize("sweeps", [0, 20])
 def test_nothing_to_do_on_a_large_problem(sweeps: int) -> None:
     problem = LCP(M=np.eye(260), q=np.ones(260))
-    output = solvers.get("lemke").run(problem, None, lemke.LemkeOptions(crash_sweeps=sweeps))
+    output = solvers.get("lemke").run(problem, None, lemke_run.LemkeOptions(crash_sweeps=sweeps))
     assert output.claim is Claim.SOLVED
     assert output.point is not None
     assert not output.point.z.any()
@@ -229,13 +230,13 @@ def test_units_far_apart_change_neither_the_answer_nor_the_proof(n: int) -> None
     problem, point = planted.lcp(rng, n, "positive definite")
     rows, unknowns = (np.exp2(rng.integers(-40, 41, n)) for _ in range(2))
     uneven = LCP(M=np.asarray(problem.M) * rows[:, None] * unknowns, q=problem.q * rows)
-    solver, budget = lemke.Lemke(), Budget(tolerance=1e-8, seconds=60.0)
+    solver, budget = solvers.get("lemke"), Budget(tolerance=1e-8, seconds=60.0)
     found = solver.run(uneven, budget)
     assert found.claim is Claim.SOLVED
     assert found.point is not None
     np.testing.assert_allclose(found.point.z * unknowns, point.z, rtol=1e-8, atol=1e-9)
-    prepared = solver.setup(uneven, budget, lemke.LemkeOptions())
-    again = solver.solve(prepared, budget, lemke.LemkeOptions(), LCPPoint(point.z / unknowns))
+    prepared = solver.setup(uneven, budget, lemke_run.LemkeOptions())
+    again = solver.solve(prepared, budget, lemke_run.LemkeOptions(), LCPPoint(point.z / unknowns))
     assert again.claim is Claim.SOLVED
     assert again.point is not None
     np.testing.assert_allclose(again.point.z * unknowns, point.z, rtol=1e-8, atol=1e-9)
@@ -248,3 +249,37 @@ def test_units_far_apart_change_neither_the_answer_nor_the_proof(n: int) -> None
         assert (y >= 0.0).all()
         assert (np.asarray(none.M).T @ y <= 0.0).all()
         assert none.q @ y < 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_bimatrix_games_are_solved_beyond_the_ray(seed: int) -> None:
+    """Every covering vector ends in a ray after one pivot (Cottle, Pang and Stone 1992, section 4.4)."""
+    rng = np.random.default_rng(seed)
+    m, n = (int(k) for k in rng.integers(1, 40, 2))
+    costs = rng.integers(1, 6, (2, m, n)) if seed % 2 else rng.uniform(1.0, 2.0, (2, m, n))
+    M = np.block([[np.zeros((m, m)), costs[0]], [costs[1].T, np.zeros((n, n))]])
+    problem = LCP(M=M, q=-np.ones(m + n))
+    output = solvers.get("lemke").run(problem, Budget(tolerance=1e-9))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, 1e-9).solved
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_contact_by_facets_with_redundant_contacts(seed: int) -> None:
+    """Stewart and Trinkle's LCP (1996), copositive, W = HᵀH singular and q in its range: a solution exists."""
+    rng = np.random.default_rng(seed)
+    nc, directions = 8, 4
+    H = rng.integers(-2, 3, (6, 3 * nc)) * 10.0 ** rng.uniform(-2, 2, (6, 1))
+    J = np.zeros((3 * nc, nc * (1 + directions)))
+    for c in range(nc):
+        J[3 * c, c] = 1.0
+        J[3 * c + 1, nc + c * directions : nc + (c + 1) * directions] = [1.0, 0.0, -1.0, 0.0]
+        J[3 * c + 2, nc + c * directions : nc + (c + 1) * directions] = [0.0, 1.0, 0.0, -1.0]
+    E = np.vstack([np.zeros((nc, nc)), np.kron(np.eye(nc), np.ones((directions, 1)))])
+    mu = np.hstack([0.5 * np.eye(nc), np.zeros((nc, nc * directions))])
+    K = H @ J
+    M = np.block([[K.T @ K, E], [mu - E.T, np.zeros((nc, nc))]])
+    problem = LCP(M=M, q=np.concatenate([K.T @ rng.integers(-3, 4, 6), np.zeros(nc)]))
+    output = solvers.get("lemke").run(problem, Budget(tolerance=1e-8))
+    assert output.claim is Claim.SOLVED, output.message
+    assert judge(problem, output.point, 1e-8).solved

@@ -21,7 +21,8 @@ from cpbench.solvers.native.lcp.lcp_claims import (
     ended_in_basis,
     error_of,
 )
-from cpbench.solvers.native.lcp.lemke import Lemke, LemkeOptions
+from cpbench.solvers.native.lcp.lemke import Lemke
+from cpbench.solvers.native.lcp.lemke_run import LemkeOptions
 from cpbench.solvers.options import fixed, searched
 
 PATIENCE = 3

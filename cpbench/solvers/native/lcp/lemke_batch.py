@@ -11,7 +11,7 @@ import numpy as np
 
 from cpbench.errors import ProblemError
 from cpbench.kernel_cache import load
-from cpbench.solvers.native.lcp.lemke import PIVOTING, LemkeOptions, pivot_limit
+from cpbench.solvers.native.lcp.lemke_run import PIVOTING, LemkeOptions, pivot_limit
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,228 @@
+"""The regret of the automatic choices on problems that nobody has seen: their time over that of the best solver.
+
+    python tests/bench/unseen.py [--seed now|NUMBER] [--minutes 20] [--families GLOB ...] [--solvers GLOB ...]
+        [--seconds 2] [--largest 120] [--tolerance 1e-8] [-o FOLDER]
+
+Draws problems of every family (`FAMILIES`) at random, the seed from the clock unless it is given, writes them to files
+and has every native solver of their formulation and every installed rival run on them as `cpbench run` does: in a
+process of its own, each answer judged. Rounds of five problems a family until the minutes are over; with `-o` the same
+command with the same seed goes on where it was cut.
+
+Members are the native solvers of the formulation, rivals all others. Printed are, a formulation: problems that a member
+or rival solves and `auto` does not, each by name; the regret (time of `auto` over that of the best member, known only
+afterwards): median, 95 % quantile, worst; the speed against the best rival: geometric mean, share of problems above
+10 µs on which `auto` is at least as fast; then the ten worst of all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import unseen_algebra as algebra
+import unseen_scenes as scenes
+
+import cpbench
+from cpbench.formulations import Problem
+from cpbench.solvers import solvers
+from cpbench.verification import VERIFIED
+
+BATCH = 5
+"""Problems of a family in a round."""
+SHORTEST = 1e-5
+"""Rivals' times below [s] are those of a call rather than of a method."""
+
+Rng = np.random.Generator
+
+
+def _contact(name: str) -> Callable[[Rng, int], Problem]:
+    def make(rng: Rng, size: int) -> Problem:
+        return cpbench.convert(_whole(name)(rng, size), "fc").problem
+
+    return make
+
+
+def _whole(name: str) -> Callable[[Rng, int], Problem]:
+    def make(rng: Rng, size: int) -> Problem:
+        scene = scenes.jointed(rng, size) if name == "jointed" else scenes.SCENES[name](rng, size)
+        return scenes.as_global(scene, scenes.friction(rng, len(scene.points)), rng.choice([0.0, 0.0, 0.5]))
+
+    return make
+
+
+def _facets(rng: Rng, size: int) -> Problem:
+    name = str(rng.choice(list(scenes.SCENES)))
+    fc = _contact(name)(rng, max(1, size // 6))
+    return algebra.facets(np.asarray(cpbench.matrices.dense(fc.W)), fc.q, fc.mu, int(rng.choice([4, 8])))
+
+
+FAMILIES: dict[str, Callable[[Rng, int], Problem]] = {
+    **{name: _contact(name) for name in scenes.SCENES},
+    **{f"global-{name}": _whole(name) for name in ("stack", "wall", "pile", "jointed")},
+    "rolling-pile": lambda rng, size: cpbench.convert(scenes.rolling(rng, size), "rfc").problem,
+    "facets": _facets,
+    "bimatrix": algebra.bimatrix,
+    "ties": algebra.ties,
+    "p-matrix": algebra.p_matrix,
+    "obstacle": algebra.obstacle,
+    "ill-conditioned": algebra.ill_conditioned,
+    "circuit": algebra.circuit,
+    "trade": algebra.trade,
+    "mixed": algebra.mixed,
+    "predictive-control": algebra.predictive_control,
+    "support-vectors": algebra.support_vectors,
+    "portfolio": algebra.portfolio,
+    "nonnegative-fit": algebra.nonnegative_fit,
+    "degenerate-vertex": algebra.degenerate_vertex,
+}
+
+
+def draw(seed: int, batch: int, families: list[str], largest: int, folder: Path) -> Iterator[Path]:
+    """Write the problems of one round, sizes uniform in their logarithm, and yield their files."""
+    for family in families:
+        for k in range(BATCH):
+            path = folder / f"{family}-{batch * BATCH + k}.h5"
+            if not path.exists():
+                rng = np.random.default_rng([seed, zlib.crc32(family.encode()), batch, k])
+                cpbench.save(FAMILIES[family](rng, int(np.exp(rng.uniform(0, np.log(largest))) + 0.5)), path)
+            yield path
+
+
+def takes_part(name: str, globs: list[str]) -> bool:
+    """Whether a solver is asked: by default all but those that start a program a solve, whose time is the start's."""
+    return any(fnmatch(name, glob) for glob in globs) and not name.startswith("gams-")
+
+
+def measured(files: list[Path], globs: list[str], options: argparse.Namespace, out: Path) -> pd.DataFrame:
+    """Run all solvers of each formulation on its problems and return the rows."""
+    by_node: dict[str, list[str]] = {}
+    for path in files:
+        by_node.setdefault(cpbench.load(path).node, []).append(str(path))
+    for node, paths in by_node.items():
+        names = [s.name for s in cpbench.list_solvers(node=node, available=True) if takes_part(s.name, globs)]
+        cpbench.run(
+            paths,
+            names,
+            tolerance=options.tolerance,
+            seconds=options.seconds,
+            out=out / f"{node}.sqlite",
+            routes="exact",
+        )
+    return pd.concat([cpbench.read_results(out / f"{node}.sqlite") for node in by_node])
+
+
+def regrets(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return a row a problem: times of `auto`, of the best member and of the best rival [s], NaN where not verified."""
+    rows = rows.assign(verified=rows["status"].isin(VERIFIED), short=rows["solver"].str.partition("[")[0])
+    native = {name: solvers.get(name).spec.licence == "Apache-2.0" and _is_native(name) for name in set(rows["short"])}
+    rows["native"] = rows["short"].map(native)
+    rows["auto"] = rows["short"].str.startswith("auto-")
+    table = []
+    for problem, group in rows.groupby("problem"):
+        good = group[group["verified"]]
+        auto = good[good["auto"]]["solve"].min()
+        members, rivals = good[good["native"] & ~good["auto"]], good[~good["native"]]
+        best, rival = _fastest(members), _fastest(rivals)
+        asked = group[group["auto"]]
+        table.append(
+            {
+                "problem": Path(str(problem)).stem,
+                "node": group["node"].iloc[0],
+                "auto": auto,
+                "member": best[0],
+                "best member": best[1],
+                "rival": rival[0],
+                "best rival": rival[1],
+                "status": asked["status"].iloc[0] if len(asked) else "",
+                "spent": asked["solve"].iloc[0] if len(asked) else np.nan,
+            }
+        )
+    return pd.DataFrame(table)
+
+
+def _is_native(name: str) -> bool:
+    return type(solvers.get(name)).__module__.startswith("cpbench.solvers.native")
+
+
+def _fastest(rows: pd.DataFrame) -> tuple[float, str]:
+    if rows.empty:
+        return np.nan, ""
+    first = rows.loc[rows["solve"].idxmin()]
+    return float(first["solve"]), str(first["solver"])
+
+
+def report(table: pd.DataFrame) -> str:
+    """Return what is printed."""
+    lines = []
+    for node, group in table.groupby("node"):
+        solved = group["auto"].notna()
+        ever = group["member"].notna() | group["rival"].notna() | solved
+        lines.append(f"{node}: {len(group)} problems, {ever.sum()} solved by anybody, {solved.sum()} by auto")
+        for _, row in group[ever & ~solved].iterrows():
+            who = row["best member"] or row["best rival"]
+            when = min(t for t in (row["member"], row["rival"]) if t == t)
+            lines.append(f"  not by auto: {row['problem']} ({row['status']}, {row['spent']:.3g} s), {who} {when:.3g} s")
+        both = group[solved & group["member"].notna()]
+        if len(both):
+            ratio = both["auto"] / both["member"]
+            q = ratio.quantile([0.5, 0.95, 1.0]).to_list()
+            lines.append(f"  over the best member: median {q[0]:.2f}, 95 % {q[1]:.2f}, worst {q[2]:.1f}")
+        both = group[solved & group["rival"].notna()]
+        if len(both):
+            speed = both["rival"] / both["auto"]
+            above = speed[both["rival"] > SHORTEST]
+            share = (above >= 1).mean() if len(above) else np.nan
+            lines.append(
+                f"  against the best rival: {np.exp(np.log(speed).mean()):.2f} times as fast in geometric mean,"
+                f" at least as fast on {share:.0%} of {len(above)} above 10 µs, least {speed.min():.3g}"
+            )
+    both = table[table["auto"].notna() & table["member"].notna()]
+    worst = both.assign(regret=both["auto"] / both["member"]).nlargest(10, "regret")
+    lines.append("the ten worst:")
+    lines += [
+        f"  {r['regret']:6.1f}  {r['problem']}: {r['auto']:.3g} s, {r['best member']} {r['member']:.3g} s"
+        for _, r in worst.iterrows()
+    ]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run rounds until the time is over, and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", default="now")
+    parser.add_argument("--minutes", type=float, default=20.0)
+    parser.add_argument("--families", nargs="*", default=["*"])
+    parser.add_argument("--solvers", nargs="*", default=["*"])
+    parser.add_argument("--seconds", type=float, default=2.0)
+    parser.add_argument("--largest", type=int, default=120)
+    parser.add_argument("--tolerance", type=float, default=1e-8)
+    parser.add_argument("-o", "--out")
+    options = parser.parse_args()
+    seed = time.time_ns() % 2**32 if options.seed == "now" else int(options.seed)
+    families = [name for name in FAMILIES if any(fnmatch(name, glob) for glob in options.families)]
+    print(f"seed {seed}, {len(families)} families", flush=True)
+    end = time.monotonic() + 60 * options.minutes
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(options.out or scratch)
+        out.mkdir(parents=True, exist_ok=True)
+        files: list[Path] = []
+        batch = 0
+        while True:
+            files += draw(seed, batch, families, options.largest, out)
+            table = regrets(measured(files, options.solvers, options, out))
+            batch += 1
+            print(f"round {batch}: {len(table)} problems", flush=True)
+            if time.monotonic() > end:
+                break
+        print(report(table))
+
+
+if __name__ == "__main__":
+    main()
