@@ -19,7 +19,7 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import Vector, max_abs
 
 
-class Side(StrEnum):
+class ActiveSide(StrEnum):
     """Member of a pair that is away from zero."""
 
     FIRST = "first"
@@ -48,7 +48,7 @@ class Pairs:
     y: Vector
     side: NDArray[np.str_]
 
-    def count(self, side: Side) -> int:
+    def count(self, side: ActiveSide) -> int:
         return int((self.side == str(side)).sum())
 
 
@@ -127,11 +127,11 @@ def _size(value: Vector, unit: float) -> float:
 
 def _sides(x: Vector, y: Vector, tolerance: float) -> NDArray[np.str_]:
     """Return a Side for every pair."""
-    names = [Side.NEGATIVE, Side.NEITHER, Side.FIRST, Side.SECOND]
+    names = [ActiveSide.NEGATIVE, ActiveSide.NEITHER, ActiveSide.FIRST, ActiveSide.SECOND]
     conditions = [
         np.minimum(x, y) < -tolerance,
         np.maximum(x, y) <= tolerance,
         y <= tolerance,
         x <= tolerance,
     ]
-    return np.select(conditions, [str(name) for name in names], str(Side.BOTH))
+    return np.select(conditions, [str(name) for name in names], str(ActiveSide.BOTH))

@@ -35,7 +35,7 @@ Bools: TypeAlias = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True)
-class Line:
+class FittedLine:
     """y = intercept + slope z with normal errors, some y known only from below.
 
     Attributes
@@ -55,7 +55,9 @@ class Line:
     group_high: float = math.nan
 
 
-def fit(z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | None = None, level: float = 0.95) -> Line:
+def fit(
+    z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | None = None, level: float = 0.95
+) -> FittedLine:
     """Fit the line of greatest likelihood through (z, y), y being a lower bound where `censored`.
 
     Raises ValueError when fewer than three values are known, when those have one z only, and when they lie on a line
@@ -87,7 +89,7 @@ def fit(z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | No
     group_reach = math.nan
     if groups is not None and len(np.unique(groups)) >= FEWEST:
         group_reach = _sandwich(covariance, scores, groups, level) / unit
-    return Line(
+    return FittedLine(
         slope=float(slope),
         intercept=float(start[0] - slope * centre),
         scatter=sigma,

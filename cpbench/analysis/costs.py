@@ -33,7 +33,7 @@ FOLLOWED = "previous"
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredCosts:
     """Measurements of the problems, each by its fingerprint; a sequence that is followed is one problem.
 
     Attributes
@@ -60,7 +60,7 @@ class Measured:
         return (budget - START * self.solvers) / self.factor
 
 
-def measured(table: pd.DataFrame) -> Measured:
+def measured(table: pd.DataFrame) -> MeasuredCosts:
     """Read the costs and outcomes of a table of results; of pairs that are there twice, the later row.
 
     Raises StoreError when no row was run.
@@ -78,7 +78,7 @@ def measured(table: pd.DataFrame) -> Measured:
     solvers = part["solver"].nunique()
     factor, assumed = _factor(rows, solvers)
     family = rows.sort_values(["unit", "family"]).groupby("unit")["family"].first()
-    return Measured(rows, outcomes, cost, family, factor, assumed, solvers)
+    return MeasuredCosts(rows, outcomes, cost, family, factor, assumed, solvers)
 
 
 def _spent(rows: pd.DataFrame) -> pd.Series[float]:

@@ -37,7 +37,7 @@ _INEXACT = [str(kind) for kind in Kind if not kind.exact]
 
 
 @dataclass(frozen=True)
-class Case:
+class TrainingCase:
     """A problem under one setting: its features and outcomes by label [s]."""
 
     problem: str
@@ -49,14 +49,14 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Experience:
+class TrainingCases:
     """Cases that somebody solved, in order; `unsolved` counts those that nobody did, which rank nobody.
 
     `unfinished` counts the problems that were left out because some of their pairs were not run yet; `requests` says
     how labels were reached, where not by an exact route that was found for them.
     """
 
-    cases: tuple[Case, ...]
+    cases: tuple[TrainingCase, ...]
     unsolved: int = 0
     unfinished: int = 0
     requests: Mapping[str, str] = field(default_factory=dict)
@@ -93,7 +93,7 @@ def experience(
     *,
     warm: bool = False,
     inexact: bool = False,
-) -> Experience:
+) -> TrainingCases:
     """Collect the cases of a normalised table of results whose rows were all run.
 
     Parameters
@@ -125,10 +125,12 @@ def experience(
     solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
     asked = chosen.drop_duplicates("label")
     requests = {str(k): str(r) for k, r in zip(asked["label"], asked["request"], strict=True) if r not in ("", "exact")}
-    return Experience(solved, len(cases) - len(solved), unfinished, requests)
+    return TrainingCases(solved, len(cases) - len(solved), unfinished, requests)
 
 
-def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, Mapping[str, Any]]) -> Iterator[Case]:
+def _cases(
+    timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, Mapping[str, Any]]
+) -> Iterator[TrainingCase]:
     """Yield the cases of rows that were run, in order of appearance; features are taken from a problem's first row."""
     number = timed.groupby(list(setting), dropna=False, sort=False).ngroup().to_numpy()
     rows = timed.iloc[np.argsort(number, kind="stable")]
@@ -144,13 +146,13 @@ def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, M
     ):
         facts = features.get(fingerprint) or {"node": node, **sizes[size]}
         outcomes = dict(zip(labels[begin:end], seconds[begin:end], strict=True))
-        yield Case(problem, node, family_of(family, problem), fingerprint, facts, outcomes)
+        yield TrainingCase(problem, node, family_of(family, problem), fingerprint, facts, outcomes)
 
 
 # ------------------------------------------------------------------------------------------------ text
 
 
-def to_text(found: Experience, without: Iterable[str] = (), about: str = "") -> str:
+def to_text(found: TrainingCases, without: Iterable[str] = (), about: str = "") -> str:
     """Write the cases as JSON of three lines a case, sorted, with numbers of DIGITS digits: a table to ship.
 
     Labels in `without` are left out; a failure is null. Cases that nobody else solved are left out with them.
@@ -170,7 +172,7 @@ def to_text(found: Experience, without: Iterable[str] = (), about: str = "") -> 
     return json.dumps(head)[:-1] + ', "cases": [\n' + ",\n".join(blocks) + "\n]}\n"
 
 
-def from_text(text: str, name: str) -> Experience:
+def from_text(text: str, name: str) -> TrainingCases:
     """Read the cases that `to_text` wrote; `name` tells in the error where the text is from.
 
     Raises CpbenchError when it is none, or of another version.
@@ -184,7 +186,7 @@ def from_text(text: str, name: str) -> Experience:
             )
         cases = [_case(item) for item in data["cases"]]
         solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
-        return Experience(solved, int(data["unsolved"]) + len(cases) - len(solved))
+        return TrainingCases(solved, int(data["unsolved"]) + len(cases) - len(solved))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
         raise CpbenchError(
             f"{name}: is no table of recommendations ({type(cause).__name__}: {cause}); make one with: cpbench "
@@ -192,11 +194,11 @@ def from_text(text: str, name: str) -> Experience:
         ) from None
 
 
-def _case(item: Mapping[str, Any]) -> Case:
+def _case(item: Mapping[str, Any]) -> TrainingCase:
     problem, node, family, fingerprint = (str(item[name]) for name in ("problem", "node", "family", "fingerprint"))
     facts = {str(k): float(v) for k, v in item["features"].items()}
     times = {str(k): math.inf if v is None else float(v) for k, v in item["seconds"].items()}
-    return Case(problem, node, family, fingerprint, {"node": node, **facts}, times)
+    return TrainingCase(problem, node, family, fingerprint, {"node": node, **facts}, times)
 
 
 def _rounded(value: float) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.analysis.experience import Experience
+from cpbench.analysis.experience import TrainingCases
 from cpbench.analysis.table import Floats, Masks, Matrix
 from cpbench.matrices import SYMMETRY_TOLERANCE
 
@@ -31,7 +31,7 @@ _FEATURES = len(_LOGARITHMS) + len(_SHARES) + len(_SIGNS)
 _LEAST_DEVIATION = 0.25
 
 
-def places(known: Experience) -> Matrix:
+def places(known: TrainingCases) -> Matrix:
     """Return the coordinates of every case, cases × features."""
     return np.array([coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
 

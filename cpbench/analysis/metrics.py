@@ -97,7 +97,7 @@ def counters(group: pd.DataFrame) -> set[str]:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MetricValues:
     """A metric over a group.
 
     Attributes
@@ -111,7 +111,7 @@ class Measured:
     left_out: Mapping[str, int]
 
 
-def measured(group: pd.DataFrame, metric: Metric) -> Measured:
+def measured(group: pd.DataFrame, metric: Metric) -> MetricValues:
     """Return the metric of each pair of a group. Raises StoreError when a pair has two rows.
 
     >>> rows = pd.DataFrame({"problem": ["p"] * 3, "fingerprint": ["p"] * 3, "address": "", "label": ["a", "b", "c"],
@@ -125,7 +125,7 @@ def measured(group: pd.DataFrame, metric: Metric) -> Measured:
     unknown = group["label"][solved & np.isnan(cost)].value_counts()
     left_out = {str(label): int(count) for label, count in sorted(unknown.items(), key=lambda item: str(item[0]))}
     wide = rows_of.spread(group, np.where(solved, cost, math.inf), math.inf)
-    return Measured(metric, wide.drop(columns=list(left_out)), left_out)
+    return MetricValues(metric, wide.drop(columns=list(left_out)), left_out)
 
 
 def matrix(group: pd.DataFrame, metric: Metric) -> pd.DataFrame:

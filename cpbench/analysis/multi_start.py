@@ -26,7 +26,7 @@ SAME = 1e-3
 
 
 @dataclass(frozen=True)
-class Found:
+class ReachedSolutions:
     """Solutions that the solvers found for one problem.
 
     Attributes
@@ -96,7 +96,7 @@ def wanted(table: pd.DataFrame) -> list[str]:
     return [str(key) for key in table.loc[several(table) & rows_of.met(table), "key"]]
 
 
-def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[Found]:
+def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[ReachedSolutions]:
     """Yield each problem that was started from several points of its file; `answers` by key of the row."""
     rows = table[several(table) & ~table["status"].isin(REFUSED)]
     for (fingerprint, *_), own in rows.groupby(["fingerprint", "node", "tolerance", "threads"], sort=False):
@@ -107,7 +107,7 @@ def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[Fo
         numbers, centres = clustered([answers[key] for key in done["key"]])
         cells = list(zip(done["start"], done["label"], strict=True))
         status = {(str(r.start), str(r.label)): str(r.status) for r in own.itertuples(index=False)}
-        yield Found(
+        yield ReachedSolutions(
             problem=str(own["problem"].iloc[0]),
             fingerprint=str(fingerprint),
             starts=tuple(sorted(set(own["start"]), key=_number)),

@@ -30,11 +30,11 @@ CONTACTS = 150
 FARTHEST = 2.0
 """Reactions farther outside the disk (of answers that are hardly admissible) are brought there."""
 
-Portrait = dict[str, Any]
+Thumbnail = dict[str, Any]
 """Plain data, as JSON holds them; `api.portraits` adds `licence`, `source` and `citation` of the problem."""
 
 
-def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Portrait:
+def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Thumbnail:
     """Summarise a problem for its thumbnail: `cones` of an LCP with n = 2; else `blocks`, and `contacts` (or
     `unanswered`) of a contact problem.
 
@@ -46,7 +46,7 @@ def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e
     """
     if isinstance(problem, LCP) and problem.q.size == 2:
         return {"cones": _cones(problem)}
-    found: Portrait = {"blocks": _blocks(problem)}
+    found: Thumbnail = {"blocks": _blocks(problem)}
     if isinstance(problem, ContactProblem) and problem.nc:
         told = (
             {"unanswered": True}

@@ -20,7 +20,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.formulations.base import Kind
 from cpbench.verification import PROVEN, Status
 
@@ -74,7 +74,7 @@ class Ranking:
     solver was started on, without those that have no solution. rows : all solvers that were started.
     """
 
-    group: Group
+    group: ResultGroup
     formulation: str
     problems: int
     rows: tuple[RankedSolver, ...]
@@ -108,7 +108,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     return found
 
 
-def formulation(group: Group, groups: Sequence[Group]) -> str:
+def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
     """Return the node of a group, and what tells it from the other groups of the node.
 
     >>> one, two = Group("fc", 1e-4, "cold", 1), Group("fc", 1e-8, "cold", 1)
@@ -126,7 +126,7 @@ def formulation(group: Group, groups: Sequence[Group]) -> str:
     return ", ".join([group.node, *(text for text, values in told if text and len(values) > 1)])
 
 
-def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
+def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
     hopeless = started["fingerprint"].isin(started.loc[started["status"].isin(PROVEN), "fingerprint"].unique())
     rows = started[~hopeless]
     problems = rows["fingerprint"].nunique()

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.analysis.codes import Integers
-from cpbench.analysis.experience import Experience
+from cpbench.analysis.experience import TrainingCases
 from cpbench.analysis.likeness import coordinates, distances, places
 from cpbench.analysis.table import Floats, Masks, Matrix, Texts
 
@@ -98,7 +98,7 @@ class Recommendation:
 
 
 @dataclass(frozen=True)
-class Standing:
+class ExpectedResults:
     """Expected results of every label on query problems, queries × labels.
 
     Attributes
@@ -131,7 +131,7 @@ class Standing:
 
 
 def recommend(
-    known: Experience,
+    known: TrainingCases,
     features: Mapping[str, Any],
     applicable: Collection[str],
     used: Masks | None = None,
@@ -170,8 +170,8 @@ def recommend(
 
 
 def standing(
-    known: Experience, distance: Matrix, nodes: Texts, may: Masks, used: Masks, knobs: Knobs = SHIPPED
-) -> Standing:
+    known: TrainingCases, distance: Matrix, nodes: Texts, may: Masks, used: Masks, knobs: Knobs = SHIPPED
+) -> ExpectedResults:
     """Score the labels on problems of these `nodes`, so far from each case, which `may` take these labels."""
     same = (known.nodes[None, :] == nodes[:, None]) & used
     near = same & (distance <= NEAR * knobs.width)
@@ -182,7 +182,7 @@ def standing(
     losses = np.minimum(np.log2(known.ratios), knobs.worst)
     scores = _scores(losses, distance, used, same, may, knobs)
     measured = started[used].sum(axis=0).astype(float)
-    return Standing(scores, near_started, near_solved, near_within, measured, same, near)
+    return ExpectedResults(scores, near_started, near_solved, near_within, measured, same, near)
 
 
 def _scores(losses: Matrix, distance: Matrix, used: Masks, same: Masks, may: Masks, knobs: Knobs) -> Matrix:

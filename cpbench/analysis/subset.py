@@ -70,7 +70,7 @@ class Subset:
         return math.fsum(pick.cost for pick in self.picks)
 
 
-class Value:
+class SubsetValue:
     """f of a growing set of problems."""
 
     def __init__(self, outcomes: pd.DataFrame, floor: float = FLOOR) -> None:
@@ -107,7 +107,7 @@ def value(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float = F
     >>> value(times, ["q"]), round(value(times, ["p"]), 4), value(times, ["p", "r"])
     (0.0, 0.7071, 1.0)
     """
-    whole, part = Value(outcomes, floor), Value(outcomes, floor)
+    whole, part = SubsetValue(outcomes, floor), SubsetValue(outcomes, floor)
     chosen = set(problems)
     for row, problem in enumerate(outcomes.index):
         whole.add(row)
@@ -146,7 +146,7 @@ def choose(
     tried = [_filled(outcomes, costs, ties, first, budget, by_cost, floor) for by_cost in (True, False)]
     better = 0 if tried[0][0].total >= tried[1][0].total else 1
     held, chosen = tried[better]
-    whole = Value(outcomes, floor)
+    whole = SubsetValue(outcomes, floor)
     for row in range(len(outcomes)):
         whole.add(row)
     scale = whole.total if whole.total > 0 else 1.0
@@ -211,12 +211,12 @@ def _filled(
     budget: float,
     by_cost: bool,
     floor: float,
-) -> tuple[Value, list[tuple[int, float]]]:
+) -> tuple[SubsetValue, list[tuple[int, float]]]:
     """Fill the budget greedily, beginning with `first`; return the value, and the rows with what each added.
 
     `by_cost` : gain per cost decides, else gain alone.
     """
-    held = Value(outcomes, floor)
+    held = SubsetValue(outcomes, floor)
     chosen = [(row, held.add(row)) for row in first]
     left = budget - math.fsum(costs[row] for row in first)
     worth = np.where(by_cost, costs, 1.0)

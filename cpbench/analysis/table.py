@@ -47,7 +47,7 @@ CHARGED = ("convert", "setup", "solve", "lift")
 
 
 @dataclass(frozen=True, order=True)
-class Group:
+class ResultGroup:
     """Settings that the rows of a group have in common."""
 
     node: str
@@ -159,7 +159,7 @@ def only_ranked(table: pd.DataFrame) -> pd.DataFrame:
     return table if chosen.all() else table[chosen]
 
 
-def groups(table: pd.DataFrame) -> list[tuple[Group, pd.DataFrame]]:
+def groups(table: pd.DataFrame) -> list[tuple[ResultGroup, pd.DataFrame]]:
     """Split a table into its comparable parts, in order of formulation, tolerance, start, threads, set, measure.
 
     A table that is one group is its own part, and not a copy.
@@ -170,8 +170,8 @@ def groups(table: pd.DataFrame) -> list[tuple[Group, pd.DataFrame]]:
     return [(_group(*told), rows) for told, rows in table.groupby(names, dropna=False, sort=True)]  # type: ignore[misc]
 
 
-def _group(node: Any, tolerance: Any, start: Any, threads: Any, part: Any, measure: Any) -> Group:
-    return Group(str(node), float(tolerance), str(start), int(threads), str(part), str(measure))
+def _group(node: Any, tolerance: Any, start: Any, threads: Any, part: Any, measure: Any) -> ResultGroup:
+    return ResultGroup(str(node), float(tolerance), str(start), int(threads), str(part), str(measure))
 
 
 def _constant(values: pd.Series) -> bool:

@@ -31,7 +31,7 @@ UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
-class Run:
+class TimelineRun:
     """A results file: its rows, the version of cpbench, what its machines are by host, and what its reference solves
     took [s], which are of a kind (`solved`). `machine` and `date` stand for rows that do not tell their own."""
 
@@ -51,7 +51,7 @@ class Run:
         return float(np.median(taken)) if taken else math.nan
 
 
-def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
+def timeline(runs: Sequence[TimelineRun], floor: float = FLOOR) -> pd.DataFrame:
     """Return one row a label and run that measured it, by label, then date.
 
     Columns: file, label, date (its last row's), version (of the solver), cpbench, machine; pairs that were run, solved,
@@ -121,7 +121,7 @@ def machine_text(told: Mapping[str, Any]) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _rows(runs: Sequence[Run]) -> pd.DataFrame:
+def _rows(runs: Sequence[TimelineRun]) -> pd.DataFrame:
     """Return the rows of all runs that were run, each with the number of its run, machine, and time (∞ unless
     solved).
     """

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.experience import Experience
+from cpbench.analysis.experience import TrainingCases
 from cpbench.analysis.likeness import distances, places
 from cpbench.analysis.recommendation import SHIPPED, WITHIN, Knobs, standing
 from cpbench.analysis.table import Masks
@@ -30,7 +30,7 @@ COUNTS = ("solved", "within")
 Places: TypeAlias = np.ndarray[Any, np.dtype[np.int64]]
 
 
-def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.DataFrame:
+def evaluate(known: TrainingCases, node: str = "", most: int | None = None) -> pd.DataFrame:
     """Leave one origin out: every case with the label that the cases of all other origins recommend.
 
     `node` : its cases only. `most` : at most so many, evenly spaced.
@@ -63,7 +63,7 @@ def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.D
     return pd.DataFrame([records[int(i)] for i in asked], columns=list(COLUMNS))
 
 
-def rates(known: Experience, evaluation: pd.DataFrame) -> pd.DataFrame:
+def rates(known: TrainingCases, evaluation: pd.DataFrame) -> pd.DataFrame:
     """Evaluate the recommendation by node, one row a node, and the sum of all as the last, 'all', beside simpler
     choices.
 
@@ -100,7 +100,7 @@ def rates(known: Experience, evaluation: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([found, pd.DataFrame([{"node": "all", "auto": "", "single": "", **total}])], ignore_index=True)
 
 
-def chosen(known: Experience, part: Places) -> list[Knobs]:
+def chosen(known: TrainingCases, part: Places) -> list[Knobs]:
     """Choose the knobs for each part by the other parts; of equals the first of KNOBS."""
     parts = int(part.max()) + 1
     hits = np.zeros((len(KNOBS), parts))
@@ -118,7 +118,7 @@ def chosen(known: Experience, part: Places) -> list[Knobs]:
     return [KNOBS[k] for k in hits.argmax(axis=0)]
 
 
-def dealt(known: Experience) -> Places:
+def dealt(known: TrainingCases) -> Places:
     """Deal every case to a part: origins, the largest first, each to the part that has least."""
     names, counts = np.unique(known.origins.astype(str), return_counts=True)
     filled = [0] * min(PARTS, len(names))
@@ -129,7 +129,7 @@ def dealt(known: Experience) -> Places:
     return np.array([place[str(origin)] for origin in known.origins], dtype=np.int64)
 
 
-def _plain(known: Experience, own: Places, used: Masks) -> list[int]:
+def _plain(known: TrainingCases, own: Places, used: Masks) -> list[int]:
     """Return the label for each case that is within most often on the used cases of its node, else of any; then that
     solves most, of those that take the case.
     """

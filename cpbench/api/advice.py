@@ -14,7 +14,7 @@ from cpbench.plurals import counted
 from cpbench.solvers.base import SolverSpec, solvers
 
 if TYPE_CHECKING:
-    from cpbench.analysis.experience import Experience
+    from cpbench.analysis.experience import TrainingCases
     from cpbench.analysis.recommendation import Recommendation
     from cpbench.api.candidates import Candidate
 
@@ -106,7 +106,7 @@ def recommend(
 
 def recommended(
     problem: Problem,
-    known: Experience,
+    known: TrainingCases,
     source: str,
     remarks: Sequence[str],
     *,

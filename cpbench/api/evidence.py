@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.experience import Experience, experience, from_text
+from cpbench.analysis.experience import TrainingCases, experience, from_text
 from cpbench.api.candidates import solver_of
 from cpbench.bench.results.problem_features import problem_features
 from cpbench.bench.results.sealed import sealed
@@ -25,7 +25,7 @@ SHIPPED = "recommendation_table.json"
 
 def gather(
     results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
-) -> tuple[Experience, str, list[str]]:
+) -> tuple[TrainingCases, str, list[str]]:
     """What was measured, where that is from, and what a reader should know of it; raises CpbenchError."""
     if results:
         known, remarks = read(results, warm, inexact, tolerance)
@@ -51,14 +51,14 @@ def gather(
 
 def read(
     results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
-) -> tuple[Experience, list[str]]:
+) -> tuple[TrainingCases, list[str]]:
     """The experience of results files and tables together; rows of the same machine are compared across files.
 
     `tolerance` : of the rows to go by, None for all. Raises CpbenchError where no row has it, and for tables.
     """
     rows: list[pd.DataFrame] = []
     features: dict[str, dict[str, Any]] = {}
-    known, lost = Experience(()), 0
+    known, lost = TrainingCases(()), 0
     for path in results:
         if path.suffix == ".json" and path.is_file():
             _require_none(tolerance, str(path))

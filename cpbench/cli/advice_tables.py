@@ -12,7 +12,7 @@ import click
 
 from cpbench import __version__
 from cpbench.analysis import validation
-from cpbench.analysis.experience import Experience, to_text
+from cpbench.analysis.experience import TrainingCases, to_text
 from cpbench.analysis.profiles import FLOOR
 from cpbench.api import evidence
 from cpbench.cli.solver_tables import columns
@@ -20,7 +20,7 @@ from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 
 
-def evaluate(known: Experience, source: str, remarks: Sequence[str], as_json: bool) -> None:
+def evaluate(known: TrainingCases, source: str, remarks: Sequence[str], as_json: bool) -> None:
     """Print how often the advice is good for origins that were left out; raises CpbenchError."""
     if len(set(known.origins)) < 2:
         raise CpbenchError(f"{source}: all problems are of one origin; there is nothing to leave out")

@@ -17,7 +17,7 @@ from cpbench.errors import UnknownName
 from cpbench.verification import PROVEN, VERIFIED, Status
 
 if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison, Side
+    from cpbench.analysis.comparison import Comparison, ComparisonSide
 
 FAILURES = (
     "regression",
@@ -94,14 +94,14 @@ def command(
 
     Ends with 0 whatever is found, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """
-    from cpbench.analysis.comparison import Settings, compare, compare_labels, equal_pairs
+    from cpbench.analysis.comparison import Thresholds, compare, compare_labels, equal_pairs
     from cpbench.report.comparison import terminal, write
 
     _checked(base, new, first, second, outputs, fail_on)
-    settings = Settings(margin, counter_margin, alpha, same_machine, seed, count_stationary)
+    settings = Thresholds(margin, counter_margin, alpha, same_machine, seed, count_stationary)
     equal = _two(noise) if noise is not None else None
 
-    def compared(after: Side) -> Comparison:
+    def compared(after: ComparisonSide) -> Comparison:
         if new is None:
             return compare_labels(after, first or "", second or "", settings, equal)
         return compare(base_side(base, after), after, settings, equal_pairs(after, equal) if equal else None)

@@ -16,7 +16,7 @@ from cpbench.cli.progress import Display
 from cpbench.plurals import counted
 
 if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison, Side
+    from cpbench.analysis.comparison import Comparison, ComparisonSide
 
 
 def confirm(
@@ -24,7 +24,7 @@ def confirm(
     results: Path,
     others: Collection[str],
     statuses: Collection[str],
-    compared: Callable[[Side], Comparison],
+    compared: Callable[[ComparisonSide], Comparison],
 ) -> Comparison:
     """`found`, in which only what alarms a second time is an alarm.
 

@@ -15,7 +15,7 @@ from cpbench.errors import CpbenchError, FormatError, StoreError, UnknownName
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cpbench.analysis.timeline import Run
+    from cpbench.analysis.timeline import TimelineRun
 
 SUFFIXES = (".md", ".csv", ".json", ".svg", ".png")
 
@@ -62,10 +62,10 @@ def command(files: tuple[Path, ...], labels: tuple[str, ...], outputs: tuple[Pat
             click.echo(line)
 
 
-def _run(path: Path) -> Run | None:
+def _run(path: Path) -> TimelineRun | None:
     """A file that has something to tell; None of one in which nothing was run."""
     from cpbench.analysis import attendance
-    from cpbench.analysis.timeline import Run
+    from cpbench.analysis.timeline import TimelineRun
 
     with sealed(path) as store:
         table, meta, machines = store.table(), store.meta(), store.machines()
@@ -75,7 +75,7 @@ def _run(path: Path) -> Run | None:
     if table["status"].isin(["not_run", "unavailable"]).all():
         click.echo(f"{path}: no pair was run; left out", err=True)
         return None
-    return Run(
+    return TimelineRun(
         str(path),
         table,
         str(meta.get("cpbench") or ""),
@@ -87,7 +87,7 @@ def _run(path: Path) -> Run | None:
     )
 
 
-def _named(runs: list[Run]) -> list[Run]:
+def _named(runs: list[TimelineRun]) -> list[TimelineRun]:
     """Files by as much of their path as tells them apart."""
     from dataclasses import replace
 

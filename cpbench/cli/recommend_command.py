@@ -18,7 +18,7 @@ from cpbench.cli import next_command
 from cpbench.cli.options import Address, Command, force_option, format_option
 
 if TYPE_CHECKING:
-    from cpbench.analysis.experience import Experience
+    from cpbench.analysis.experience import TrainingCases
     from cpbench.analysis.recommendation import Recommendation
     from cpbench.api.candidates import Candidate
     from cpbench.formulations import Problem
@@ -101,7 +101,7 @@ def command(
 def _recommend(
     address: str,
     file_format: str | None,
-    known: Experience,
+    known: TrainingCases,
     source: str,
     remarks: list[str],
     tolerance: float | None,

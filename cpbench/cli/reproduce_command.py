@@ -115,18 +115,18 @@ def _tell_left(what: str, counts: Mapping[str, int]) -> None:
 
 def _tell_times(bundle: Bundle, name: str) -> None:
     """Times beside each other, as `cpbench compare` tells them; they decide nothing here."""
-    from cpbench.analysis.comparison import Settings, Side
+    from cpbench.analysis.comparison import ComparisonSide, Thresholds
     from cpbench.analysis.comparison import compare as compare_runs
     from cpbench.report.comparison import words
     from cpbench.report.text import cut, one_line
 
     with Store(bundle.results) as store:
-        there = Side(name, store.table(), store.meta(), store.machines())
+        there = ComparisonSide(name, store.table(), store.meta(), store.machines())
     with Store(bundle.again) as store:
-        here = Side("here", store.table(), store.meta(), store.machines())
+        here = ComparisonSide("here", store.table(), store.meta(), store.machines())
     try:
         # the ratio of two machines is what is asked for here: it tells how fast this one is, and decides nothing
-        found = compare_runs(there, here, Settings(same_machine=True))
+        found = compare_runs(there, here, Thresholds(same_machine=True))
     except CpbenchError:
         return  # no pair in common, which is told with the statuses
     timed = [suite for suite in found.suites if suite.timed]

@@ -20,7 +20,7 @@ from cpbench.plurals import counted
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cpbench.analysis.costs import Measured
+    from cpbench.analysis.costs import MeasuredCosts
     from cpbench.cli.subset_plan import Source
 
 
@@ -106,7 +106,7 @@ def _asked(sources: list[Source], budget: float, safety: float, seed: int) -> st
     return f"cpbench select {names} --budget {budget:g}s --safety {safety:g} --seed {seed}"
 
 
-def _require_room(found: Measured, room: float, budget: float, safety: float) -> None:
+def _require_room(found: MeasuredCosts, room: float, budget: float, safety: float) -> None:
     """Raises CpbenchError when not even the cheapest problem fits."""
     least = found.cost.min()
     if room < least:

@@ -22,7 +22,7 @@ import numpy as np
 
 from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder
+from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
@@ -37,7 +37,7 @@ Function: TypeAlias = Callable[[Any, Any], Any]
 
 def equations(problem: MiCP, phi: Function) -> Map:
     """Return Φ."""
-    record = Recorder(problem.start.size)
+    record = MapRecorder(problem.start.size)
     z, lb, ub = record.z, problem.lb, problem.ub
     F = record(problem.F, z)
     below, above = np.isfinite(lb), np.isfinite(ub)

@@ -16,7 +16,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder, either, less, product, recorded, where
+from cpbench.expressions.recording import MapRecorder, either, less, product, recorded, where
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.matrices import Dense, Vector, max_abs, power_of_two
@@ -83,7 +83,7 @@ def length(parts: Any) -> Any:
 
 def shifted(problem: LocalContact, chosen: Units) -> Map:
     """Return x ↦ ŷ = y + μ‖y_T‖e_N, De Saxcé and Feng's change of variable; with rolling friction + μ_r‖ω‖e_N too."""
-    record = Recorder(problem.q.size)
+    record = MapRecorder(problem.q.size)
     y = velocities(problem, chosen, record.z)
     rolls = hasattr(problem, "mu_r")
     last = 1 + (problem.dimension - 1) // 2 if rolls else problem.dimension

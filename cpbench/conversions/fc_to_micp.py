@@ -35,7 +35,7 @@ from cpbench.conversions import contact_maps
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.contact_maps import Units
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder
+from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -136,7 +136,7 @@ def _units(problem: FrictionContact) -> Units:
 
 def _map(problem: FrictionContact, chosen: Units, regular: bool) -> Map:
     nc, d = problem.nc, problem.dimension
-    record = Recorder((d + 1) * nc)
+    record = MapRecorder((d + 1) * nc)
     Z = record.z.reshape(nc, d + 1)
     x, xi = Z[:, :d], Z[:, d]
     y = contact_maps.velocities(problem, chosen, x.ravel())

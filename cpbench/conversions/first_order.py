@@ -11,7 +11,7 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import maps, qualification
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder, product
+from cpbench.expressions.recording import MapRecorder, product
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.formulations.variational import VIPoint
@@ -24,7 +24,7 @@ from cpbench.matrices import Vector
 def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
     """Return F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
     n, m, k = problem.start.size, problem.g.rows, problem.h.rows
-    record = Recorder(n + m + k)
+    record = MapRecorder(n + m + k)
     z, lam, mu = np.split(record.z, [n, n + m])
     slope = record.transposed(problem.f, z, np.ones(problem.f.rows))
     slope = slope - record.transposed(problem.g, z, lam) - record.transposed(problem.h, z, mu)
@@ -85,7 +85,7 @@ def of_inequality(problem: VI) -> tuple[Map, Vector, Vector]:
     if not m + k + p:
         return problem.F, np.zeros(0), np.zeros(0)
     n = problem.start.size
-    record = Recorder(n + m + k + p)
+    record = MapRecorder(n + m + k + p)
     z, lam, mu, nu = np.split(record.z, np.cumsum([n, m, k]))
     A, C = matrices.sparse(problem.A), matrices.sparse(problem.C)
     force = record(problem.F, z) - product(A.T, lam) - product(C.T, mu) - record.transposed(problem.g, z, nu)

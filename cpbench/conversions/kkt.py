@@ -23,7 +23,7 @@ from cpbench.matrices import Matrix, Vector
 
 
 @dataclass(frozen=True)
-class Rows:
+class ConstraintRows:
     """E z ≥ e and F z = g of a problem with bounds, and `sizes`, what `split` needs to undo them."""
 
     E: Matrix
@@ -33,13 +33,13 @@ class Rows:
     sizes: Trace
 
 
-def rows(problem: QP | AVI, like: Matrix) -> Rows:
+def rows(problem: QP | AVI, like: Matrix) -> ConstraintRows:
     """Return all constraints as rows, stored as `like`."""
     lb, ub, n = problem.lb, problem.ub, problem.lb.size
     fixed = np.flatnonzero(lb == ub)
     lower = np.flatnonzero(np.isfinite(lb) & (lb < ub))
     upper = np.flatnonzero(np.isfinite(ub) & (lb < ub))
-    return Rows(
+    return ConstraintRows(
         E=_stack(problem.A, _unit_rows(lower, n, like), -_unit_rows(upper, n, like)),
         e=np.concatenate([problem.b, lb[lower], -ub[upper]]),
         F=_stack(problem.C, _unit_rows(fixed, n, like)),
@@ -96,7 +96,7 @@ def _largest_in_columns(matrix: Matrix, sizes: Vector) -> Vector:
     return found
 
 
-def conditions(M: Matrix, q: Vector, constraints: Rows) -> MLCP:
+def conditions(M: Matrix, q: Vector, constraints: ConstraintRows) -> MLCP:
     """Build u = (z, μ) free, v = λ: Mz + q − Fᵀμ − Eᵀλ = 0, Fz − g = 0, 0 ≤ λ ⟂ Ez − e ≥ 0."""
     E, F, e, g = constraints.E, constraints.F, constraints.e, constraints.g
     return MLCP(

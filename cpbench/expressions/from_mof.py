@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from cpbench.errors import FormatError, ProblemError
 from cpbench.expressions.map import Builder, Map
 from cpbench.expressions.mof_json import Fields, parse, shown, shown_number
-from cpbench.expressions.mof_terms import Terms
+from cpbench.expressions.mof_terms import MofTerms
 from cpbench.expressions.operators import Operator
 
 
@@ -140,12 +140,12 @@ class Functions:
                 rows[row].products.append(self._product(inner, f"{where}/quadratic_terms/{k}"))
             return [*rows]
         if kind == "ScalarNonlinearFunction":
-            terms = Terms(fields, self._column, self.build, function, where)
+            terms = MofTerms(fields, self._column, self.build, function, where)
             if "root" not in function:
                 raise fields.refused(f"{where}/root", "is missing, expected a term")
             return [Nonlinear(terms.value(function["root"], f"{where}/root"))]
         if kind == "VectorNonlinearFunction":
-            terms = Terms(fields, self._column, self.build, function, where)
+            terms = MofTerms(fields, self._column, self.build, function, where)
             return [Nonlinear(terms.value(t, f"{where}/rows/{k}")) for k, t in fields.items(function, "rows", where)]
         raise fields.refused(
             where, f"is a {shown(kind)}, expected a variable, or an Affine, Quadratic or NonlinearFunction"

@@ -37,7 +37,7 @@ SETS = f"{', '.join(_SIDES)} and Complements"
 
 
 @dataclass(frozen=True)
-class Row:
+class ModelRow:
     """function ≥ side, or ≤ side where it is `below`; in an equation `below` says nothing."""
 
     function: Function
@@ -67,8 +67,8 @@ class Model:
     functions: Functions
     sense: str = "feasibility"
     objective: Function | None = None
-    above: list[Row] = field(default_factory=list)
-    equal: list[Row] = field(default_factory=list)
+    above: list[ModelRow] = field(default_factory=list)
+    equal: list[ModelRow] = field(default_factory=list)
     pairs: dict[int, Function] = field(default_factory=dict)
     complementary: bool = False
 
@@ -164,10 +164,10 @@ class _Reader:
                     raise fields.refused(where, "bounds a parameter")
                 self._bound(row.columns[0], least, most)
             elif least == most:
-                self.model.equal.append(Row(row, least))
+                self.model.equal.append(ModelRow(row, least))
             else:
-                self.model.above += [Row(row, least)] if least > -math.inf else []
-                self.model.above += [Row(row, most, below=True)] if most < math.inf else []
+                self.model.above += [ModelRow(row, least)] if least > -math.inf else []
+                self.model.above += [ModelRow(row, most, below=True)] if most < math.inf else []
 
     def _side(self, set_: Any, side: str | float, rows: int, where: str) -> Sequence[float]:
         """Return a side of a set, for each of its rows."""

@@ -29,7 +29,7 @@ class _Frame:
     values: list[int] = field(default_factory=list)
 
 
-class Terms:
+class MofTerms:
     """The terms of one nonlinear function."""
 
     def __init__(self, fields: Fields, column: Mapping[str, int], build: Builder, function: Any, where: str) -> None:

@@ -19,7 +19,7 @@ Column: TypeAlias = Any
 """An array of symbols and numbers (dtype object), or one of them."""
 
 
-class Recorder:
+class MapRecorder:
     """A map in the making. z : the column of its unknowns."""
 
     def __init__(self, inputs: int) -> None:
@@ -56,7 +56,7 @@ def recorded(inputs: int, formula: Callable[[Column], Column]) -> Map:
     >>> recorded(2, lambda z: np.array([[2.0, 0.0], [0.0, 1.0]]) @ z + np.exp(z))(np.array([0.0, 0.0])).tolist()
     [1.0, 1.0]
     """
-    record = Recorder(inputs)
+    record = MapRecorder(inputs)
     return record.map(formula(record.z))
 
 

@@ -70,7 +70,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Step:
+class SequenceStep:
     """One step: the problem in global form with a solution, and the spheres after it."""
 
     index: int
@@ -114,17 +114,17 @@ def build_global() -> list[Instance]:
     return found
 
 
-def _friction(step: Step) -> Vector:
+def _friction(step: SequenceStep) -> Vector:
     return np.full(len(step.contacts.id), MU)
 
 
-def _place(step: Step, earlier: list[Instance], name: str) -> dict[str, Any]:
+def _place(step: SequenceStep, earlier: list[Instance], name: str) -> dict[str, Any]:
     previous = earlier[-1].problem.fingerprint if earlier else ""
     sequence = Sequence(name=name, step=step.index, time=(SETTLING + step.index) * DT, dt=DT, previous=previous)
     return {"name": f"step-{step.index:03d}", "sequence": sequence, "contacts": step.contacts}
 
 
-def _properties(step: Step) -> dict[str, Any]:
+def _properties(step: SequenceStep) -> dict[str, Any]:
     """Count the contacts that push, and those of these that slide."""
     R = step.r.reshape(-1, 3)
     pushing = R[:, 0] > 0
@@ -133,7 +133,7 @@ def _properties(step: Step) -> dict[str, Any]:
 
 
 @cache
-def scene() -> tuple[Step, ...]:
+def scene() -> tuple[SequenceStep, ...]:
     """Simulate the sequence and return its kept steps, in order."""
     return tuple(step for step in _run(_at_rest()) if step.index >= 0)
 
@@ -150,7 +150,7 @@ def _at_rest() -> Body:
     return Body(x, np.zeros((len(x), 6)), radius, M)
 
 
-def _run(body: Body) -> Iterator[Step]:
+def _run(body: Body) -> Iterator[SequenceStep]:
     last: dict[int, float] = {}
     for index in range(-SETTLING, STEPS):
         contacts, gap = _contacts(body, SPIN * DT * (SETTLING + index))
@@ -167,7 +167,7 @@ def _run(body: Body) -> Iterator[Step]:
         last = dict(zip(contacts.id.tolist(), r[::3].tolist(), strict=True))
         moved = v.reshape(-1, 6)
         body = Body(body.x + DT * moved[:, :3], moved, body.radius, body.M)
-        yield Step(index, contacts, H, f, w, v, r, body)
+        yield SequenceStep(index, contacts, H, f, w, v, r, body)
 
 
 def _contacts(body: Body, angle: float) -> tuple[Contacts, Vector]:

@@ -17,7 +17,7 @@ import pandas as pd
 from cpbench import brackets
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
-from cpbench.analysis.metrics import Measured, measured, metric
+from cpbench.analysis.metrics import MetricValues, measured, metric
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.report.run import Run
@@ -41,7 +41,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class SelectedRows:
     """Rows of the solvers shown, of `problems` problems of a formulation at one tolerance.
 
     Attributes
@@ -62,7 +62,7 @@ class Chosen:
     def kinds(self) -> dict[str, str]:
         return rows_of.label_kinds(self.rows)
 
-    def measured(self, name: str) -> tuple[Measured, str]:
+    def measured(self, name: str) -> tuple[MetricValues, str]:
         """Return a metric of the ranked labels, and a sentence on the labels left out, '' when there is none."""
         ranked = self.rows[rows_of.ranked(self.rows)]
         found = measured(ranked, metric(name, self.rows))
@@ -92,7 +92,7 @@ class Chosen:
         )
 
 
-def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
+def choose(run: Run, choice: Choice, *, every_start: bool = False) -> SelectedRows:
     """Select the rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed.
 
     `every_start` : rows of all starts are wanted together.
@@ -116,10 +116,10 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
         solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
         wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
         rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
-    return Chosen(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems, run.looks)
+    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems, run.looks)
 
 
-def leading(chosen: Chosen, values: pd.DataFrame, most: int) -> list[str]:
+def leading(chosen: SelectedRows, values: pd.DataFrame, most: int) -> list[str]:
     """Return the labels to draw where not all fit: those of largest area under the profile."""
     from cpbench.analysis.profiles import performance_profile
 

@@ -104,7 +104,8 @@ def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int, lo
     if not drawn:
         figures.nothing(axes, "no error was reached on half of the problems")
     lines = [
-        legend.Line(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label)) for label in drawn
+        legend.LegendLine(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label))
+        for label in drawn
     ]
     legend.beside(beside, "least error   lowest end first", lines, indent=0.05)
 

@@ -123,10 +123,10 @@ def profile_axes(
     return places
 
 
-def line_of(curve: Curve, places: Mapping[str, int], kinds: Mapping[str, str]) -> legend.Line:
+def line_of(curve: Curve, places: Mapping[str, int], kinds: Mapping[str, str]) -> legend.LegendLine:
     """Return the legend's line of a curve, with the number solved."""
     dashed = kinds.get(curve.label, "") in INEXACT
-    return legend.Line(marked(curve.label, kinds), str(curve.solved), places.get(curve.label), dashed)
+    return legend.LegendLine(marked(curve.label, kinds), str(curve.solved), places.get(curve.label), dashed)
 
 
 def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:

@@ -15,7 +15,7 @@ from cpbench.report.run import assembled
 
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison
-    from cpbench.analysis.portraits import Portrait
+    from cpbench.analysis.portraits import Thumbnail
 
 
 def write_folder(
@@ -30,7 +30,7 @@ def write_folder(
     count_stationary: bool = False,
     comparison: Comparison | None = None,
     data: Collection[str] = ("csv",),
-    portraits: Callable[[], Mapping[str, Portrait]] = dict,
+    portraits: Callable[[], Mapping[str, Thumbnail]] = dict,
     answers: Mapping[str, Vector] | None = None,
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.

@@ -10,7 +10,7 @@ import pandas as pd
 
 from cpbench.analysis import bootstrap, cautions, failures, means, pairwise, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.report import convergence, figures, panels
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
@@ -21,7 +21,7 @@ MATRIX_PROBLEMS = 60
 """The most problems of a formulation for which the matrix is printed."""
 
 
-def slug_of(run: Run, group: Group) -> str:
+def slug_of(run: Run, group: ResultGroup) -> str:
     """Return the group's part of names of files: its formulation, with its settings where some formulation has
     several.
     """
@@ -32,7 +32,7 @@ def slug_of(run: Run, group: Group) -> str:
     return "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in told if part)])
 
 
-def group_sections(run: Run, group: Group, rows: pd.DataFrame) -> Iterator[str]:
+def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator[str]:
     """Yield all of them, in order; figures go into the folder of the run."""
     problems = rows["fingerprint"].nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
@@ -99,7 +99,7 @@ def _times(
         )
 
 
-def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
+def _figures(run: Run, group: ResultGroup, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
     profile = profiles.performance_profile(times)
     kinds = rows_of.label_kinds(rows)
     slug = slug_of(run, group)

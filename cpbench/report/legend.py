@@ -29,7 +29,7 @@ DASHES: Any = (0, (4, 2))
 
 
 @dataclass(frozen=True)
-class Line:
+class LegendLine:
     """A curve's line: the `place` of its look (None: grey), `dashed`, and the number in front of its label."""
 
     label: str
@@ -58,7 +58,12 @@ def height(curves: int, notes: int = 0, most: int = LINES) -> float:
 
 
 def beside(
-    axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[str] = (), indent: float = 0.0, most: int = LINES
+    axes: Axes,
+    head: str,
+    lines: Sequence[LegendLine],
+    notes: Sequence[str] = (),
+    indent: float = 0.0,
+    most: int = LINES,
 ) -> None:
     """Fill an empty axes with the legend.
 

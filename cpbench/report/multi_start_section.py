@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cpbench.analysis.multi_start import SAME, Found, solutions
+from cpbench.analysis.multi_start import SAME, ReachedSolutions, solutions
 from cpbench.matrices import Vector
 from cpbench.report.run import Run
 from cpbench.report.text import code, counted, listed, plain, table
@@ -39,7 +39,7 @@ def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
         yield f"{len(found) - most} more problems are in the details and on the page."
 
 
-def summary(one: Found) -> str:
+def summary(one: ReachedSolutions) -> str:
     """Count the solutions reached, and name the solvers that reached all of them.
 
     A solver that finds each from some start shows them all to whoever tries all starts.
@@ -62,7 +62,7 @@ def rounded(x: Vector) -> str:
     return f"({shown}{', …' if x.size > NUMBERS else ''})"
 
 
-def _line(one: Found, start: str) -> list[str]:
+def _line(one: ReachedSolutions, start: str) -> list[str]:
     """Return the solvers that reached each solution from a start, and those that reached none."""
     reached = one.reached(start)
     idle = [label for label in one.labels if (start, label) in one.status and not one.place.get((start, label))]

@@ -41,7 +41,7 @@ SMALL = 7.5
 
 
 @dataclass(frozen=True)
-class Panel:
+class ProfilePanel:
     """A curve and the place of its panel's lower left corner [in]; `lowest`: no panel is below it."""
 
     curve: Curve
@@ -87,15 +87,15 @@ def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks:
     return figure
 
 
-def _placed(curves: Sequence[Curve], height: float) -> Iterator[Panel]:
+def _placed(curves: Sequence[Curve], height: float) -> Iterator[ProfilePanel]:
     for k, curve in enumerate(curves):
         row, column = divmod(k, ACROSS)
         x, y = LEFT + column * (WIDE + BESIDE), height - ABOVE - HIGH - row * (HIGH + BETWEEN)
-        yield Panel(curve, x, y, lowest=k + ACROSS >= len(curves))
+        yield ProfilePanel(curve, x, y, lowest=k + ACROSS >= len(curves))
 
 
 def _draw(
-    axes: Axes, panels: Sequence[Panel], profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int]
+    axes: Axes, panels: Sequence[ProfilePanel], profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int]
 ) -> None:
     """Draw layer by layer: grid, grey area, curves, frames, words."""
     upto = right_end(profile)
@@ -124,7 +124,7 @@ def _corners(tau: Floats, height: Floats, upto: float) -> np.ndarray[Any, np.dty
     return np.column_stack((np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]))
 
 
-def _everywhere(shapes: Sequence[Any], panels: Sequence[Panel]) -> list[Any]:
+def _everywhere(shapes: Sequence[Any], panels: Sequence[ProfilePanel]) -> list[Any]:
     """Return the same shapes in every panel."""
     return [panel.holding(shape) for panel in panels for shape in shapes]
 
@@ -141,7 +141,9 @@ def _areas(axes: Axes, areas: Sequence[Any]) -> None:
     axes.add_collection(PolyCollection(areas, facecolors="#E3E3E3", linewidths=0, zorder=1), autolim=False)
 
 
-def _words(axes: Axes, panel: Panel, profile: Profile, kinds: Mapping[str, str], marks: Mapping[float, float]) -> None:
+def _words(
+    axes: Axes, panel: ProfilePanel, profile: Profile, kinds: Mapping[str, str], marks: Mapping[float, float]
+) -> None:
     """Write label and solved problems above the panel, fractions left of the first ones, ratios below the lowest."""
     told = f"{marked(panel.curve.label, kinds, 26)}  {panel.curve.solved}/{profile.problems}"
     axes.text(panel.x, panel.y + HIGH + 3 / 72, told, fontsize=8, va="baseline")

@@ -19,14 +19,14 @@ from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
 from cpbench.analysis.ranking import Ranking, rankings
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.matrices import Vector
 from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
-    from cpbench.analysis.portraits import Portrait
+    from cpbench.analysis.portraits import Thumbnail
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Run:
     folder: Path
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
     left_out: Mapping[str, str] = field(default_factory=dict)
-    portraits: Callable[[], Mapping[str, Portrait]] = dict
+    portraits: Callable[[], Mapping[str, Thumbnail]] = dict
     has_csv: bool = True
     count_stationary: bool = False
     looks: Mapping[str, int] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class Run:
     # what several sections ask for is found once: in a million rows each takes seconds
 
     @cached_property
-    def parts(self) -> list[tuple[Group, pd.DataFrame]]:
+    def parts(self) -> list[tuple[ResultGroup, pd.DataFrame]]:
         """The groups, each with the rows of those who took part."""
         return [(group, attended(rows)) for group, rows in rows_of.groups(self.rows)]
 
@@ -122,7 +122,7 @@ def assembled(
     *,
     publishable: bool = False,
     with_imported: bool = False,
-    portraits: Callable[[], Mapping[str, Portrait]] = dict,
+    portraits: Callable[[], Mapping[str, Thumbnail]] = dict,
     has_csv: bool = True,
     count_stationary: bool = False,
     answers: Mapping[str, Vector] | None = None,
@@ -166,12 +166,12 @@ def _each_once(values: pd.Series, made: Callable[[str], str]) -> pd.Series:
     return pd.Series(changed.array.take(place), index=values.index)
 
 
-def group_name(run: Run, group: Group) -> str:
+def group_name(run: Run, group: ResultGroup) -> str:
     """Return the formulation, with what tells it from other groups of the same formulation, as Markdown."""
     return plain(group_name_text(run, group))
 
 
-def group_name_text(run: Run, group: Group) -> str:
+def group_name_text(run: Run, group: ResultGroup) -> str:
     """Return the same as plain text."""
     others = [g for g, _ in run.parts if g.node == group.node]
     parts = [one_line(group.node)]

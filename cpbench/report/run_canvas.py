@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from cpbench.analysis.metrics import Metric
 from cpbench.report import canvas, legend
-from cpbench.report.chosen import Chosen
+from cpbench.report.chosen import SelectedRows
 from cpbench.report.figure_kinds import Drawing
 from cpbench.report.text import number, one_line, seconds
 
@@ -39,7 +39,7 @@ def with_legend(curves: int, least: float = 2.9, notes: int = 3) -> tuple[Figure
     return figure, figure.add_axes((0.095, up, 0.475, high)), figure.add_axes((0.6, up, 0.395, high))
 
 
-def drawn(figure: Figure, title: str, guide: str, chosen: Chosen) -> Drawing:
+def drawn(figure: Figure, title: str, guide: str, chosen: SelectedRows) -> Drawing:
     """Return the figure with its words and its scope; no character of them starts a formula."""
     whole = f"{guide} {chosen.conditions()}"
     return Drawing(figure, one_line(title).replace("$", r"\$"), one_line(whole).replace("$", r"\$"))

@@ -22,7 +22,7 @@ from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.expressions.from_mof import Affine, Nonlinear, Quadratic
 from cpbench.expressions.mof_json import as_float, parse
-from cpbench.expressions.mof_model import Model, Row, read_model
+from cpbench.expressions.mof_model import Model, ModelRow, read_model
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.lcp import LCP
@@ -89,7 +89,7 @@ def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:
         if half.all() and node != "micp":
             return build(path, NCP, "", name=name, F=parts["F"], start=parts["start"])
         return build(path, MiCP, "", name=name, **parts)
-    M, _ = _matrix([Row(function, 0.0) for function in functions], len(model.names))
+    M, _ = _matrix([ModelRow(function, 0.0) for function in functions], len(model.names))
     q = np.array([cast("Affine", function).constant for function in functions], float)
     fits = {
         "lcp": half.all(),
@@ -125,7 +125,7 @@ def _qp(model: Model, path: Path, name: str) -> Problem:
     return build(path, QP, "", name=name, info=info, lb=model.lb, ub=model.ub, **parts)
 
 
-def _matrix(rows: Sequence[Row], n: int) -> tuple[Sparse, Vector]:
+def _matrix(rows: Sequence[ModelRow], n: int) -> tuple[Sparse, Vector]:
     """Return affine rows as M and b of Mz ≥ b, or = b."""
     turned = [cast("Affine", row.function).negative() if row.below else cast("Affine", row.function) for row in rows]
     lengths = [len(function.columns) for function in turned]

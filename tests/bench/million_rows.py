@@ -58,7 +58,7 @@ from cpbench.analysis import (
     timeline,
 )
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.comparison import Side, compare
+from cpbench.analysis.comparison import ComparisonSide, compare
 from cpbench.analysis.experience import experience
 
 SHAPES = ((10_000, 100), (100_000, 10))
@@ -148,9 +148,11 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
     half = rows[rows["label"].isin(sorted(set(rows["label"]))[::2])].reset_index(drop=True)
     again = half.assign(solve=half["solve"] * np.random.default_rng(1).lognormal(0, 0.02, len(half)))
     return {
-        "compare two runs of half": lambda: compare(Side("base", half), Side("new", again)),
+        "compare two runs of half": lambda: compare(ComparisonSide("base", half), ComparisonSide("new", again)),
         "baseline, written": lambda: baseline.text(baseline.of(rows)),
-        "history of two runs of half": lambda: timeline.timeline([timeline.Run("a", half), timeline.Run("b", again)]),
+        "history of two runs of half": lambda: timeline.timeline(
+            [timeline.TimelineRun("a", half), timeline.TimelineRun("b", again)]
+        ),
         "experience, to recommend": lambda: experience(rows, {}),
     }
 

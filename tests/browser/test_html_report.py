@@ -22,7 +22,7 @@ from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, data_profiles, deadlines, histories, metrics, pairwise, profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
-from cpbench.analysis.portraits import Portrait, portrait
+from cpbench.analysis.portraits import Thumbnail, portrait
 from cpbench.analysis.tolerances import judged_at
 from cpbench.api.portraits import BYTES
 from cpbench.formulations import LCP, FCPoint, FrictionContact
@@ -84,7 +84,7 @@ def rows() -> pd.DataFrame:
     return results()
 
 
-def pictures(rows: pd.DataFrame) -> dict[str, Portrait]:
+def pictures(rows: pd.DataFrame) -> dict[str, Thumbnail]:
     """Pictures of every kind, for the first problems by name; a hostile one; the others have none."""
     r = np.array([[2.0, 0.4, 0.0], [3.0, 0.9, 1.2], [0.0, 0.0, 0.0]])
     u = np.array([[0.0, 0.0, 0.0], [0.0, -3.0, -4.0], [1.0, 0.0, 0.0]])
@@ -636,7 +636,7 @@ def test_ten_thousand_rows_are_small_and_open_at_once(tmp_path: Path, opened: Op
 
 def test_pictures_keep_the_page_small(tmp_path: Path) -> None:
     rows, rng = large(2500, 4), np.random.default_rng(1)
-    found: dict[str, Portrait] = {}
+    found: dict[str, Thumbnail] = {}
     spent = 0
     for name in rows["fingerprint"].unique():  # as bad as they come: nothing in them repeats
         M = np.where(rng.uniform(size=(48, 48)) < 0.5, 10.0 ** -rng.uniform(0, 6, (48, 48)), 0.0)

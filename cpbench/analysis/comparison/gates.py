@@ -19,7 +19,7 @@ from cpbench.analysis.attendance import REFUSED
 from cpbench.verification import CHARGED_TO_ROUTE, MET_TOLERANCE, PROVEN, Status
 
 
-class Verdict(StrEnum):
+class PairVerdict(StrEnum):
     """On a pair, a label or two tables. `inconclusive` is an outcome of its own: shown, with what would decide it."""
 
     REGRESSED = "regressed"
@@ -46,7 +46,9 @@ def rulings(pairs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(dict.fromkeys(("verdict", "gate", "kind", "why"), UNDECIDED), index=pairs.index)
 
 
-def rule(ruling: pd.DataFrame, gate: str, verdict: Verdict, where: pd.Series[bool], kind: object, why: object) -> None:
+def rule(
+    ruling: pd.DataFrame, gate: str, verdict: PairVerdict, where: pd.Series[bool], kind: object, why: object
+) -> None:
     """Enter a verdict for the pairs `where` it holds, of all or of some, and nothing was ruled before; `kind` and
     `why` are texts, or series of them."""
     chosen = where.index[where]
@@ -70,29 +72,36 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
     change = base.str.replace("_", " ") + " → " + new.str.replace("_", " ")
     message = pairs["message_new"].where(new.isin(REFUSED), pairs["message_base"])
     told = change + message.where(message == "", ": " + message)
-    rule(ruling, "status", Verdict.INCONCLUSIVE, base.isin(REFUSED) ^ new.isin(REFUSED), "not compared", told)
+    rule(ruling, "status", PairVerdict.INCONCLUSIVE, base.isin(REFUSED) ^ new.isin(REFUSED), "not compared", told)
     for limit, status in (("seconds", Status.TIMEOUT), ("memory", Status.MEMOUT)):
         other = differ(pairs, limit) & ((base == status) ^ (new == status))
-        rule(ruling, "status", Verdict.INCONCLUSIVE, other, "other limits", change + f", under another limit ({limit})")
+        rule(
+            ruling,
+            "status",
+            PairVerdict.INCONCLUSIVE,
+            other,
+            "other limits",
+            change + f", under another limit ({limit})",
+        )
     done, was = new.isin(SETTLED), base.isin(SETTLED)
     contradiction = done & was & (base.isin(PROVEN) | new.isin(PROVEN))
     why = change + ": both were verified, so one of the two tolerances is too loose for this problem"
-    rule(ruling, "status", Verdict.INCONCLUSIVE, contradiction, "contradiction", why)
+    rule(ruling, "status", PairVerdict.INCONCLUSIVE, contradiction, "contradiction", why)
     for timed_out, status, side in ((was & ~done, new, "base"), (done & ~was, base, "new")):
         near = timed_out & (status == Status.TIMEOUT) & (pairs[f"solve_{side}"] * stray >= pairs[f"seconds_{side}"])
         why = change + f", within a factor {stray:.3g} of the limit, as far as one time strays"
-        rule(ruling, "status", Verdict.INCONCLUSIVE, near, "at the limit", why)
-    rule(ruling, "status", Verdict.REGRESSED, was & ~done, new, change)
-    rule(ruling, "status", Verdict.IMPROVED, done & ~was, base, change)
+        rule(ruling, "status", PairVerdict.INCONCLUSIVE, near, "at the limit", why)
+    rule(ruling, "status", PairVerdict.REGRESSED, was & ~done, new, change)
+    rule(ruling, "status", PairVerdict.IMPROVED, done & ~was, base, change)
     less = done & was & (new == Status.STATIONARY)
     more = done & was & (base == Status.STATIONARY)
-    rule(ruling, "status", Verdict.REGRESSED, less, new, change)
-    rule(ruling, "status", Verdict.IMPROVED, more, base, change)
+    rule(ruling, "status", PairVerdict.REGRESSED, less, new, change)
+    rule(ruling, "status", PairVerdict.IMPROVED, more, base, change)
     neither = ~done & ~was
-    rule(ruling, "status", Verdict.REGRESSED, neither & new.isin(WORST), new, change)
-    rule(ruling, "status", Verdict.IMPROVED, neither & base.isin(WORST), base, change)
+    rule(ruling, "status", PairVerdict.REGRESSED, neither & new.isin(WORST), new, change)
+    rule(ruling, "status", PairVerdict.IMPROVED, neither & base.isin(WORST), base, change)
     charged = neither & base.isin(UNCHARGED) & new.isin(UNCHARGED)
-    rule(ruling, "status", Verdict.INCONCLUSIVE, charged, "charged elsewhere", change)
+    rule(ruling, "status", PairVerdict.INCONCLUSIVE, charged, "charged elsewhere", change)
 
 
 def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
@@ -104,8 +113,8 @@ def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
     apart = np.isfinite(base) & np.isfinite(new) & ((new > DECADE * base) | (base > DECADE * new))
     base, new = base[apart], new[apart]
     why = "error " + base.map("{:.1e}".format).astype(str) + " → " + new.map("{:.1e}".format).astype(str)
-    rule(ruling, "error", Verdict.REGRESSED, new > base, "error", why)
-    rule(ruling, "error", Verdict.IMPROVED, base > new, "error", why)
+    rule(ruling, "error", PairVerdict.REGRESSED, new > base, "error", why)
+    rule(ruling, "error", PairVerdict.IMPROVED, base > new, "error", why)
 
 
 def by_counters(
@@ -150,12 +159,12 @@ def _moved(solver: str, base: str, new: str, margin: float, left_out: Collection
         return UNDECIDED, ""
     changes = _changes(before, after, margin)
     if not changes:
-        return str(Verdict.SAME), ""
+        return str(PairVerdict.SAME), ""
     names = sorted(changes, key=lambda name: (name != FIRST, name))
     why = ", ".join(f"{name} {before[name]:g} → {after[name]:g}" for name in names[:3])
     if len(set(changes.values())) > 1:
-        return str(Verdict.INCONCLUSIVE), f"counters moved apart: {why}"
-    return str(Verdict.REGRESSED if changes[names[0]] > 0 else Verdict.IMPROVED), why
+        return str(PairVerdict.INCONCLUSIVE), f"counters moved apart: {why}"
+    return str(PairVerdict.REGRESSED if changes[names[0]] > 0 else PairVerdict.IMPROVED), why
 
 
 def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: float) -> dict[str, int]:

@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cpbench.analysis.comparison.gates import UNDECIDED, Verdict
+from cpbench.analysis.comparison.gates import UNDECIDED, PairVerdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.profiles import FLOOR
 
@@ -68,9 +68,9 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alp
     decisive = (significant != 0) & (np.abs(log) > math.log(noise.strays)) & agrees
     within = comparable & (low >= 1 / (1 + noise.delta)) & (high <= 1 + noise.delta)
     verdict = np.full(len(pairs), UNDECIDED, dtype=object)
-    verdict[comparable] = str(Verdict.INCONCLUSIVE)
-    verdict[within & ~decisive] = str(Verdict.SAME)
-    verdict[decisive] = np.where(log[decisive] > 0, str(Verdict.REGRESSED), str(Verdict.IMPROVED))
+    verdict[comparable] = str(PairVerdict.INCONCLUSIVE)
+    verdict[within & ~decisive] = str(PairVerdict.SAME)
+    verdict[decisive] = np.where(log[decisive] > 0, str(PairVerdict.REGRESSED), str(PairVerdict.IMPROVED))
     found = pd.DataFrame(
         {
             "ratio": ratio,

@@ -27,7 +27,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Side, Verdict
+from cpbench.analysis.comparison import Comparison, ComparisonSide, PairVerdict
 from cpbench.analysis.comparison.suites import Suite
 from cpbench.report.comparison import words
 
@@ -51,7 +51,7 @@ def document(found: Comparison) -> str:
         "new": _side(found.new),
         "settings": asdict(found.settings),
         "noise": {name: getattr(noise, name) for name in ("delta", "drift", "spread", "equal", "stray", "bias")},
-        "counts": {str(verdict): int(counts.get(str(verdict), 0)) for verdict in Verdict},
+        "counts": {str(verdict): int(counts.get(str(verdict), 0)) for verdict in PairVerdict},
         "suites": [_suite(suite) for suite in found.suites],
         "pairs": _pairs(found),
         "only_base": _rows(found.only_base),
@@ -62,7 +62,7 @@ def document(found: Comparison) -> str:
     return json.dumps(_valid(told), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _side(side: Side) -> dict[str, Any]:
+def _side(side: ComparisonSide) -> dict[str, Any]:
     return {"name": side.name, **{name: side.meta.get(name) for name in ("date", "cpbench", "machine")}}
 
 

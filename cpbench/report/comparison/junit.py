@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.gates import WORST
 from cpbench.analysis.comparison.suites import Suite
 from cpbench.plurals import counted
@@ -64,12 +64,12 @@ def _case(found: Comparison, suite: str, name: str, pair: pd.Series) -> ElementT
     time = f"{seconds if math.isfinite(seconds) else 0.0:.6f}"
     case = ElementTree.Element("testcase", name=name, classname=suite, time=time)
     why = one_line(pair["why"])
-    if pair["verdict"] == Verdict.REGRESSED:
+    if pair["verdict"] == PairVerdict.REGRESSED:
         failure = ElementTree.SubElement(case, "failure", message=why, type=one_line(pair["kind"]))
         failure.text = words.again(found, pair)
-    elif pair["verdict"] == Verdict.INCONCLUSIVE:
+    elif pair["verdict"] == PairVerdict.INCONCLUSIVE:
         ElementTree.SubElement(case, "skipped", message=f"inconclusive: {why}")
-    elif pair["verdict"] == Verdict.IMPROVED:
+    elif pair["verdict"] == PairVerdict.IMPROVED:
         ElementTree.SubElement(case, "system-out").text = f"improved: {why}"
     elif pair["status_new"] in WORST:
         before = f"{pair['status_new']}, as before: {one_line(pair['message_new'])}".removesuffix(": ")
@@ -80,9 +80,9 @@ def _case(found: Comparison, suite: str, name: str, pair: pd.Series) -> ElementT
 def _whole(suite: Suite, name: str) -> ElementTree.Element:
     case = ElementTree.Element("testcase", name="time of all pairs", classname=name, time="0.000000")
     told = f"{words.times_of(suite)} times the time, {counted(suite.timed, 'pair')}"
-    if suite.time == Verdict.REGRESSED:
+    if suite.time == PairVerdict.REGRESSED:
         ElementTree.SubElement(case, "failure", message=told, type="time").text = f"p = {suite.p:.2g}"
-    elif suite.time == Verdict.INCONCLUSIVE:
+    elif suite.time == PairVerdict.INCONCLUSIVE:
         ElementTree.SubElement(case, "skipped", message=f"inconclusive: {told}; {suite.why}")
     else:
         ElementTree.SubElement(case, "system-out").text = f"{suite.time}: {told}"

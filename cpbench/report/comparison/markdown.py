@@ -6,16 +6,16 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.noise import BIAS
 from cpbench.report.comparison import words
 from cpbench.report.text import code, counted, cut, listed, plain, table
 
 MARKS = {
-    Verdict.REGRESSED: "❌",
-    Verdict.INCONCLUSIVE: "❔",
-    Verdict.SAME: "✅",
-    Verdict.IMPROVED: "✅",
+    PairVerdict.REGRESSED: "❌",
+    PairVerdict.INCONCLUSIVE: "❔",
+    PairVerdict.SAME: "✅",
+    PairVerdict.IMPROVED: "✅",
 }
 LISTED = 50
 """The most pairs of a table; a summary of a CI job holds 1 MiB. The rest is counted, and is in the JSON."""
@@ -38,21 +38,21 @@ def _parts(found: Comparison) -> Iterator[str]:
     yield f"{code(found.base.name)} → {code(found.new.name)}" + "".join(
         f"; {plain(told)}" for told in words.versions(found)
     )
-    yield from _section(found, Verdict.REGRESSED, found.of(Verdict.REGRESSED))
+    yield from _section(found, PairVerdict.REGRESSED, found.of(PairVerdict.REGRESSED))
     yield from _suites(found)
-    yield from _section(found, Verdict.IMPROVED, found.of(Verdict.IMPROVED))
+    yield from _section(found, PairVerdict.IMPROVED, found.of(PairVerdict.IMPROVED))
     yield from _inconclusive(found)
     yield from _notes(found)
 
 
-def _section(found: Comparison, verdict: Verdict, own: pd.DataFrame) -> Iterator[str]:
+def _section(found: Comparison, verdict: PairVerdict, own: pd.DataFrame) -> Iterator[str]:
     """Yield pairs of a verdict, after the labels whose times have it."""
-    labels = [suite for suite in found.suites if suite.time == verdict and verdict != Verdict.INCONCLUSIVE]
+    labels = [suite for suite in found.suites if suite.time == verdict and verdict != PairVerdict.INCONCLUSIVE]
     if not len(own) and not labels:
         return
     told = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
     yield f"## {str(verdict).capitalize()} ({', '.join(told)})"
-    regressed = verdict == Verdict.REGRESSED
+    regressed = verdict == PairVerdict.REGRESSED
     rows: list[list[str]] = []
     for suite in labels:
         cells = [f"all {suite.timed} timed", code(suite.label), "time", f"{words.times_of(suite)} times the time"]
@@ -97,9 +97,9 @@ def _suites(found: Comparison) -> Iterator[str]:
 
 
 def _inconclusive(found: Comparison) -> Iterator[str]:
-    own = found.of(Verdict.INCONCLUSIVE)
+    own = found.of(PairVerdict.INCONCLUSIVE)
     by_time = own["gate"] == "time"
-    yield from _section(found, Verdict.INCONCLUSIVE, own[~by_time])
+    yield from _section(found, PairVerdict.INCONCLUSIVE, own[~by_time])
     if by_time.any():
         labels = own.loc[by_time, "label_new"].value_counts().sort_index()
         yield (

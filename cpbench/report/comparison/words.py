@@ -10,17 +10,20 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.suites import Suite
 from cpbench.report.text import counted, solve_command
 
-ORDER = (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.SAME, Verdict.INCONCLUSIVE)
+ORDER = (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.SAME, PairVerdict.INCONCLUSIVE)
 
 
 def headline(found: Comparison) -> str:
     """Return the verdict and its evidence in one sentence."""
     sure = found.pairs[found.pairs["gate"] != "time"]
-    counts = {v: int((sure["verdict"] == v).sum()) for v in (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.INCONCLUSIVE)}
+    counts = {
+        v: int((sure["verdict"] == v).sum())
+        for v in (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.INCONCLUSIVE)
+    }
     told = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
     by_time = [suite for suite in found.suites if suite.time is not None]
     if by_time:

@@ -17,7 +17,7 @@ import pandas as pd
 from cpbench.analysis import cautions, means, profiles, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import attended
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import UnknownName
 from cpbench.report.document import curves
@@ -157,7 +157,7 @@ def _methods(run: Run, macros: Macros) -> Iterator[str]:
     )
 
 
-def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: Collection[str]) -> Iterator[str]:
+def _group(run: Run, macros: Macros, group: ResultGroup, rows: pd.DataFrame, facets: Collection[str]) -> Iterator[str]:
     """Yield section of a formulation: sentences, table, profile, small multiples."""
     name = group_name_text(run, group)
     words = (name,)
@@ -225,7 +225,7 @@ def _with_labels(own: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([own, filled], ignore_index=True)
 
 
-def _by_tolerance(run: Run, group: Group, rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
+def _by_tolerance(run: Run, group: ResultGroup, rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
     """Return a profile a tolerance: those that were run, or looser ones that the answers are held against."""
     same = [
         (other.tolerance, own)

@@ -23,8 +23,8 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
-from cpbench.analysis.portraits import Portrait
-from cpbench.analysis.table import CHARGED, Group
+from cpbench.analysis.portraits import Thumbnail
+from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.analysis.tolerances import Ladders, ladders
 from cpbench.report.html.container import Column
 from cpbench.report.matrix import SYMBOLS
@@ -190,10 +190,10 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
     }
 
 
-def _portraits(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Portrait | None]:
+def _portraits(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
     """Return pictures of the problems; an answer of a solver left out of the report has no label."""
     made, told = run.portraits(), set(labels)
-    found: list[Portrait | None] = []
+    found: list[Thumbnail | None] = []
     for one in (made.get(multi_start.original(print_)) for print_ in prints):
         known = one is None or one.get("answer", {}).get("label", "") in {"", *told}
         found.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
@@ -219,7 +219,7 @@ def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, li
 
 def _groups(
     run: Run,
-    parts: Sequence[tuple[Group, pd.DataFrame]],
+    parts: Sequence[tuple[ResultGroup, pd.DataFrame]],
     problem: Column,
     label: Column,
     places: Mapping[str, int],

@@ -54,7 +54,8 @@ def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Dra
     axes.set_xlabel("time, conversion and set-up included, log scale")
     axes.set_ylabel("judged error of the iterate")
     lines = [
-        legend.Line(figures.shorten(label), f"{paths[label]['error'].min():.0e}", places.get(label)) for label in ends
+        legend.LegendLine(figures.shorten(label), f"{paths[label]['error'].min():.0e}", places.get(label))
+        for label in ends
     ]
     legend.beside(beside, "least error   lowest first", lines, ["dashed: the tolerance"], 0.05, run_canvas.LINES)
     guide = (

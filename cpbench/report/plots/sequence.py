@@ -56,7 +56,7 @@ def draw(run: Run, choice: Choice, *, sequence: str = "") -> Drawing:
     starts = sorted({str(start) for start in found["start"]} - {COLD})
     notes = [f"solid: start {', '.join(starts)}; dashed: cold"] if starts else []
     notes += ["gaps: not solved"]
-    lines = [legend.Line(figures.shorten(label, 24), str(int(solved[label])), places[label]) for label in shown]
+    lines = [legend.LegendLine(figures.shorten(label, 24), str(int(solved[label])), places[label]) for label in shown]
     legend.beside(beside, "solved   at all starts", lines, notes)
     others = found["label"].nunique() - len(shown)
     fell = int(found["fell_back"].sum())

@@ -43,7 +43,7 @@ def draw(run: Run, choice: Choice, *, option: str = "") -> Drawing:
         _dress(axes, found, column, word, chosen.problems)
     beside = figure.add_axes((0.71, 0.48 / height, 0.285, 1 - 0.6 / height))
     best = found.groupby("series")["solved"].max()
-    lines = [legend.Line(_between(label, 24), str(int(best[label])), places.get(label)) for label in series]
+    lines = [legend.LegendLine(_between(label, 24), str(int(best[label])), places.get(label)) for label in series]
     legend.beside(beside, "most solved   solver", lines, most=run_canvas.LINES)
     guide = (
         f"Left: the fraction of the {counted(chosen.problems, 'problem')} that the solver solved with this value of "
