@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.verification import PROVEN
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.matrices import Vector, norm
 
 EVERY = "file:all"

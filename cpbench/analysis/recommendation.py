@@ -7,9 +7,9 @@ and that towards its mean over problems of other nodes, so that few measurements
 
     ŝ = (Σ_p K ℓ + κ m₁)/(Σ_p K + κ),    m₁ = (Σ_p ℓ + m₂)/(#p + 1),    m₂ = Σ_p' K J ℓ / Σ_p' K J  (p' elsewhere),
 
-with K = exp(−d²/2h²) of the distance d between features (`likeness`), h half the distance of the `few` nearest problems
-of the node (narrower where more is known, between LEAST_WIDTH and `width`), and J the part that the solvers which take
-p' and those which take x have in common (Jaccard): the formulations from which the same solvers are reached. This is
+with K = exp(−d²/2h²) of the distance d between features (`similarity`), h half the distance of the `few` nearest
+problems of the node (narrower where more is known, between LEAST_WIDTH and `width`), and J the part that solvers of
+p' and those of x have in common (Jaccard): the formulations from which the same solvers are reached. This is
 the estimate of Nadaraya and Watson (Theory Probab. Appl. 9, 1964), with weights of prior means as in a hierarchical
 model; selection by neighbours and by cost follows Rice (Adv. Comput. 15, 1976) and SATzilla (Xu et al., JAIR 32, 2008).
 """
@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 
 from cpbench.analysis.codes import Integers
-from cpbench.analysis.experience import TrainingCases
-from cpbench.analysis.likeness import coordinates, distances, places
+from cpbench.analysis.similarity import coordinates, distances, places
 from cpbench.analysis.table import Floats, Masks, Matrix, Texts
+from cpbench.analysis.training_cases import TrainingCases
 
 LEAST_WIDTH = 0.2
 PRIOR, FAINT = 1.0, 0.05
@@ -141,10 +141,11 @@ def recommend(
 
     `used` : which cases are used, all without it.
 
-    >>> from cpbench.analysis.experience import Case
+    >>> from cpbench.analysis.training_cases import TrainingCase, TrainingCases
     >>> facts = lambda n: {"node": "lcp", "unknowns": n}
-    >>> seen = [Case(f"p{n}", "lcp", "", f"{n}", facts(n), {"a": n**2 * 1e-3, "b": n * 1e-2}) for n in (2, 4, 50, 90)]
-    >>> [recommend(Experience(tuple(seen)), facts(n), {"a", "b"}).advice[0].label for n in (3, 70)]
+    >>> times = lambda n: {"a": n**2 * 1e-3, "b": n * 1e-2}
+    >>> seen = [TrainingCase(f"p{n}", "lcp", "", f"{n}", facts(n), times(n)) for n in (2, 4, 50, 90)]
+    >>> [recommend(TrainingCases(tuple(seen)), facts(n), {"a", "b"}).advice[0].label for n in (3, 70)]
     ['a', 'b']
     """
     used = np.ones(len(known.cases), dtype=bool) if used is None else used

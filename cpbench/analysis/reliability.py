@@ -24,8 +24,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.means import Array
+from cpbench.analysis.participation import REFUSED
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, Status
 
 CLAIMED = "solved"

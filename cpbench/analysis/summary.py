@@ -7,7 +7,7 @@ import pandas as pd
 
 from cpbench.analysis import best, means
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
 from cpbench.analysis.sizes import sizes_read

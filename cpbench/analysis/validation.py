@@ -14,10 +14,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.experience import TrainingCases
-from cpbench.analysis.likeness import distances, places
 from cpbench.analysis.recommendation import SHIPPED, WITHIN, Knobs, standing
+from cpbench.analysis.similarity import distances, places
 from cpbench.analysis.table import Masks
+from cpbench.analysis.training_cases import TrainingCases
 from cpbench.solvers.base import solvers
 
 PARTS = 8

@@ -14,8 +14,8 @@ from cpbench.plurals import counted
 from cpbench.solvers.base import SolverSpec, solvers
 
 if TYPE_CHECKING:
-    from cpbench.analysis.experience import TrainingCases
     from cpbench.analysis.recommendation import Recommendation
+    from cpbench.analysis.training_cases import TrainingCases
     from cpbench.api.candidates import Candidate
 
 

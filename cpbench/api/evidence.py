@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.experience import TrainingCases, experience, from_text
+from cpbench.analysis.training_cases import TrainingCases, collect_cases, from_text
 from cpbench.api.candidates import solver_of
 from cpbench.bench.results.problem_features import problem_features
 from cpbench.bench.results.sealed import sealed
@@ -52,7 +52,7 @@ def gather(
 def read(
     results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
 ) -> tuple[TrainingCases, list[str]]:
-    """The experience of results files and tables together; rows of the same machine are compared across files.
+    """The training cases of results files and tables together; rows of the same machine are compared across files.
 
     `tolerance` : of the rows to go by, None for all. Raises CpbenchError where no row has it, and for tables.
     """
@@ -72,7 +72,9 @@ def read(
         features |= {key: facts for key, facts in found.items() if key not in features}
         lost += without
     if rows:
-        read = experience(rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact)
+        read = collect_cases(
+            rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact
+        )
         known = replace(read, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
     return known, [f"only the sizes are known of {counted(lost, 'problem')} not where they were"] if lost else []
 

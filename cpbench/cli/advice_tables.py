@@ -12,8 +12,8 @@ import click
 
 from cpbench import __version__
 from cpbench.analysis import validation
-from cpbench.analysis.experience import TrainingCases, to_text
 from cpbench.analysis.profiles import FLOOR
+from cpbench.analysis.training_cases import TrainingCases, to_text
 from cpbench.api import evidence
 from cpbench.cli.solver_tables import columns
 from cpbench.errors import CpbenchError

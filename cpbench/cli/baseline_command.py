@@ -131,7 +131,7 @@ def _require_sense(
 
 
 def _outcomes(results: Path) -> pd.DataFrame:
-    from cpbench.analysis import attendance, baseline
+    from cpbench.analysis import baseline, participation
 
     with sealed(results) as store:
         table, sheets = store.table(), store.meta().get("solvers") or {}
@@ -139,7 +139,7 @@ def _outcomes(results: Path) -> pd.DataFrame:
     if new["status"].isin(baseline.UNMEASURED).all():
         cause = f"none of {counted(len(new), 'pair')} was run" if len(new) else "no row"
         raise StoreError(f"{results}: {cause}: nothing to keep; run it with: cpbench run PROBLEMS -o {results}")
-    terms = attendance.restricted(table, sheets)
+    terms = participation.restricted(table, sheets)
     if terms:
         click.echo(f"licences restrict publishing figures of {', '.join(terms)}: mind who sees the baseline", err=True)
     return new

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from cpbench.analysis.experience import TrainingCases, from_text
+from cpbench.analysis.training_cases import TrainingCases, from_text
 from cpbench.api.evidence import SHIPPED
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
@@ -70,13 +70,13 @@ def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
     return f"{solving} for solves, and more to start solvers, convert and judge ({told})"
 
 
-def solves(todo: Sequence[Pair], experience: TrainingCases) -> tuple[list[Span | None], int]:
+def solves(todo: Sequence[Pair], known: TrainingCases) -> tuple[list[Span | None], int]:
     """What the solves of each pair may take, None where nobody solved its problem; how many were timed.
 
     A label that was started on other problems, and not on this one, could not be run on it.
     """
-    cases = {case.fingerprint: case.outcomes for case in experience.cases}
-    labels, measured = set(experience.labels), 0
+    cases = {case.fingerprint: case.outcomes for case in known.cases}
+    labels, measured = set(known.labels), 0
     spans: list[Span | None] = []
     for pair in todo:
         outcomes = cases.get(pair.fingerprint, {})

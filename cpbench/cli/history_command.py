@@ -64,12 +64,12 @@ def command(files: tuple[Path, ...], labels: tuple[str, ...], outputs: tuple[Pat
 
 def _run(path: Path) -> TimelineRun | None:
     """A file that has something to tell; None of one in which nothing was run."""
-    from cpbench.analysis import attendance
+    from cpbench.analysis import participation
     from cpbench.analysis.timeline import TimelineRun
 
     with sealed(path) as store:
         table, meta, machines = store.table(), store.meta(), store.machines()
-    terms = attendance.restricted(table, meta.get("solvers") or {})
+    terms = participation.restricted(table, meta.get("solvers") or {})
     if terms:
         click.echo(f"{path}: licences restrict publishing figures of {', '.join(terms)}", err=True)
     if table["status"].isin(["not_run", "unavailable"]).all():

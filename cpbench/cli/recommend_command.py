@@ -18,8 +18,8 @@ from cpbench.cli import next_command
 from cpbench.cli.options import Address, Command, force_option, format_option
 
 if TYPE_CHECKING:
-    from cpbench.analysis.experience import TrainingCases
     from cpbench.analysis.recommendation import Recommendation
+    from cpbench.analysis.training_cases import TrainingCases
     from cpbench.api.candidates import Candidate
     from cpbench.formulations import Problem
 

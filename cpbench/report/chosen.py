@@ -16,8 +16,8 @@ import pandas as pd
 
 from cpbench import brackets
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
 from cpbench.analysis.metrics import MetricValues, measured, metric
+from cpbench.analysis.participation import participating
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.report.run import Run
@@ -108,7 +108,7 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> SelectedRo
             continue
         rows = _one_of(rows, field, str(getattr(choice, field) or ""), told)
     rows, asked = _at(rows, choice.tolerance)
-    rows = attended(rows)
+    rows = participating(rows)
     problems = int(rows["fingerprint"].nunique())
     node, tolerance = str(rows["node"].iloc[0]), float(rows["tolerance"].iloc[0])
     if choice.solvers:

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from cpbench.analysis import attendance, failures, reliability
+from cpbench.analysis import failures, participation, reliability
 from cpbench.analysis.failures import Reason
-from cpbench.report.attendance_sections import tuned
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
 from cpbench.report.multi_start_section import multi_start
+from cpbench.report.participation_sections import tuned
 from cpbench.report.run import Run
 from cpbench.report.run_sections import again, false_claims, refused, warm_against_cold
 from cpbench.report.text import code, counted, cut, listed, number, plain, table
@@ -102,14 +102,14 @@ def _kind(run: Run, status: str, own: list[Reason]) -> list[str]:
 def _never_started(run: Run) -> Iterator[str]:
     """Yield what could not be run, in a line a reason; it counts against no solver."""
     lines: list[str] = []
-    for one in attendance.absences(run.rows):
+    for one in participation.absences(run.rows):
         why = cut((one.detail.strip().splitlines() or ["not told"])[-1], 160)
         lines.append(f"- {one.state or 'unavailable'}: {listed(list(one.solvers), 6)}: {plain(why)}")
     refusals = [reason for reason in run.refusals if reason.status != Status.NOT_RUN]
     for reason in sorted(refusals, key=lambda reason: -reason.count):
         solvers = listed(list(reason.labels), 3)
         lines.append(f"- {reason.status}: {counted(reason.count, 'pair')} of {solvers}: {plain(cut(reason.message))}")
-    lines += [f"- {plain(line)}" for line in attendance.left_out_lines(run.meta.get("left_out") or [])]
+    lines += [f"- {plain(line)}" for line in participation.left_out_lines(run.meta.get("left_out") or [])]
     if not lines:
         return
     yield "## Could not be run"

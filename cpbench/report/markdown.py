@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.report.answer import answer
-from cpbench.report.attendance_sections import publishing
 from cpbench.report.conditions import conditions
 from cpbench.report.details import WHOLE_RUN, file_of, write_details
 from cpbench.report.html import vega
 from cpbench.report.known_sections import known_sections
+from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name
 from cpbench.report.text import counted, plain
 from cpbench.verification import Status

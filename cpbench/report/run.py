@@ -13,11 +13,11 @@ import pandas as pd
 
 from cpbench.analysis import failures, multi_start, reliability, remarks, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended, restricted, without
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
+from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.ranking import Ranking, rankings
 from cpbench.analysis.table import ResultGroup
 from cpbench.matrices import Vector
@@ -26,14 +26,14 @@ from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
-    from cpbench.analysis.portraits import Thumbnail
+    from cpbench.analysis.thumbnails import Thumbnail
 
 
 @dataclass(frozen=True)
 class Run:
     """The rows of a run, in fixed order, with the facts of the run, where the report goes, judged iterates
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
-    that are left out, what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made, and
+    that are left out, the source of pictures of its problems by fingerprint (`analysis.thumbnails`), and
     whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
     `parted`: the rows before several starts of a problem were made cases of one formulation. `answers`: by key of the
     row, of problems with several starts (`analysis.multi_start`).
@@ -45,7 +45,7 @@ class Run:
     folder: Path
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
     left_out: Mapping[str, str] = field(default_factory=dict)
-    portraits: Callable[[], Mapping[str, Thumbnail]] = dict
+    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict
     has_csv: bool = True
     count_stationary: bool = False
     looks: Mapping[str, int] = field(default_factory=dict)
@@ -85,7 +85,7 @@ class Run:
     @cached_property
     def parts(self) -> list[tuple[ResultGroup, pd.DataFrame]]:
         """The groups, each with the rows of those who took part."""
-        return [(group, attended(rows)) for group, rows in rows_of.groups(self.rows)]
+        return [(group, participating(rows)) for group, rows in rows_of.groups(self.rows)]
 
     @cached_property
     def timed(self) -> pd.DataFrame:
@@ -122,14 +122,14 @@ def assembled(
     *,
     publishable: bool = False,
     with_imported: bool = False,
-    portraits: Callable[[], Mapping[str, Thumbnail]] = dict,
+    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
     has_csv: bool = True,
     count_stationary: bool = False,
     answers: Mapping[str, Vector] | None = None,
 ) -> Run:
     """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
     rows = _without_folders(rows_of.normalised(table))
-    run = Run(rows, meta, folder, portraits=portraits, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
+    run = Run(rows, meta, folder, thumbnails=thumbnails, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
     run = replace(run, answers=answers or {})
     if histories is not None:
         run = replace(run, histories=histories)

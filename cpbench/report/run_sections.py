@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import failures, reliability, starts
-from cpbench.report.attendance_sections import absent, tuned
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
 from cpbench.report.multi_start_section import multi_start
+from cpbench.report.participation_sections import absent, tuned
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, cut, listed, number, plain, solve_command, table
 from cpbench.verification import Status

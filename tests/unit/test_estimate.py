@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cpbench.analysis.experience import TrainingCase, TrainingCases
+from cpbench.analysis.training_cases import TrainingCase, TrainingCases
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request, exact
 from cpbench.cli.estimate import NOTHING, Span, solves
 

@@ -17,10 +17,10 @@ from synthetic_results import row
 
 from cpbench import storage
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.experience import TrainingCase, TrainingCases, experience, from_text, to_text
 from cpbench.analysis.origins import family_of, origins
 from cpbench.analysis.recommendation import SHIPPED as KNOBS
 from cpbench.analysis.recommendation import WITHIN, recommend
+from cpbench.analysis.training_cases import TrainingCase, TrainingCases, collect_cases, from_text, to_text
 from cpbench.analysis.validation import chosen, dealt, evaluate, rates
 from cpbench.bench.planning.features import features, known
 from cpbench.errors import CpbenchError
@@ -49,7 +49,7 @@ def best(cases: list[TrainingCase], node: str = "lcp", may: str = "abcd", **fact
     return recommend(TrainingCases(tuple(cases)), {"node": node, **facts}, set(may)).advice[0].label
 
 
-# ------------------------------------------------------------------------------------------- experience
+# ------------------------------------------------------------------------------------------- training cases
 
 
 def test_what_counts_as_an_outcome() -> None:
@@ -65,7 +65,7 @@ def test_what_counts_as_an_outcome() -> None:
         row("p-3", "a", "failed", 0.5),
         row("p-4", "a", "solved", 0.5, origin="another machine"),
     )
-    found = experience(rows, {"f-p-1": {"node": "lcp", "unknowns": 7.0}})
+    found = collect_cases(rows, {"f-p-1": {"node": "lcp", "unknowns": 7.0}})
     assert [c.problem for c in found.cases] == ["p-1"]
     assert found.cases[0].outcomes == {"a": 0.5, "b": math.inf, "e": math.inf}
     assert found.cases[0].features == {"node": "lcp", "unknowns": 7.0}
@@ -81,7 +81,7 @@ def test_times_of_other_settings_are_not_compared() -> None:
         row("p-1", "b", "solved", 1.0, host="fast", key="k1"),
         row("p-1", "a", "solved", 16.0, tolerance=1e-9, host="slow", key="k2"),
     )
-    found = experience(rows, {})
+    found = collect_cases(rows, {})
     assert sorted(tuple(sorted(c.outcomes.items())) for c in found.cases) == [
         (("a", 4.0), ("b", 8.0)),
         (("a", 16.0),),
@@ -98,11 +98,11 @@ def test_warm_and_inexact_rows_count_when_they_are_asked_for() -> None:
         row("p-1", "a", "solved", 0.2, start="previous", started="previous", key="k1"),
         row("p-1", "b", "solved", 0.3, start="previous", started="cold: no answer before", key="k2"),
     )
-    assert experience(rows, {}).labels == ("a",)
-    both = experience(rows, {}, inexact=True)
+    assert collect_cases(rows, {}).labels == ("a",)
+    both = collect_cases(rows, {}, inexact=True)
     assert both.labels == ("a", "a@inner8")
     assert both.requests == {"a@inner8": "inner8"}
-    warm = experience(rows, {}, warm=True)
+    warm = collect_cases(rows, {}, warm=True)
     assert [c.outcomes for c in warm.cases] == [{"a": 0.2}]
 
 

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.verification import CHARGED_TO_ROUTE, MET_TOLERANCE, PROVEN, Status
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import attendance
+from cpbench.analysis import participation
 from cpbench.analysis.comparison import gates
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.pairs import Matched
@@ -20,7 +20,7 @@ def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, A
     """Note the solvers whose figures may not be published, which a summary of a CI job does."""
     terms: dict[str, str] = {}
     for table, meta in zip(tables, metas, strict=True):
-        terms |= attendance.restricted(table, meta.get("solvers") or {})
+        terms |= participation.restricted(table, meta.get("solvers") or {})
     return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
 
 

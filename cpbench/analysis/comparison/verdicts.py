@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.comparison import gates, noise, notes, pairs, suites, times
 from cpbench.analysis.comparison.gates import PairVerdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.suites import Suite
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import counting_stationary
 from cpbench.errors import CpbenchError
 from cpbench.verification import VERIFIED

@@ -16,7 +16,7 @@ import pandas as pd
 
 from cpbench.analysis import cautions, means, profiles, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
+from cpbench.analysis.participation import participating
 from cpbench.analysis.table import ResultGroup
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import UnknownName
@@ -132,7 +132,7 @@ def _body(
     yield f"\\section{{Overview}}\n{told}"
     yield from _methods(run, macros)
     for group, own in rows_of.groups(rows):
-        yield from _group(run, macros, group, attended(own), facets)
+        yield from _group(run, macros, group, participating(own), facets)
     yield "\\onecolumn"  # a wide table stands where it is written
     yield from _solvers(run, references)
     yield from _collections(run, macros, references, citations)

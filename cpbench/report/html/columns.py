@@ -20,11 +20,11 @@ import pandas as pd
 
 from cpbench.analysis import histories, metrics, multi_start
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
-from cpbench.analysis.portraits import Thumbnail
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import CHARGED, ResultGroup
+from cpbench.analysis.thumbnails import Thumbnail
 from cpbench.analysis.tolerances import Ladders, ladders
 from cpbench.report.html.container import Column
 from cpbench.report.matrix import SYMBOLS
@@ -77,7 +77,7 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "metrics": [
             {"name": m.name, "unit": m.unit, "floor": m.floor, "doc": m.doc, "count": bool(m.counter)} for m in known
         ],
-        "problems": {**_problems(rows, prints), "portrait": _portraits(run, prints, list(labels))},
+        "problems": {**_problems(rows, prints), "thumbnail": _thumbnails(run, prints, list(labels))},
         "labels": _labels(run, rows, list(labels)),
         "groups": _groups(run, parts, problem, label, places),
         "texts": texts,
@@ -190,9 +190,9 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
     }
 
 
-def _portraits(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
+def _thumbnails(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
     """Return pictures of the problems; an answer of a solver left out of the report has no label."""
-    made, told = run.portraits(), set(labels)
+    made, told = run.thumbnails(), set(labels)
     found: list[Thumbnail | None] = []
     for one in (made.get(multi_start.original(print_)) for print_ in prints):
         known = one is None or one.get("answer", {}).get("label", "") in {"", *told}

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.analysis import attendance, reliability
+from cpbench.analysis import participation, reliability
 from cpbench.report.html.markup import Markup, code, element, prose, table
 from cpbench.report.methods import LOSSES
 from cpbench.report.run import Run, each
@@ -63,11 +63,11 @@ def reasons(run: Run) -> Iterator[Markup]:
         head = ["route", "answers lost", "worst factor"]
         lines = ([code(r.route), r.lost, number(r.factor)] for r in each(lost))
         yield table("Conversions that lost answers", head, lines, right=[1, 2])
-    planned = attendance.left_out_lines(run.meta.get("left_out") or [])
+    planned = participation.left_out_lines(run.meta.get("left_out") or [])
     if planned:
         yield element("h3", "Could not be run")
         yield element("ul", *(element("li", line) for line in planned))
-    gone = attendance.absences(run.rows)
+    gone = participation.absences(run.rows)
     if gone:
         yield element("h3", "Not available here")
         lines = (

@@ -7,9 +7,9 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from cpbench.analysis import attendance
+from cpbench.analysis import participation
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.report.answer import sentence_of
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, code, element, table
@@ -111,7 +111,7 @@ def _publishing(run: Run) -> Iterator[Markup]:
     if run.left_out:
         names = ", ".join(sorted(run.left_out))
         yield element("p", f"Left out, since publishing their figures is restricted: {names}.", class_="note")
-    found = attendance.restricted(run.rows, run.meta.get("solvers") or {})
+    found = participation.restricted(run.rows, run.meta.get("solvers") or {})
     if found:
         terms: dict[str, list[str]] = {}
         for name, said in found.items():

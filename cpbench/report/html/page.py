@@ -25,7 +25,7 @@ from cpbench.report.text import one_line
 NAME = "report.html"
 SCRIPTS = (
     "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
-    "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
+    "thumbnail.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
     "answer.js", "address.js", "failed.js", "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""

@@ -13,7 +13,7 @@ import pandas as pd
 from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, means, metrics, scaling, starts, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import performance_profile
 from cpbench.analysis.ranking import Ranking
 from cpbench.report.answer import sentence_of

@@ -57,7 +57,7 @@ def problems(run: Run) -> Iterator[Markup]:
     """Yield families of problems with their source and licence, as far as their files give them; nothing where none
     does.
     """
-    made = run.portraits()
+    made = run.thumbnails()
     first = run.rows.drop_duplicates("fingerprint")
     found: dict[tuple[str, str, str, str], int] = {}
     for fingerprint, node, family in zip(first["fingerprint"], first["node"], first["family"], strict=True):

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from cpbench import storage
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.portraits import Thumbnail, portrait
+from cpbench.analysis.thumbnails import Thumbnail, thumbnail
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context, limit_memory
@@ -88,8 +88,8 @@ class Sitter:
     error: float = 0.0
 
 
-class Portraits:
-    """Portraits by fingerprint, in the making from the moment on that this is made; a call waits for them.
+class Thumbnails:
+    """Thumbnails by fingerprint, in the making from the moment on that this is made; a call waits for them.
 
     The answers are those of `store`, the rows `table` is about; addresses that are relative are looked for from here
     and from the folder of the results.
@@ -155,7 +155,7 @@ def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, fl
 
 
 def paint(asked: Sequence[Sitter]) -> dict[str, Thumbnail]:
-    """By fingerprint the portraits, or {"why": words}."""
+    """By fingerprint the thumbnails, or {"why": words}."""
     found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in asked}
     spent = 0
     for one, told in _read(asked[:MOST]):
@@ -194,10 +194,10 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
 
 
 def _next(child: Child) -> tuple[Thumbnail, str]:
-    """The next portrait, or why there is none; the words again where the process cannot go on."""
+    """The next thumbnail, or why there is none; the words again where the process cannot go on."""
     try:
         header, _ = wire.unpack(child.receive(PATIENCE))
-        return header["portrait"], ""
+        return header["thumbnail"], ""
     except TimedOut:
         why = SLOW
     except Died as death:
@@ -227,7 +227,7 @@ def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
             json.dumps(told, allow_nan=False)
         except Exception:  # whatever a file holds: the next one is read
             told = {"why": UNREADABLE}
-        channel.send_bytes(wire.pack({"portrait": told}))
+        channel.send_bytes(wire.pack({"thumbnail": told}))
 
 
 def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:
@@ -241,8 +241,8 @@ def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:
         return {"why": ABSENT}
     about = _about(problem)
     if not one.answer:
-        return {**portrait(problem), **about}
-    told = portrait(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
+        return {**thumbnail(problem), **about}
+    told = thumbnail(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
     return {**told, **about, "answer": {"label": one.label, "error": one.error}}
 
 

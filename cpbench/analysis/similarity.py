@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.analysis.experience import TrainingCases
 from cpbench.analysis.table import Floats, Masks, Matrix
+from cpbench.analysis.training_cases import TrainingCases
 from cpbench.matrices import SYMMETRY_TOLERANCE
 
 CUT = 3.0

@@ -50,7 +50,7 @@ class TrainingCase:
 
 @dataclass(frozen=True)
 class TrainingCases:
-    """Cases that somebody solved, in order; `unsolved` counts those that nobody did, which rank nobody.
+    """Cases that some label solved, in order; `unsolved` counts those without, which rank no label.
 
     `unfinished` counts the problems that were left out because some of their pairs were not run yet; `requests` says
     how labels were reached, where not by an exact route that was found for them.
@@ -87,7 +87,7 @@ class TrainingCases:
         return np.array(origins(families, prints), dtype=object)
 
 
-def experience(
+def collect_cases(
     table: pd.DataFrame,
     features: Mapping[str, Mapping[str, Any]],
     *,
@@ -104,7 +104,7 @@ def experience(
 
     >>> rows = {"problem": "p", "fingerprint": "f", "node": "lcp", "label": ["a", "b", "c"], "start": "cold",
     ...         "status": ["solved", "wrong", "unsupported"], "solve": [0.5, 0.1, None], "sizes": '{"n": 3}'}
-    >>> found = experience(rows_of.normalised(pd.DataFrame(rows)), {})
+    >>> found = collect_cases(rows_of.normalised(pd.DataFrame(rows)), {})
     >>> found.cases[0].outcomes, dict(found.cases[0].features)
     ({'a': 0.5, 'b': inf}, {'node': 'lcp', 'n': 3.0})
     """

@@ -31,17 +31,17 @@ FARTHEST = 2.0
 """Reactions farther outside the disk (of answers that are hardly admissible) are brought there."""
 
 Thumbnail = dict[str, Any]
-"""Plain data, as JSON holds them; `api.portraits` adds `licence`, `source` and `citation` of the problem."""
+"""Plain data, as JSON holds them; `api.thumbnails` adds `licence`, `source` and `citation` of the problem."""
 
 
-def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Thumbnail:
+def thumbnail(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Thumbnail:
     """Summarise a problem for its thumbnail: `cones` of an LCP with n = 2; else `blocks`, and `contacts` (or
     `unanswered`) of a contact problem.
 
     Raises what `contact_states` raises of an answer that is none.
 
     >>> from cpbench.formulations.lcp import LCP
-    >>> portrait(LCP(M=np.diag([100.0, 0.0, -1.0]), q=np.ones(3)))["blocks"]
+    >>> thumbnail(LCP(M=np.diag([100.0, 0.0, -1.0]), q=np.ones(3)))["blocks"]
     [[{'name': 'M', 'rows': 3, 'cols': 3, 'nonzeros': 2, 'step': 1, 'cells': '600000004'}]]
     """
     if isinstance(problem, LCP) and problem.q.size == 2:

@@ -46,7 +46,7 @@ def absences(table: pd.DataFrame) -> list[Absence]:
     return [Absence(*reason, dict(sorted(cost.items()))) for reason, cost in sorted(found.items())]
 
 
-def attended(group: pd.DataFrame) -> pd.DataFrame:
+def participating(group: pd.DataFrame) -> pd.DataFrame:
     """Return a group's rows without the labels that were unavailable for all their pairs: they measure no problem.
 
     The number of problems does not depend on who is installed: where a problem would be left without a row, all rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from cpbench.analysis import attendance
+from cpbench.analysis import participation
 from cpbench.report.run import Run, tunings
 from cpbench.report.text import code, counted, cut, listed, plain, seconds, table
 
@@ -18,7 +18,7 @@ def publishing(run: Run) -> Iterator[str]:
             f"**Left out**, since publishing figures of {counted(len(run.left_out), 'solver')} is restricted: "
             f"{listed(sorted(run.left_out), 12)}. {what} are of the others alone."
         )
-    found = attendance.restricted(run.rows, run.meta.get("solvers") or {})
+    found = participation.restricted(run.rows, run.meta.get("solvers") or {})
     if not found:
         return
     yield (
@@ -68,7 +68,7 @@ def _tuned(label: str, record: Mapping[str, Any], here: set[str]) -> list[str]:
 
 def absent(run: Run) -> Iterator[str]:
     """Yield why solvers could not run here, each reason once."""
-    found = attendance.absences(run.rows)
+    found = participation.absences(run.rows)
     if not found:
         return
     yield "## Not available here"
