@@ -111,7 +111,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
 def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
     """Return the node of a group, and what tells it from the other groups of the node.
 
-    >>> one, two = Group("fc", 1e-4, "cold", 1), Group("fc", 1e-8, "cold", 1)
+    >>> one, two = ResultGroup("fc", 1e-4, "cold", 1), ResultGroup("fc", 1e-8, "cold", 1)
     >>> formulation(one, [one]), formulation(one, [one, two])
     ('fc', 'fc, tolerance 0.0001')
     """

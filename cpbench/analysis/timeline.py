@@ -60,7 +60,8 @@ def timeline(runs: Sequence[TimelineRun], floor: float = FLOOR) -> pd.DataFrame:
 
     >>> rows = pd.DataFrame({"key": ["k"], "label": ["s"], "status": ["solved"], "solve": [1.0],
     ...                      "finished": ["2026-01-01"]})
-    >>> runs = [Run("a", rows, machine={"cpu": "x"}), Run("b", rows.assign(solve=2.0), machine={"cpu": "x"})]
+    >>> first = TimelineRun("a", rows, machine={"cpu": "x"})
+    >>> runs = [first, TimelineRun("b", rows.assign(solve=2.0), machine={"cpu": "x"})]
     >>> timeline(runs)[["file", "base", "common", "ratio"]].values.tolist()
     [['a', 'a', 1, 1.0], ['b', 'a', 1, 2.0]]
     """

@@ -7,12 +7,14 @@ With K = [[M, −G], [Gᵀ, 0]] (K = M without joints) and v, λ the velocities 
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import elimination
-from cpbench.conversions.base import Size
-from cpbench.formulations.base import Kind, Trace
+from cpbench.conversions.base import Conversion, Size
+from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.matrices import Matrix, Vector
@@ -70,3 +72,31 @@ def lift(point: FCPoint, trace: Trace) -> GFCPoint:
     force = trace["H"] @ point.r + trace["f"]
     v, lam = np.split(trace["factor"].solve(np.concatenate([force, -trace["b"]])), [force.size])
     return GFCPoint(v=v, r=point.r, lam=lam)
+
+
+class Condensation(Conversion):
+    """Base of the edges that eliminate velocities and joint reactions. Trace: `factor` (K), `H`, `f`, `b`."""
+
+    equation: ClassVar[str] = "P_LM → P_L"
+    kind: ClassVar[Kind] = Kind.ONE_WAY
+    best_kind = Kind.EQUIVALENT
+    cost: ClassVar[float] = 1.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, GlobalContact)
+        return kind(problem)
+
+    def reservation(self, problem: GlobalContact) -> str:
+        return reservation(problem)
+
+    def obstacle(self, problem: GlobalContact) -> str | None:
+        return obstacle(problem)
+
+    def predict(self, problem: GlobalContact) -> Size:
+        return size(problem)
+
+    def lift(self, point: FCPoint, trace: Trace) -> GFCPoint:
+        return lift(point, trace)
+
+    def push(self, point: GFCPoint, trace: Trace) -> FCPoint:
+        return FCPoint(r=point.r)

@@ -6,13 +6,17 @@ Cz − d, g). Beside z with its own set, inequalities have multipliers ≥ 0 and
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import maps, qualification
+from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
 from cpbench.expressions.recording import MapRecorder, product
-from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
@@ -53,27 +57,40 @@ def program_vector(point: NLPPoint) -> Vector:
     return np.concatenate([point.z, point.lam, point.mu])
 
 
-def program_kind(problem: NLP) -> Kind:
-    """Return equivalent, one-way or necessary; see `unsettled` for the programs that allow no promise."""
-    if not problem.convex:
-        return Kind.NECESSARY
-    return Kind.ONE_WAY if qualification.of_program(problem) else Kind.EQUIVALENT
+@dataclass(frozen=True)
+class ProgramConditions(Conversion):
+    """Base of the edges from a program to its conditions. `qualified`: 1 says that its minima have multipliers.
 
-
-def program_reservation(problem: NLP) -> str:
-    if not problem.convex:
-        return "the program is not said to be convex, so that a stationary point need not be a minimum"
-    return f"no constraint qualification is known: {qualification.of_program(problem)}"
-
-
-def unsettled(problem: NLP, name: str) -> str | None:
-    """Return why the KKT system is neither necessary nor sufficient here: a minimum may have no multipliers, and a
-    point with multipliers may be no minimum; else None.
+    Trace: `n`, `m`, `lb`, `ub`, and `force`, the map that gives ν.
     """
-    why = "" if problem.convex else qualification.of_program(problem)
-    if not why:
-        return None
-    return f"{why}, so that a minimum may have no multipliers; where it has, use {name}[qualified=1]"
+
+    source: ClassVar[str] = "nlp"
+    kind: ClassVar[Kind] = Kind.NECESSARY
+    best_kind = Kind.EQUIVALENT
+    between: ClassVar[tuple[Kind, ...]] = (Kind.ONE_WAY,)
+    cost: ClassVar[float] = 2.0
+
+    qualified: int = 0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, NLP)
+        if not problem.convex:
+            return Kind.NECESSARY
+        return Kind.ONE_WAY if qualification.of_program(problem) else Kind.EQUIVALENT
+
+    def reservation(self, problem: NLP) -> str:
+        if not problem.convex:
+            return "the program is not said to be convex, so that a stationary point need not be a minimum"
+        return f"no constraint qualification is known: {qualification.of_program(problem)}"
+
+    def obstacle(self, problem: NLP) -> str | None:
+        """Return why the KKT system is neither necessary nor sufficient here: a minimum may have no multipliers, and
+        a point with multipliers may be no minimum; else None.
+        """
+        why = "" if problem.convex or self.qualified else qualification.of_program(problem)
+        if not why:
+            return None
+        return f"{why}, so that a minimum may have no multipliers; where it has, use {self.name}[qualified=1]"
 
 
 # -------------------------------------------------------------------------------------- inequalities

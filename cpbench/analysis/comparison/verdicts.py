@@ -108,7 +108,8 @@ def compare(
     Raises CpbenchError where no pair is common.
 
     >>> rows = pd.DataFrame({"problem": ["p", "q"], "label": "s", "solver": "s", "status": ["solved", "wrong"]})
-    >>> found = compare(Side("old", rows), Side("new", rows.assign(status=["timeout", "wrong"])))
+    >>> old, new = rows, rows.assign(status=["timeout", "wrong"])
+    >>> found = compare(ComparisonSide("old", old), ComparisonSide("new", new))
     >>> str(found.verdict), found.pairs["why"].tolist()
     ('regressed', ['solved → timeout', ''])
     """
