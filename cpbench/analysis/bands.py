@@ -91,8 +91,8 @@ def profile_bands(
         ends = np.quantile(drawn, [beyond, 1 - beyond], axis=2, overwrite_input=True)
         low[:, first : first + block], high[:, first : first + block] = ends[0].T, ends[1].T
     index = pd.Index(tau, name="tau")
-    made = [pd.DataFrame(part, index=index, columns=banded) for part in (estimate, low, high)]
-    return Bands(made[0], made[1], made[2], count, level, replicates)
+    frames = [pd.DataFrame(part, index=index, columns=banded) for part in (estimate, low, high)]
+    return Bands(frames[0], frames[1], frames[2], count, level, replicates)
 
 
 def _steps(bins: npt.NDArray[np.intp], codes: npt.NDArray[np.intp], taus: int, count: int) -> sparse.csr_array:

@@ -100,11 +100,11 @@ def parse(content: str, place: str) -> pd.DataFrame:
     Raises FormatError with the line number: what is written by hand may be anything.
     """
     head, _, body = content.removeprefix("\ufeff").partition("\n")
-    told = re.match(r"# cpbench baseline (\d+)\b", head)
-    if told is None:
+    heading = re.match(r"# cpbench baseline (\d+)\b", head)
+    if heading is None:
         raise FormatError(place, "line 1", "is no baseline; cpbench baseline RESULTS -o FILE writes one")
-    if int(told[1]) != VERSION:
-        raise FormatError(place, "line 1", f"is a baseline of version {told[1]}, this program reads {VERSION}")
+    if int(heading[1]) != VERSION:
+        raise FormatError(place, "line 1", f"is a baseline of version {heading[1]}, this program reads {VERSION}")
     reader = csv.reader(io.StringIO(body), strict=True)
     found: list[list[str]] = []
     numbers: list[int] = []
@@ -172,7 +172,7 @@ def as_table(lines: pd.DataFrame, like: pd.DataFrame | None = None) -> pd.DataFr
             "step": [step or "0" for *_, step in places],
             "status": lines["status"],
             "error": bounds(lines["error"]),
-            "counters": [json.dumps(counters(told)) for told in lines["counters"]],
+            "counters": [json.dumps(counters(written)) for written in lines["counters"]],
         }
     )
     return rows_of.normalised(frame)
@@ -183,13 +183,13 @@ def labels(lines: pd.DataFrame) -> pd.Series[str]:
     return lines["solver"].where(lines["route"] == EXACT, lines["solver"] + "@" + lines["route"])
 
 
-def counters(told: str) -> dict[str, int]:
+def counters(written: str) -> dict[str, int]:
     """Parse counters as they are written, by name.
 
     >>> counters("inner%20steps=3 iterations=7")
     {'inner steps': 3, 'iterations': 7}
     """
-    pairs = (item.rpartition("=") for item in told.split())
+    pairs = (item.rpartition("=") for item in written.split())
     return {unquote(name): int(count) for name, _, count in pairs}
 
 
@@ -210,10 +210,10 @@ def decades(error: pd.Series[float], tolerance: pd.Series[float]) -> pd.Series[s
     return plain.mask(within, bound).astype(object)
 
 
-def bounds(told: pd.Series[str]) -> pd.Series[float]:
+def bounds(written: pd.Series[str]) -> pd.Series[float]:
     """Return the upper end of each written error, ∞ where there is none."""
-    numbers = {text: float(text.removeprefix("<=") or "inf") for text in told.unique()}
-    return told.map(numbers).astype(float)
+    numbers = {text: float(text.removeprefix("<=") or "inf") for text in written.unique()}
+    return written.map(numbers).astype(float)
 
 
 # ------------------------------------------------------------------------------------------------ pieces
@@ -226,18 +226,18 @@ def _short(fingerprint: str) -> str:
 def _without_request(names: pd.Series[str], request: pd.Series[str]) -> pd.Series[str]:
     both = pd.DataFrame({"name": names, "asked": request})
     pairs = both.drop_duplicates()
-    plain = [name.removesuffix(f"@{asked}") for name, asked in pairs.itertuples(index=False, name=None)]
+    plain = [name.removesuffix(f"@{requested}") for name, requested in pairs.itertuples(index=False, name=None)]
     return both.merge(pairs.assign(plain=plain), how="left").set_axis(names.index)["plain"].astype(object)
 
 
 def _written(column: pd.Series[str]) -> pd.Series[str]:
     """Write counters as words, a name never being two of them."""
 
-    def words(told: str) -> str:
-        found: dict[str, int] = json.loads(told) if told else {}
+    def words(written: str) -> str:
+        found: dict[str, int] = json.loads(written) if written else {}
         return " ".join(f"{quote(name, safe='')}={count}" for name, count in sorted(found.items()))
 
-    return column.map({told: words(told) for told in column.unique()}).astype(object)
+    return column.map({written: words(written) for written in column.unique()}).astype(object)
 
 
 def _ordered(lines: pd.DataFrame, place: str) -> pd.DataFrame:

@@ -50,8 +50,8 @@ def check(cells: Sequence[str], place: str, number: int) -> None:
             raise wrong(f"has counter {item[:40]!r}, expected name=number")
 
 
-def _positive(told: str) -> bool:
+def _positive(written: str) -> bool:
     try:
-        return 0 < float(told) < math.inf
+        return 0 < float(written) < math.inf
     except ValueError:
         return False

@@ -43,10 +43,10 @@ def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
     """
     labels = [str(label) for label in dict.fromkeys(rows["label"])]
     launched, cold, counts = launching(labels, sheets), fell_back(rows), rows["label"].value_counts()
-    told = ", ".join(f"{label} {count} of {counts[label]}" for label, count in cold.items())
+    counted_labels = ", ".join(f"{label} {count} of {counts[label]}" for label, count in cold.items())
     notes = (
         Footnote("†", tuple(launched), _launch(launched)),
-        Footnote("‡", tuple(cold), f"Fell back to a cold start: {told}."),
+        Footnote("‡", tuple(cold), f"Fell back to a cold start: {counted_labels}."),
     )
     return [note for note in notes if note.labels]
 
@@ -99,8 +99,8 @@ def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
     if metric.name == "reported" and (started := launching(labels, sheets)):
         return f"What {', '.join(started)} reports may have the launch of a program in it."
     if metric.counter == "iterations" and len(found := methods(labels, sheets)) > 1:
-        told = "; ".join(f"{method} ({', '.join(names)})" for method, names in found.items())
-        return f"An iteration is another thing in each method: {told}. Counts do not compare."
+        methods_text = "; ".join(f"{method} ({', '.join(names)})" for method, names in found.items())
+        return f"An iteration is another thing in each method: {methods_text}. Counts do not compare."
     return ""
 
 

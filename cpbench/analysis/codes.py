@@ -34,10 +34,10 @@ def by_appearance(values: pd.Series) -> tuple[Integers, pd.Index]:
     >>> place.tolist(), names.tolist()
     ([0, 0, 1, 0], ['b', 'a'])
     """
-    told = np.asarray(values, dtype=object)
-    first = np.flatnonzero(np.append(True, told[1:] != told[:-1])[: len(told)])
-    place, names = pd.factorize(told[first])
-    times = np.diff(first, append=len(told))
+    array = np.asarray(values, dtype=object)
+    first = np.flatnonzero(np.append(True, array[1:] != array[:-1])[: len(array)])
+    place, names = pd.factorize(array[first])
+    times = np.diff(first, append=len(array))
     return np.repeat(np.asarray(place, dtype=np.int64), times), pd.Index(names, dtype=values.dtype)
 
 
@@ -60,10 +60,10 @@ def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Se
     place, names = by_appearance(problem)
     if not names.is_monotonic_increasing or (np.diff(place) < 0).any():
         return False
-    told = np.asarray(fingerprint, dtype=object)
+    prints = np.asarray(fingerprint, dtype=object)
     same = np.diff(place) == 0
-    other = np.flatnonzero(same & (told[1:] != told[:-1]))
-    if any(told[k] > told[k + 1] for k in other):
+    other = np.flatnonzero(same & (prints[1:] != prints[:-1]))
+    if any(prints[k] > prints[k + 1] for k in other):
         return False
     same[other] = False
     return not (same & (np.diff(codes(label)[0]) <= 0)).any()

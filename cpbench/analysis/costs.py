@@ -70,7 +70,7 @@ def measured(table: pd.DataFrame) -> MeasuredCosts:
     rows = rows[(rows["origin"] == "") & (rows["status"] != str(Status.NOT_RUN))].sort_index()
     if rows.empty:
         raise StoreError("no pair was run, so that nothing is known of what problems cost; run them first: cpbench run")
-    rows = rows.assign(spent=_spent(rows), unit=_units(rows), who=_who(rows))
+    rows = rows.assign(spent=_spent(rows), unit=_units(rows), who=_settings(rows))
     part = rows[~rows["status"].isin(REFUSED)]
     outcomes = part.groupby(["unit", "who"])["time"].sum().unstack()
     cost = rows.groupby("unit")["spent"].sum().clip(lower=LEAST)
@@ -100,13 +100,13 @@ def _units(rows: pd.DataFrame) -> pd.Series[str]:
     return step.where(step.notna(), rows["fingerprint"]).astype(object)
 
 
-def _who(rows: pd.DataFrame) -> pd.Series[str]:
+def _settings(rows: pd.DataFrame) -> pd.Series[str]:
     """Return the label of each row, with whatever setting is not the same everywhere."""
-    who = rows["label"].astype(object)
+    labels = rows["label"].astype(object)
     for name in WHO[1:]:
         if rows[name].nunique(dropna=False) > 1:
-            who = who + f" {name}=" + rows[name].astype(str)
-    return who
+            labels = labels + f" {name}=" + rows[name].astype(str)
+    return labels
 
 
 def _factor(rows: pd.DataFrame, solvers: int) -> tuple[float, bool]:

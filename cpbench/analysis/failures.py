@@ -64,8 +64,8 @@ def unsolved(group: pd.DataFrame) -> pd.DataFrame:
     """
     names = rows_of.problem_names(group)
     done = group.loc[rows_of.solved(group), "fingerprint"].unique()
-    told = group[["fingerprint", "address", "error", "label", "status"]].assign(name=names)
-    open_rows = told[~told["fingerprint"].isin(done)]
+    described = group[["fingerprint", "address", "error", "label", "status"]].assign(name=names)
+    open_rows = described[~described["fingerprint"].isin(done)]
     closest = open_rows.sort_values(["name", "fingerprint", "error", "label"]).drop_duplicates("fingerprint")
     certified = open_rows.loc[open_rows["status"].isin(PROVEN), "fingerprint"]
     closest = closest.assign(proven=closest["fingerprint"].isin(certified.unique()))

@@ -104,9 +104,13 @@ def charge(times: pd.DataFrame, penalty: Penalty, limit: float) -> float:
     >>> charge(pd.DataFrame({"a": [1.0, math.inf], "b": [10.5, 2.0]}), LIMIT, limit=10.0)
     10.5
     """
-    asked = penalty.of(limit)
+    penalty_seconds = penalty.of(limit)
     finite = times.to_numpy(dtype=float)
-    return asked if math.isnan(asked) else float(finite.max(initial=asked, where=np.isfinite(finite)))
+    return (
+        penalty_seconds
+        if math.isnan(penalty_seconds)
+        else float(finite.max(initial=penalty_seconds, where=np.isfinite(finite)))
+    )
 
 
 def shifted_geometric_mean(seconds: Sequence[float], shift: float, penalty: float) -> float:
@@ -176,7 +180,7 @@ def means(
     ({'a': 1.0, 'b': 2.0}, 1, 'only 1 problem is solved by all 2 labels')
     """
     shift = default_shift(matrix) if shift is None else shift
-    asked, cost = penalty.of(limit), charge(matrix, penalty, limit)
+    penalty_seconds, cost = penalty.of(limit), charge(matrix, penalty, limit)
     whole = matrix if common is None else matrix.loc[commonly_solved(matrix, common), list(common)]
     whole = whole[sorted(whole.columns)]
     seconds = values(whole)
@@ -189,7 +193,11 @@ def means(
         {"planned": len(whole), "solved": len(whole) - failed, "charged": failed, "mean": found, "reason": reasons},
         index=pd.Index([str(label) for label in whole.columns], name="label"),
     )
-    remark = f"a failure is charged {cost:.3g} s, the slowest answer, not {asked:.3g} s" if cost > asked else ""
+    remark = (
+        f"a failure is charged {cost:.3g} s, the slowest answer, not {penalty_seconds:.3g} s"
+        if cost > penalty_seconds
+        else ""
+    )
     if common is not None and len(whole) < SMALL:
         count = {0: "no problem is", 1: "only 1 problem is"}.get(len(whole), f"only {len(whole)} problems are")
         remark = f"{count} solved by all {len(common)} labels"

@@ -45,11 +45,11 @@ class ReachedSolutions:
 
     def reached(self, start: str) -> dict[int, list[str]]:
         """Return the labels that reached each solution from a start."""
-        told: dict[int, list[str]] = {}
+        labels_by_solution: dict[int, list[str]] = {}
         for label in self.labels:
             if self.place.get((start, label)):
-                told.setdefault(self.place[start, label], []).append(label)
-        return dict(sorted(told.items()))
+                labels_by_solution.setdefault(self.place[start, label], []).append(label)
+        return dict(sorted(labels_by_solution.items()))
 
 
 def several(table: pd.DataFrame) -> pd.Series[bool]:

@@ -116,14 +116,14 @@ def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
     ('fc', 'fc, tolerance 0.0001')
     """
     others = [g for g in groups if g.node == group.node]
-    told = (
+    sentence = (
         (f"set {group.set}" if group.set else "", {g.set for g in others}),
         (f"tolerance {group.tolerance:g}", {g.tolerance for g in others}),
         (f"{group.start} start", {g.start for g in others}),
         (f"threads {group.threads}", {g.threads for g in others}),
         (f"judged by {group.measure or 'all measures'}", {g.measure for g in others}),
     )
-    return ", ".join([group.node, *(text for text, values in told if text and len(values) > 1)])
+    return ", ".join([group.node, *(text for text, values in sentence if text and len(values) > 1)])
 
 
 def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
@@ -207,12 +207,12 @@ def _sentence(name: str, problems: int, ranked: Sequence[RankedSolver], times: p
         return f"{name}: nobody solves any of {_counted(problems)}."
     first = ranked[0]
     reach = "" if first.started == problems else f" ({_counted(problems)} in all)"
-    told = f"it solves {first.solved} of {_counted(first.started)}{reach}"
+    sentence = f"it solves {first.solved} of {_counted(first.started)}{reach}"
     if first.stationary:
-        told += f" and finds a stationary point of {first.stationary}"
+        sentence += f" and finds a stationary point of {first.stationary}"
     if len(ranked) == 1:
-        return f"{name}: only {first.solver} ran: {told}."
-    parts = [f"{name}: use {first.solver}: {told}"]
+        return f"{name}: only {first.solver} ran: {sentence}."
+    parts = [f"{name}: use {first.solver}: {sentence}"]
     if first.factor == first.factor:
         parts.append(f"fastest on {first.fastest}" if first.fastest else f"{first.factor:.2g} times the fastest")
     text = ", ".join(parts)

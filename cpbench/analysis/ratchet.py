@@ -97,15 +97,15 @@ def accepted(found: pd.DataFrame, patterns: Sequence[str]) -> pd.Series[bool]:
 
     A label with its options in brackets means itself, although the brackets are a glob's.
     """
-    told = pd.DataFrame({"problem": found["problem"], "label": baseline.labels(found)}, dtype=object)
-    told["both"] = told["problem"] + ":" + told["label"]
+    addressed = pd.DataFrame({"problem": found["problem"], "label": baseline.labels(found)}, dtype=object)
+    addressed["both"] = addressed["problem"] + ":" + addressed["label"]
     meant = pd.Series(False, index=found.index)
-    for column in told:
+    for column in addressed:
         hit = {
             name: any(name == pattern or fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
-            for name in told[column].unique()
+            for name in addressed[column].unique()
         }
-        meant |= told[column].map(hit).astype(bool)
+        meant |= addressed[column].map(hit).astype(bool)
     return meant & (found["change"] == Change.REGRESSED)
 
 
@@ -148,11 +148,11 @@ def _error(both: pd.DataFrame) -> pd.Series[int]:
     return _sign(difference.where(difference.abs() > GUARD, 0.0))
 
 
-def _exponents(told: pd.Series[str]) -> pd.Series[float]:
+def _exponents(written: pd.Series[str]) -> pd.Series[float]:
     exponent = {
-        text: math.nan if not text else math.log10(float(text.removeprefix("<="))) for text in set(told.unique())
+        text: math.nan if not text else math.log10(float(text.removeprefix("<="))) for text in set(written.unique())
     }
-    return told.map(exponent).astype(float)
+    return written.map(exponent).astype(float)
 
 
 def _counters(both: pd.DataFrame, slack: float) -> tuple[pd.Series[int], pd.Series[str]]:

@@ -87,7 +87,7 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     unmeasured = (group["status"] == str(Status.APPROXIMATE)) & group["target_error"].isna()
     nothing = unmeasured | (group["claim"] == "") | (group["status"] == str(Status.UNRESOLVABLE))
     judged = group.loc[group["status"].isin(JUDGED) & ~nothing, ["label", "status", "claim"]]
-    said, done = judged["claim"] == CLAIMED, judged["status"].isin(MET)
+    claimed, done = judged["claim"] == CLAIMED, judged["status"].isin(MET)
     labels = sorted(group["label"].unique())
 
     def count(which: pd.Series[bool]) -> pd.Series[int]:
@@ -95,10 +95,10 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
     found = pd.DataFrame(
         {
-            "true": count(said & done),
-            "false": count(said & ~done),
-            "modest": count(~said & done),
-            "honest": count(~said & ~done),
+            "true": count(claimed & done),
+            "false": count(claimed & ~done),
+            "modest": count(~claimed & done),
+            "honest": count(~claimed & ~done),
         },
         index=pd.Index(labels, name="label"),
     )
@@ -115,27 +115,27 @@ def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     that are right, the fraction claimed; NaN without any); rate (solved over planned), rate_low, rate_high (NaN for a
     solver that was never started: nothing was seen of it, though it counts as having solved nothing).
     """
-    said = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
+    claim_table = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
 
     def count(labels: pd.Series[str]) -> pd.Series[int]:
-        return labels.value_counts().reindex(said.index, fill_value=0).astype(int)
+        return labels.value_counts().reindex(claim_table.index, fill_value=0).astype(int)
 
     planned, solved = count(group["label"]), count(group["label"][rows_of.solved(group)])
     started = count(group["label"][~group["status"].isin(REFUSED)])
-    right = said["true"] + said["modest"]
+    right = claim_table["true"] + claim_table["modest"]
     low, high = wilson(solved, planned.where(started > 0, 0), level)
-    found = said.assign(
+    found = claim_table.assign(
         planned=planned,
         started=started,
-        judged=said[["true", "false", "modest", "honest"]].sum(axis=1),
+        judged=claim_table[["true", "false", "modest", "honest"]].sum(axis=1),
         solved=solved,
-        recognised=said["true"] / right.where(right > 0),
+        recognised=claim_table["true"] / right.where(right > 0),
         rate=(solved / planned).where(started > 0),
         rate_low=low,
         rate_high=high,
     )
     first = ["planned", "started", "judged", "solved"]
-    return found[[*first, *said.columns, "recognised", "rate", "rate_low", "rate_high"]]
+    return found[[*first, *claim_table.columns, "recognised", "rate", "rate_low", "rate_high"]]
 
 
 def false_claims(table: pd.DataFrame) -> pd.DataFrame:

@@ -36,16 +36,16 @@ def places(known: TrainingCases) -> Matrix:
     return np.array([coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
 
 
-def distances(asked: Matrix, theirs: Matrix, used: Masks) -> Matrix:
+def distances(queries: Matrix, theirs: Matrix, used: Masks) -> Matrix:
     """Return d of every case from every query problem, queries × cases, in deviations of the cases that are used."""
     there = ~np.isnan(theirs) & used[:, None]
     count = np.maximum(there.sum(axis=0), 1)
     mean = np.where(there, theirs, 0.0).sum(axis=0) / count
     spread = np.sqrt((np.where(there, theirs - mean, 0.0) ** 2).sum(axis=0) / count)
     unit = np.maximum(spread, _LEAST_DEVIATION)
-    total, either = (np.zeros((len(asked), len(theirs))) for _ in range(2))
+    total, either = (np.zeros((len(queries), len(theirs))) for _ in range(2))
     for feature in range(_FEATURES):
-        ours, others = asked[:, feature, None] / unit[feature], theirs[None, :, feature] / unit[feature]
+        ours, others = queries[:, feature, None] / unit[feature], theirs[None, :, feature] / unit[feature]
         one, other = ~np.isnan(ours), ~np.isnan(others)
         apart = np.where(one & other, np.minimum(np.abs(others - ours), CUT), 1.0)
         total += np.where(one | other, apart**2, 0.0)

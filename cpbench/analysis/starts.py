@@ -146,11 +146,11 @@ def gains(
         top = np.column_stack([ratio[at], every[at]])
         bottom = np.column_stack([common[at].astype(float), np.ones(len(at))])
         statistic = bootstrap.Statistic(("common", "all"), families.index, top, bottom, np.exp)
-        told = bootstrap.intervals(statistic, families, level=level, replicates=replicates, seed=seed)
+        around = bootstrap.intervals(statistic, families, level=level, replicates=replicates, seed=seed)
         for name in ("common", "all"):
-            record[name] = float(told.table.loc[name, "estimate"])
-            record |= {f"{name}_{end}": float(told.table.loc[name, end]) for end in ("low", "high")}
-        rows.append(record | {"clusters": told.families})
+            record[name] = float(around.table.loc[name, "estimate"])
+            record |= {f"{name}_{end}": float(around.table.loc[name, end]) for end in ("low", "high")}
+        rows.append(record | {"clusters": around.families})
     return pd.DataFrame(rows, columns=list(GAINS))
 
 
@@ -187,14 +187,14 @@ def honoured(table: pd.DataFrame) -> list[str]:
     ['start previous: 2 of 3 rows started so; 1 cold: first step']
     """
     lines: list[str] = []
-    asked = table[~table["start"].isin(["", COLD]) & (table["status"] != str(Status.NOT_RUN))]
-    for policy, rows in asked.groupby("start", sort=True):
+    requested = table[~table["start"].isin(["", COLD]) & (table["status"] != str(Status.NOT_RUN))]
+    for policy, rows in requested.groupby("start", sort=True):
         started, message = rows["started"].fillna("").astype(str), rows["message"].fillna("").astype(str)
         without = (rows["status"] == str(Status.UNSUPPORTED)) & message.str.contains(_NO_START)
         cold = started.str.startswith(COLD)
         own = rows["began"] if "began" in rows else rows["start"]  # several starts of a file have one policy
-        told = zip(started[~cold], own[~cold], strict=True)
-        other = [text.removeprefix(begun).lstrip(",: ") for text, begun in told if text not in ("", begun)]
+        texts = zip(started[~cold], own[~cold], strict=True)
+        other = [text.removeprefix(begun).lstrip(",: ") for text, begun in texts if text not in ("", begun)]
         reasons = [*started[cold], *("unsupported: " + message[without]), *(f"warm, {text}" for text in other)]
         if reasons:
             warm = int((~cold & (started != "")).sum())

@@ -82,17 +82,17 @@ class SubsetValue:
 
     def gain(self, row: int) -> float:
         """Return how much the problem in this row would add."""
-        return float(np.sum(np.sqrt(self._seen + self._told(row)) - self._roots))
+        return float(np.sum(np.sqrt(self._seen + self._separation(row)) - self._roots))
 
     def add(self, row: int) -> float:
         """Add the problem in this row; what it added."""
         gained = self.gain(row)
-        self._seen = self._seen + self._told(row)
+        self._seen = self._seen + self._separation(row)
         self._roots = np.sqrt(self._seen)
         self.total += gained
         return gained
 
-    def _told(self, row: int) -> Array:
+    def _separation(self, row: int) -> Array:
         """Return d of the problem in this row, labels × labels; 0 where one does not take part, or of two failures."""
         level = self._levels[row]
         with np.errstate(invalid="ignore"):

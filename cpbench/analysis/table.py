@@ -90,8 +90,8 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
 def _text(values: pd.Series) -> pd.Series[str]:
     """Return text with '' for missing values."""
     if values.dtype == "str":  # of pandas 3; older ones hold text as objects
-        told = np.asarray(values, dtype=object)
-        missing = told != told  # NaN, which is missing text there, is not equal to itself
+        array = np.asarray(values, dtype=object)
+        missing = array != array  # NaN, which is missing text there, is not equal to itself
         return values.mask(missing, "") if missing.any() else values
     return values.astype(object).where(values.notna(), "").astype(str)
 
@@ -167,7 +167,7 @@ def groups(table: pd.DataFrame) -> list[tuple[ResultGroup, pd.DataFrame]]:
     names = ["node", "tolerance", "start", "threads", "set", "measure"]
     if len(table) and all(_constant(table[name]) for name in names):
         return [(_group(*table[names].iloc[0]), table)]
-    return [(_group(*told), rows) for told, rows in table.groupby(names, dropna=False, sort=True)]  # type: ignore[misc]
+    return [(_group(*settings), rows) for settings, rows in table.groupby(names, dropna=False, sort=True)]  # type: ignore[misc]
 
 
 def _group(node: Any, tolerance: Any, start: Any, threads: Any, part: Any, measure: Any) -> ResultGroup:
@@ -176,8 +176,8 @@ def _group(node: Any, tolerance: Any, start: Any, threads: Any, part: Any, measu
 
 def _constant(values: pd.Series) -> bool:
     """Return whether all values equal the first one; False where that is missing."""
-    told = values.to_numpy(dtype=object if values.dtype == "str" else None)
-    return bool((told == told[0]).all())
+    array = values.to_numpy(dtype=object if values.dtype == "str" else None)
+    return bool((array == array[0]).all())
 
 
 def limit(table: pd.DataFrame) -> float:

@@ -48,12 +48,12 @@ def thumbnail(problem: Problem, point: Point | None = None, tolerance: float = 1
         return {"cones": _cones(problem)}
     found: Thumbnail = {"blocks": _blocks(problem)}
     if isinstance(problem, ContactProblem) and problem.nc:
-        told = (
+        summary = (
             {"unanswered": True}
             if point is None
             else {"contacts": _contacts(contact_states(problem, point, tolerance))}
         )
-        found |= told
+        found |= summary
     return found
 
 

@@ -86,9 +86,9 @@ def timeline(runs: Sequence[TimelineRun], floor: float = FLOOR) -> pd.DataFrame:
     points = points.merge(_ratios(rows, points, floor), on=["label", "run"], how="left")
     points["common"] = points["common"].fillna(0).astype(int)
     names = dict(enumerate(run.name for run in runs))
-    told = dict(enumerate(run.reference for run in runs))
+    references = dict(enumerate(run.reference for run in runs))
     kind = dict(enumerate(run.solved for run in runs))
-    reference = points["run"].map(told) / points["base_run"].map(told)
+    reference = points["run"].map(references) / points["base_run"].map(references)
     reference = reference.where(points["run"].map(kind) == points["base_run"].map(kind))
     whole = points.assign(
         file=points["run"].map(names),
@@ -111,14 +111,14 @@ def moved(points: pd.DataFrame) -> list[str]:
     return [str(label) for label in ordered["label"]]
 
 
-def machine_text(told: Mapping[str, Any]) -> str:
+def machine_text(facts: Mapping[str, Any]) -> str:
     """Describe a machine by its lasting facts; '' without any.
 
     >>> machine_text({"cpu": "a processor", "cores": 2, "ram_gib": 8.0, "load": 0.3})
     'a processor, 2 cores, 8 GiB'
     """
-    cores, memory = told.get("cores"), told.get("ram_gib")
-    parts = [str(told.get("cpu") or ""), f"{cores} cores" if cores else "", f"{memory:g} GiB" if memory else ""]
+    cores, memory = facts.get("cores"), facts.get("ram_gib")
+    parts = [str(facts.get("cpu") or ""), f"{cores} cores" if cores else "", f"{memory:g} GiB" if memory else ""]
     return ", ".join(part for part in parts if part)
 
 

@@ -68,8 +68,8 @@ def judged_at(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
 
 def ladders(table: pd.DataFrame) -> Ladders:
     """Return the status of each row at any tolerance."""
-    there, asked = _numbers(table, "target_error", math.nan), _numbers(table, "tolerance", 1.0)
-    met = there * asked / _numbers(table, "target_tolerance", asked)
+    there, tolerance = _numbers(table, "target_error", math.nan), _numbers(table, "tolerance", 1.0)
+    met = there * tolerance / _numbers(table, "target_tolerance", tolerance)
     known = ~np.isnan(there)
     facts = pd.DataFrame({name: _words(table, name) for name in ("status", "claim", "kind", "flags")}).assign(
         known=known

@@ -123,8 +123,10 @@ def collect_cases(
     timed = rows_of.with_time(chosen[began]).drop_duplicates([*setting, "host", "label"])
     cases = list(_cases(timed, [*setting, "host"], features))
     solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
-    asked = chosen.drop_duplicates("label")
-    requests = {str(k): str(r) for k, r in zip(asked["label"], asked["request"], strict=True) if r not in ("", "exact")}
+    by_label = chosen.drop_duplicates("label")
+    requests = {
+        str(k): str(r) for k, r in zip(by_label["label"], by_label["request"], strict=True) if r not in ("", "exact")
+    }
     return TrainingCases(solved, len(cases) - len(solved), unfinished, requests)
 
 
@@ -139,10 +141,10 @@ def _cases(
     begins = ends - counts
     first = rows.iloc[begins]
     place, sizes = sizes_read(first)
-    told = [first[name].tolist() for name in ("problem", "node", "family", "fingerprint")]
+    columns = [first[name].tolist() for name in ("problem", "node", "family", "fingerprint")]
     labels, seconds = rows["label"].tolist(), rows["time"].tolist()
     for problem, node, family, fingerprint, size, begin, end in zip(
-        *told, place, begins.tolist(), ends.tolist(), strict=True
+        *columns, place, begins.tolist(), ends.tolist(), strict=True
     ):
         facts = features.get(fingerprint) or {"node": node, **sizes[size]}
         outcomes = dict(zip(labels[begin:end], seconds[begin:end], strict=True))
@@ -163,10 +165,10 @@ def to_text(found: TrainingCases, without: Iterable[str] = (), about: str = "") 
         seconds = {k: v for k, v in sorted(case.outcomes.items()) if k not in hidden}
         if not any(map(math.isfinite, seconds.values())):
             continue
-        who = {"node": case.node, "family": case.family, "problem": case.problem, "fingerprint": case.fingerprint}
+        identity = {"node": case.node, "family": case.family, "problem": case.problem, "fingerprint": case.fingerprint}
         facts = {k: _rounded(v) for k, v in sorted(case.features.items()) if not isinstance(v, str)}
         times = {k: _rounded(v) if math.isfinite(v) else None for k, v in seconds.items()}
-        lines = (json.dumps(who)[:-1], f'"features": {json.dumps(facts)}', f'"seconds": {json.dumps(times)}}}')
+        lines = (json.dumps(identity)[:-1], f'"features": {json.dumps(facts)}', f'"seconds": {json.dumps(times)}}}')
         blocks.append(",\n ".join(lines))
     head = {"version": TEXT_VERSION, "about": about, "unsolved": found.unsolved}
     return json.dumps(head)[:-1] + ', "cases": [\n' + ",\n".join(blocks) + "\n]}\n"

@@ -41,15 +41,15 @@ def evaluate(known: TrainingCases, node: str = "", most: int | None = None) -> p
     Columns: node, origin, problem, label, ratio (its time over the virtual best, ∞ for a failure); plain, plain_ratio:
     the same of the label that is best on the other origins of the node, whatever the problem is like.
     """
-    asked = _spread(
+    queries = _spread(
         np.array([i for i, case in enumerate(known.cases) if node in ("", case.node)], dtype=np.int64), most
     )
     at, may = places(known), ~np.isnan(known.ratios)
     part = dealt(known)
-    knobs = chosen(known, part) if len(asked) else []
+    knobs = chosen(known, part) if len(queries) else []
     records: dict[int, tuple[Any, ...]] = {}
-    for origin in sorted({str(known.origins[i]) for i in asked}):
-        own = asked[known.origins[asked] == origin]
+    for origin in sorted({str(known.origins[i]) for i in queries}):
+        own = queries[known.origins[queries] == origin]
         used = known.origins != origin
         found = standing(
             known, distances(at[own], at, used), known.nodes[own], may[own], used, knobs[int(part[own[0]])]
@@ -60,7 +60,7 @@ def evaluate(known: TrainingCases, node: str = "", most: int | None = None) -> p
             records[int(i)] = (
                 case.node, origin, case.problem, known.labels[label], ratios[label], known.labels[plain], ratios[plain],
             )  # fmt: skip
-    return pd.DataFrame([records[int(i)] for i in asked], columns=list(COLUMNS))
+    return pd.DataFrame([records[int(i)] for i in queries], columns=list(COLUMNS))
 
 
 def rates(known: TrainingCases, evaluation: pd.DataFrame) -> pd.DataFrame:
@@ -105,10 +105,10 @@ def chosen(known: TrainingCases, part: Places) -> list[Knobs]:
     parts = int(part.max()) + 1
     hits = np.zeros((len(KNOBS), parts))
     at, may = places(known), ~np.isnan(known.ratios)
-    asked = _spread(np.arange(len(known.cases)), CHOSEN_BY)
+    queries = _spread(np.arange(len(known.cases)), CHOSEN_BY)
     for two in combinations(range(parts), 2):
         used = ~np.isin(part, two)
-        own = asked[~used[asked]]
+        own = queries[~used[queries]]
         distance = distances(at[own], at, used)
         for k, knobs in enumerate(KNOBS):
             label = standing(known, distance, known.nodes[own], may[own], used, knobs).best(may[own])

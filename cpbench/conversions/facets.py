@@ -44,7 +44,8 @@ class PolygonEdge(Conversion):
 
     def apply(self, problem: LocalContact) -> tuple[LCP, Trace]:
         self.require(problem)
-        form, bounds = congruence(self.vertices, len(_friction(problem))), _friction(problem)
+        bounds = _friction(problem)
+        form = congruence(self.vertices, len(bounds))
         M = form.assemble(problem.W, coefficients(*bounds.values()))
         q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
         return LCP(M=M, q=q), {"W": problem.W, "q": problem.q, **bounds}
@@ -59,6 +60,7 @@ class PolygonEdge(Conversion):
         return congruence(self.vertices, len(_friction(problem))).size(problem.W)
 
     def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
+        # no problem is at hand here: the trace tells rolling friction, which has a second disk, from friction alone
         D, disks = self.vertices, 2 if "mu_r" in trace else 1
         k, count = D.shape
         x = point.z.reshape(-1, 1 + disks * (count + 1))

@@ -25,7 +25,7 @@ from cpbench.matrices import Vector
 # ------------------------------------------------------------------------------------------- programs
 
 
-def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
+def program_conditions(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
     """Return F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
     n, m, k = problem.start.size, problem.g.rows, problem.h.rows
     record = MapRecorder(n + m + k)
@@ -96,7 +96,7 @@ class ProgramConditions(Conversion):
 # -------------------------------------------------------------------------------------- inequalities
 
 
-def of_inequality(problem: VI) -> tuple[Map, Vector, Vector]:
+def inequality_conditions(problem: VI) -> tuple[Map, Vector, Vector]:
     """Return F, and the bounds of the multipliers (λ, μ, ν), of which none is bounded from above."""
     m, k, p = problem.b.size, problem.d.size, problem.g.rows
     if not m + k + p:

@@ -29,7 +29,7 @@ class NLPtoGE(ProgramConditions):
 
     def apply(self, problem: NLP) -> tuple[GE, Trace]:
         self.require(problem)
-        F, lb, ub, start, trace = first_order.of_program(problem)
+        F, lb, ub, start, trace = first_order.program_conditions(problem)
         return GE(F=F, lb=lb, ub=ub, start=start), trace
 
     def lift(self, point: GEPoint, trace: Trace) -> NLPPoint:

@@ -34,7 +34,7 @@ class NLPtoMiCP(ProgramConditions):
 
     def apply(self, problem: NLP) -> tuple[MiCP, Trace]:
         self.require(problem)
-        F, lb, ub, start, trace = first_order.of_program(problem)
+        F, lb, ub, start, trace = first_order.program_conditions(problem)
         return MiCP(F=F, lb=lb, ub=ub, start=start), trace
 
     def lift(self, point: MiCPPoint, trace: Trace) -> NLPPoint:

@@ -96,10 +96,10 @@ class _Reader:
             return self._value(value)
         if len(pieces) == 1:
             raise ProblemError("map", "has a Piecewise whose last condition is not True")
-        told = self._value(condition)
+        holds = self._value(condition)
         rest = self._piecewise(pieces[1:])
-        here = apply(Operator.CHOOSE, told, self._value(value))
-        return apply(Operator.ADD, here, apply(Operator.CHOOSE, apply(Operator.NOT, told), rest))
+        here = apply(Operator.CHOOSE, holds, self._value(value))
+        return apply(Operator.ADD, here, apply(Operator.CHOOSE, apply(Operator.NOT, holds), rest))
 
     def _sign(self, value: int) -> int:
         apply, constant = self._build.apply, self._build.constant

@@ -66,8 +66,8 @@ class Fields:
     def get(self, parent: Any, key: str, kind: type[Any], where: str) -> Any:
         value = parent.get(key) if isinstance(parent, dict) else None
         if not isinstance(value, kind) or isinstance(value, bool):
-            said = "is missing" if value is None else f"is a {type(value).__name__}"
-            raise self.refused(f"{where}/{key}", f"{said}, expected a {kind.__name__}")
+            defect = "is missing" if value is None else f"is a {type(value).__name__}"
+            raise self.refused(f"{where}/{key}", f"{defect}, expected a {kind.__name__}")
         return value
 
     def items(self, parent: Any, key: str, where: str = "") -> Iterator[tuple[int, Any]]:
@@ -75,8 +75,8 @@ class Fields:
 
     def finite(self, value: Any, where: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(as_float(value)):
-            said = "is missing" if value is None else f"is '{shown_number(value)}'"
-            raise self.refused(where, f"{said}, expected a finite number")
+            defect = "is missing" if value is None else f"is '{shown_number(value)}'"
+            raise self.refused(where, f"{defect}, expected a finite number")
         return float(value)
 
     def number(self, parent: Any, key: str, where: str) -> float:

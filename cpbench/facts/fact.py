@@ -44,7 +44,7 @@ class Fact:
         return f"{self.name} of {self.matrix}" if self.matrix else self.name
 
     @property
-    def said(self) -> str:
+    def words(self) -> str:
         """The value in words."""
         return {None: "not decided", True: "yes", False: "no"}[self.value] if _is_truth(self.value) else f"{self.value}"
 
@@ -55,7 +55,7 @@ class Fact:
             measured += f", tolerance {self.tolerance:.1e}"
         how = [] if self.how is How.UNDECIDED else [str(self.how)]
         remark = ", ".join([*how, *([measured] if measured else [])])
-        return f"{self.subject}: {self.said}" + (f" ({remark})" if remark else "")
+        return f"{self.subject}: {self.words}" + (f" ({remark})" if remark else "")
 
     def record(self) -> dict[str, Any]:
         """Return plain values, for JSON."""

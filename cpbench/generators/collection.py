@@ -37,15 +37,15 @@ def quick_problems(folder: Path) -> list[str]:
     """
     found: dict[str, list[list[str]]] = {}
     for sheet in sorted(folder.glob("*/*.toml")):
-        told = tomllib.loads(sheet.read_text("utf-8"))
+        described = tomllib.loads(sheet.read_text("utf-8"))
         sizes = {
             str(problem["name"]): max(size for size in problem.values() if isinstance(size, int))
-            for problem in told["problem"]
+            for problem in described["problem"]
             if problem["known"] not in UNKNOWN
         }
         small = sorted((name for name in sizes if sizes[name] <= SMALL), key=lambda name: (-sizes[name], name))
-        pack = f"builtin/{told['node']}/{sheet.stem}.h5"
-        found.setdefault(str(told["node"]), []).append([f"{pack}::{name}" for name in small])
+        pack = f"builtin/{described['node']}/{sheet.stem}.h5"
+        found.setdefault(str(described["node"]), []).append([f"{pack}::{name}" for name in small])
     return [
         address
         for collections in found.values()

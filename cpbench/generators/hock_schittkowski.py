@@ -93,8 +93,8 @@ def _instance(problem: NLP, known: Known) -> Instance:
         nu=_filled(known.nu, n),
     )  # fmt: skip
     begin = NLPPoint(z=problem.start, lam=np.zeros(problem.g.rows), mu=np.zeros(problem.h.rows), nu=np.zeros(n))
-    said = {"class": "convex" if problem.convex else "not known to be convex", "objective": known.objective}
-    return Instance(problem, point, "published", properties=said, starts=(begin,))
+    facts = {"class": "convex" if problem.convex else "not known to be convex", "objective": known.objective}
+    return Instance(problem, point, "published", properties=facts, starts=(begin,))
 
 
 def _filled(values: Sequence[float], size: int) -> Any:

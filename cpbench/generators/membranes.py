@@ -75,8 +75,8 @@ def membrane(n: int, load: float = 1.0) -> Instance:
     lb, ub = wave * wave * wave, wave * wave + 0.2
     F = u.map([u.laplacian(i, j) - load * u.h**2 for i, j in u.inside])
     problem = MiCP(F=F, lb=lb, ub=ub, start=np.maximum(lb, 0.0), name=f"membrane-{n}x{n}")
-    said = {"class": "affine, SPD M-matrix", "symmetric": True, "bounds": "both"}
-    return Instance(problem, properties=said, starts=(problem.point_from_vector(problem.start),))
+    facts = {"class": "affine, SPD M-matrix", "symmetric": True, "bounds": "both"}
+    return Instance(problem, properties=facts, starts=(problem.point_from_vector(problem.start),))
 
 
 def bratu(n: int, load: float, roof: float) -> Instance:
@@ -123,5 +123,5 @@ def minimal_surface(n: int) -> Instance:
     lb = np.multiply.outer(middle, middle).ravel()
     start = np.maximum(np.repeat(1.0 - (2.0 * axis[1:-1] - 1.0) ** 2, n), lb)
     problem = MiCP(F=F, lb=lb, ub=np.full(n * n, np.inf), start=start, name=f"minimal-surface-{n}x{n}")
-    said = {"class": "strictly convex, symmetric", "symmetric": True, "bounds": "lower"}
-    return Instance(problem, properties=said, starts=(problem.point_from_vector(start),))
+    facts = {"class": "strictly convex, symmetric", "symmetric": True, "bounds": "lower"}
+    return Instance(problem, properties=facts, starts=(problem.point_from_vector(start),))

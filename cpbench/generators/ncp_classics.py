@@ -68,12 +68,12 @@ def kojima_shindo_map() -> Map:
 def kojima_shindo() -> Instance:
     """Build four quadratics, not monotone, with two solutions, one of them degenerate."""
     problem = NCP(F=kojima_shindo_map(), start=MCPLIB_STARTS[0], name="kojima-shindo")
-    said = {
+    facts = {
         "class": "two solutions",
         "degenerate": True,
         "solutions": "(1, 0, 3, 0), regular; (√6/2, 0, 0, 1/2), degenerate: z3 = F3(z) = 0",
     }
-    return Instance(problem, NCPPoint(z=REGULAR), "published", None, said, points(*MCPLIB_STARTS))
+    return Instance(problem, NCPPoint(z=REGULAR), "published", None, facts, points(*MCPLIB_STARTS))
 
 
 def josephy() -> Instance:
@@ -89,8 +89,8 @@ def josephy() -> Instance:
         ]
 
     problem = NCP(F=of(4, F), start=MCPLIB_STARTS[0], name="josephy")
-    said = {"class": "regular", "degenerate": False}
-    return Instance(problem, NCPPoint(z=DEGENERATE), "published", None, said, points(*MCPLIB_STARTS))
+    facts = {"class": "regular", "degenerate": False}
+    return Instance(problem, NCPPoint(z=DEGENERATE), "published", None, facts, points(*MCPLIB_STARTS))
 
 
 def mathiesen(name: str, share: float, rest: float, b: Sequence[float], solution: Sequence[float]) -> Instance:
@@ -106,8 +106,8 @@ def mathiesen(name: str, share: float, rest: float, b: Sequence[float], solution
         return [p2 + p3 - p1, y - share * income / p1, b[0] - y - rest * income / p2, b[1] - y]
 
     problem = NCP(F=of(4, F), start=np.ones(4), name=name)
-    said = {"class": "homogeneous, singular", "ray": f"y = {solution[0]:g}, p = t·{tuple(solution[1:])}, t > 0"}
-    return Instance(problem, NCPPoint(z=np.array(solution)), "published", properties=said, starts=points(np.ones(4)))
+    facts = {"class": "homogeneous, singular", "ray": f"y = {solution[0]:g}, p = t·{tuple(solution[1:])}, t > 0"}
+    return Instance(problem, NCPPoint(z=np.array(solution)), "published", properties=facts, starts=points(np.ones(4)))
 
 
 def billups() -> Instance:
@@ -116,8 +116,8 @@ def billups() -> Instance:
     """
     problem = NCP(F=of(1, lambda z: [(z[0] - 1.0) ** 2 - 1.01]), start=np.zeros(1), name="billups")
     solution = NCPPoint(z=[1.0 + np.sqrt(1.01)])
-    said = {"class": "made against Newton", "degenerate": False}
-    return Instance(problem, solution, "published", None, said, points((0.0,)))
+    facts = {"class": "made against Newton", "degenerate": False}
+    return Instance(problem, solution, "published", None, facts, points((0.0,)))
 
 
 def munson1() -> Instance:

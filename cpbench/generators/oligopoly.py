@@ -69,8 +69,8 @@ def five() -> Instance:
     """Build the five firms of Murphy, Sherali and Soyster: marginal costs c + (q/5)^(1/β), p = (5000/Q)^(1/1.1)."""
     beta = (1.2, 1.1, 1.0, 0.9, 0.8)
     problem = market((10.0, 8, 6, 4, 2), 0.2, [1.0 / b for b in beta], 1.1, 5000.0, np.full(5, 10.0), "nash-cournot-5")
-    said = {"class": "P0 near the solution", "degenerate": False}
-    return Instance(problem, NCPPoint(z=FIVE), "published", None, said, points(problem.start))
+    facts = {"class": "P0 near the solution", "degenerate": False}
+    return Instance(problem, NCPPoint(z=FIVE), "published", None, facts, points(problem.start))
 
 
 def ten() -> Instance:
@@ -79,8 +79,8 @@ def ten() -> Instance:
     c = (5.0, 3, 8, 5, 1, 3, 7, 4, 6, 3)
     start = np.array(TEN_STARTS[0])
     problem = market(c, 10.0, [1.0 / b for b in beta], 1.2, 5000.0, start, "nash-cournot-10")
-    said = {"class": "P0 near the solution", "degenerate": False}
-    return Instance(problem, NCPPoint(z=TEN), "published", None, said, points(*TEN_STARTS))
+    facts = {"class": "P0 near the solution", "degenerate": False}
+    return Instance(problem, NCPPoint(z=TEN), "published", None, facts, points(*TEN_STARTS))
 
 
 def firms(n: int) -> Instance:
@@ -97,5 +97,5 @@ def firms(n: int) -> Instance:
     cost = np.select([power == 1.0, power == 1.5], [s, s * np.sqrt(s)], s * s)
     c = price - q * price / (gamma * Q) - cost + np.where(q > 0, 0.0, rng.integers(1, 9, n) / 4.0)
     problem = market(c.tolist(), scale, power.tolist(), gamma, demand, np.full(n, 4.0), f"nash-cournot-{n}")
-    said = {"class": "convex costs", "out_of_the_market": int((q == 0).sum())}
-    return Instance(problem, NCPPoint(z=q), "planted to rounding", properties=said)
+    facts = {"class": "convex costs", "out_of_the_market": int((q == 0).sum())}
+    return Instance(problem, NCPPoint(z=q), "planted to rounding", properties=facts)

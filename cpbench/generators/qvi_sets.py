@@ -62,13 +62,18 @@ def duopoly(*, rows: bool) -> Instance:
     starts = [np.array(z) for z in ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))]
     none = np.zeros(2 if rows else 0)
     problem = QVI(F=of(2, F), lb=np.zeros(2), ub=np.full(2, 10.0), name="duopoly-rows" if rows else "duopoly", **limit)
-    said = {
+    facts = {
         "class": "many solutions",
         "solutions": "(5, 9); (t, 15 - t) for 9 <= t <= 10",
         "set": "g" if rows else "box",
     }
     return Instance(
-        problem, QVIPoint(z=[5.0, 9.0], nu=none), "published", None, said, tuple(QVIPoint(z=z, nu=none) for z in starts)
+        problem,
+        QVIPoint(z=[5.0, 9.0], nu=none),
+        "published",
+        None,
+        facts,
+        tuple(QVIPoint(z=z, nu=none) for z in starts),
     )
 
 

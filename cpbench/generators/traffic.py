@@ -121,8 +121,8 @@ def grid(side: int, destinations: int) -> Instance:
     F, lb = _conditions(net, goals, demand, free, capacity)
     problem = MiCP(F=F, lb=lb, ub=np.full(lb.size, np.inf), name=f"traffic-grid-{side}x{side}-{destinations}")
     solution = [part for d, goal in enumerate(goals) for part in (flow[d], np.delete(far[d], goal))]
-    said = {"class": "monotone", "arcs": load.size, "destinations": destinations}
-    return Instance(problem, MiCPPoint(z=np.concatenate(solution)), "planted to rounding", properties=said)
+    facts = {"class": "monotone", "arcs": load.size, "destinations": destinations}
+    return Instance(problem, MiCPPoint(z=np.concatenate(solution)), "planted to rounding", properties=facts)
 
 
 def _conditions(net: _Grid, goals: list[int], demand: Dense, free: Vector, capacity: Vector) -> tuple[Map, Vector]:

@@ -251,5 +251,5 @@ def cone_complementarity(count: int) -> Instance:
     lam = np.array([0.75, 0.0])
     K = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.FREE, 1, 2), (Cone.SECOND_ORDER, count, 3, mu))
     problem = CP(F=_map(at, value + A.T @ lam, rng), A=A, **cone_fields(K), name=f"cone-complementarity-{count}")
-    said = {"class": "strongly monotone"}
-    return Instance(problem, CPPoint(x=at, lam=lam), "planted", properties=said)
+    facts = {"class": "strongly monotone"}
+    return Instance(problem, CPPoint(x=at, lam=lam), "planted", properties=facts)

@@ -117,8 +117,8 @@ def cobb_douglas(goods: int, people: int) -> Instance:
     p = unknowns(goods)
     F = mapped(p, _excess(economy.e.sum(axis=0), _demand(economy.shares, economy.income(p), p)))
     problem = NCP(F=F, start=np.ones(goods), name=f"cobb-douglas-{goods}-{people}")
-    said = {"class": "homogeneous, singular", "ray": "t·solution, t > 0"}
-    return Instance(problem, NCPPoint(z=economy.p), "planted", properties=said)
+    facts = {"class": "homogeneous, singular", "ray": "t·solution, t > 0"}
+    return Instance(problem, NCPPoint(z=economy.p), "planted", properties=facts)
 
 
 def substitution(goods: int, people: int, sigma: float) -> Instance:
@@ -166,5 +166,5 @@ def activities(goods: int, people: int, k: int) -> Instance:
     lb[k] = ub[k] = 1.0
     start = np.concatenate([np.zeros(k), np.ones(goods)])
     problem = MiCP(F=mapped(z, profit + net), lb=lb, ub=ub, start=start, name=f"activities-{goods}-{people}-{k}")
-    said = {"class": "not monotone", "fixed_unknowns": 1, "activities_in_use": int(used.sum())}
-    return Instance(problem, MiCPPoint(z=np.concatenate([y_star, p_star])), "planted", properties=said)
+    facts = {"class": "not monotone", "fixed_unknowns": 1, "activities_in_use": int(used.sum())}
+    return Instance(problem, MiCPPoint(z=np.concatenate([y_star, p_star])), "planted", properties=facts)

@@ -19,14 +19,14 @@ ROWS = 96
 
 def answer(run: Run) -> Iterator[str]:
     """Yield the sentences, the figure of the formulations with most problems, and the rankings as one table."""
-    told = [ranking for ranking in run.rankings if ranking.rows]
-    if not told:
+    ranked = [ranking for ranking in run.rankings if ranking.rows]
+    if not ranked:
         return
-    most = set(sorted(told, key=lambda r: -r.problems)[:SENTENCES])
-    shown = [ranking for ranking in told if ranking in most]
+    most = set(sorted(ranked, key=lambda r: -r.problems)[:SENTENCES])
+    shown = [ranking for ranking in ranked if ranking in most]
     yield "\n".join(f"- **{plain(r.formulation)}**: {plain(sentence_of(r))}" for r in shown)
-    if len(told) > len(shown):
-        left = counted(len(told) - len(shown), "more group")
+    if len(ranked) > len(shown):
+        left = counted(len(ranked) - len(shown), "more group")
         yield f"Not shown here: {left} with fewer problems, in `report.html` and `results.csv`."
     name, guide = overview_figure.draw(run, shown)
     if name:

@@ -70,10 +70,10 @@ def page(width: float, height: float) -> Figure:
 
 
 def literal(value: Any, length: int = 60) -> str:
-    r"""Escape text so that no character starts a formula.
+    """Escape text so that no character starts a formula.
 
     >>> print(literal("a$b"))
-    a\$b
+    a\\$b
     """
     return cut(value, length).replace("$", r"\$")
 
@@ -82,7 +82,7 @@ def number(value: float) -> str:
     """Format a number with three digits; powers of ten as a formula.
 
     >>> number(0.25), number(3e-9), number(0.0)
-    ('0.25', '$3 \\times 10^{-9}$', '0')
+    ('0.25', '$3 \\\\times 10^{-9}$', '0')
     """
     if value == 0 or not math.isfinite(value) or 1e-3 <= abs(value) < 1e5:
         return f"{value:.3g}"

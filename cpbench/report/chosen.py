@@ -66,13 +66,13 @@ class SelectedRows:
         """Return a metric of the ranked labels, and a sentence on the labels left out, '' when there is none."""
         ranked = self.rows[rows_of.ranked(self.rows)]
         found = measured(ranked, metric(name, self.rows))
-        told: list[str] = []
+        reasons: list[str] = []
         if found.left_out:
-            told.append(f"no {found.metric.name} of {listed_plainly(list(found.left_out))}")
+            reasons.append(f"no {found.metric.name} of {listed_plainly(list(found.left_out))}")
         elsewhere = sorted(set(self.rows["label"]) - set(ranked["label"]))
         if elsewhere:
-            told.append(f"{listed_plainly(elsewhere)} answered elsewhere")
-        return found, f" Left out: {'; '.join(told)}." if told else ""
+            reasons.append(f"{listed_plainly(elsewhere)} answered elsewhere")
+        return found, f" Left out: {'; '.join(reasons)}." if reasons else ""
 
     def scope(self, *more: str) -> str:
         """Return the end of a title: what, how many, tolerance."""
@@ -103,11 +103,11 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> SelectedRo
     if choice.families:
         known = {str(family) for family in rows["family"]} - {""}
         rows = rows[rows["family"].isin(matching(known, choice.families, "family"))]
-    for field, told in FIELDS.items():
+    for field, field_name in FIELDS.items():
         if field == "start" and every_start and not choice.start:
             continue
-        rows = _one_of(rows, field, str(getattr(choice, field) or ""), told)
-    rows, asked = _at(rows, choice.tolerance)
+        rows = _one_of(rows, field, str(getattr(choice, field) or ""), field_name)
+    rows, requested = _at(rows, choice.tolerance)
     rows = participating(rows)
     problems = int(rows["fingerprint"].nunique())
     node, tolerance = str(rows["node"].iloc[0]), float(rows["tolerance"].iloc[0])
@@ -116,7 +116,7 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> SelectedRo
         solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
         wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
         rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
-    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems, run.looks)
+    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, requested, problems, run.looks)
 
 
 def leading(chosen: SelectedRows, values: pd.DataFrame, most: int) -> list[str]:
@@ -150,18 +150,18 @@ def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
     return found
 
 
-def _one_of(rows: pd.DataFrame, field: str, wanted: str, told: str) -> pd.DataFrame:
+def _one_of(rows: pd.DataFrame, field: str, wanted: str, field_name: str) -> pd.DataFrame:
     """Select the rows of the wanted value of a field, or of the only one."""
     values = rows[field].map(_spelled)
     known = sorted(set(values))
     if wanted:
         if wanted not in known:
-            raise UnknownName(told.removesuffix("s"), wanted, known)
+            raise UnknownName(field_name.removesuffix("s"), wanted, known)
         return rows[values == wanted]
     if len(known) > 1:
         sizes = rows["fingerprint"].groupby(values).nunique()
         shown = ", ".join(f"{value or '(none)'} ({counted(int(sizes[value]), 'problem')})" for value in known)
-        raise CpbenchError(f"the results have {len(known)} {told}: choose one with --{field}: {shown}")
+        raise CpbenchError(f"the results have {len(known)} {field_name}: choose one with --{field}: {shown}")
     return rows
 
 

@@ -47,11 +47,11 @@ STYLE = {
 
 def profile_guide(problems: int, cost: str = "time", least: str = "the fastest") -> str:
     """Explain how to read a performance profile, in one sentence."""
-    who = "the fastest solver" if least == "the fastest" else least
+    best = "the fastest solver" if least == "the fastest" else least
     ahead = "it was the fastest" if least == "the fastest" else "it needed least"
     return (
         f"The height of a curve at τ is the fraction of the {counted(problems, 'problem')} that the solver solved "
-        f"within τ times the {cost} of {who} of that problem: at the left end the fraction where {ahead}, "
+        f"within τ times the {cost} of {best} of that problem: at the left end the fraction where {ahead}, "
         "at the right end the fraction it solved at all."
     )
 
@@ -134,8 +134,8 @@ def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
     found = {kinds.get(curve.label, "") for curve in curves}
     idle = sorted(curve.label for curve in curves if not curve.solved)
     signs = ", ".join(f"{mark} {kind}" for kind, mark in MARKS.items() if kind in found)
-    told = "solved none: " + ", ".join(marked(label, kinds) for label in idle) if idle else ""
-    return [text for text in (signs, told) if text]
+    unsolved = "solved none: " + ", ".join(marked(label, kinds) for label in idle) if idle else ""
+    return [text for text in (signs, unsolved) if text]
 
 
 def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str], end: float = math.inf) -> None:

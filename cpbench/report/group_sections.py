@@ -28,8 +28,8 @@ def slug_of(run: Run, group: ResultGroup) -> str:
     slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
     if len(run.parts) == run.rows["node"].nunique():
         return slug
-    told = (f"{group.tolerance:g}", group.start, str(group.threads), group.set, group.measure)
-    return "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in told if part)])
+    settings = (f"{group.tolerance:g}", group.start, str(group.threads), group.set, group.measure)
+    return "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in settings if part)])
 
 
 def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator[str]:
@@ -128,11 +128,11 @@ def _figures(run: Run, group: ResultGroup, rows: pd.DataFrame, times: pd.DataFra
 
 
 def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
-    found, said = summary.verdicts(rows), reliability.claims(rows)
+    found, claims = summary.verdicts(rows), reliability.claims(rows)
     statuses = [str(status) for status in found.columns]
 
     def holding(label: str) -> str:
-        share, low, high = (float(said.at[label, column]) for column in ("correct", "low", "high"))
+        share, low, high = (float(claims.at[label, column]) for column in ("correct", "low", "high"))
         return "—" if math.isnan(share) else f"{share:.0%} ({low:.0%} to {high:.0%})"
 
     yield "### Verdicts"
@@ -150,7 +150,7 @@ def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
         (
             [
                 code(label),
-                *(str(said.at[label, c]) for c in ("true", "false", "modest", "honest")),
+                *(str(claims.at[label, c]) for c in ("true", "false", "modest", "honest")),
                 holding(label),
             ]
             for label in labels

@@ -36,31 +36,31 @@ def known_sections(run: Run) -> Iterator[str]:
 
 def _remarks(run: Run) -> Iterator[str]:
     """Yield a line each on directions, on what conversions lost, and on routes that promise less than an answer."""
-    told: list[str] = []
+    sentences: list[str] = []
     wrong = failures.flagged(run.rows, "direction")
     if len(wrong):
         labels = _most_first(wrong["label"])
-        told.append(
+        sentences.append(
             f"**Accepted, but in a wrong direction ({len(wrong)})**: these answers meet the tolerance, and yet some "
             f"contact slips in a direction that the law forbids: {listed(labels, 4)}."
         )
     lost = reliability.losses(run.rows)
     if len(lost):
         first = ", ".join(f"{code(r.route)} {r.lost}" for r in lost.head(4).itertuples(index=False))
-        told.append(
+        sentences.append(
             f"**Lost on the way back ({lost['lost'].sum()})**: the solver met its target, and the answer that the "
             f"conversion carried back does not meet the tolerance; no solver is charged: {first}."
         )
     inexact = reliability.inexact_routes(run.rows)
     if len(inexact):
-        told.append(
+        sentences.append(
             f"**Routes that promise less than an answer**: {listed([str(label) for label in inexact['label']], 4)} "
             f"solved {inexact['solved'].sum()} and missed {inexact['missed'].sum()} problems; largest error "
             f"{number(float(inexact['largest'].max()))}."
         )
-    if told:
+    if sentences:
         yield "## Answers to be careful with"
-        yield "\n".join(f"- {line}" for line in told)
+        yield "\n".join(f"- {line}" for line in sentences)
 
 
 def _failures(run: Run) -> Iterator[str]:

@@ -44,12 +44,12 @@ def summary(one: ReachedSolutions) -> str:
 
     A solver that finds each from some start shows them all to whoever tries all starts.
     """
-    told = f"{counted(len(one.solutions), 'solution')} found from {counted(len(one.starts), 'start')}"
+    sentence = f"{counted(len(one.solutions), 'solution')} found from {counted(len(one.starts), 'start')}"
     if len(one.solutions) < 2:
-        return told
+        return sentence
     reached = {label: {n for (_, of), n in one.place.items() if of == label} for label in one.labels}
     all_of_them = [label for label in one.labels if len(reached[label]) == len(one.solutions)]
-    return f"{told}; all of them by {listed(all_of_them, 4)}" if all_of_them else f"{told}; no solver finds all"
+    return f"{sentence}; all of them by {listed(all_of_them, 4)}" if all_of_them else f"{sentence}; no solver finds all"
 
 
 def rounded(x: Vector) -> str:
@@ -66,9 +66,9 @@ def _line(one: ReachedSolutions, start: str) -> list[str]:
     """Return the solvers that reached each solution from a start, and those that reached none."""
     reached = one.reached(start)
     idle = [label for label in one.labels if (start, label) in one.status and not one.place.get((start, label))]
-    cells = [_who(reached.get(k, [])) for k in range(1, len(one.solutions) + 1)]
-    return [code(start), *cells, _who(idle)]
+    cells = [_solvers_cell(reached.get(k, [])) for k in range(1, len(one.solutions) + 1)]
+    return [code(start), *cells, _solvers_cell(idle)]
 
 
-def _who(labels: list[str]) -> str:
+def _solvers_cell(labels: list[str]) -> str:
     return f"{len(labels)}: {listed(labels, SOLVERS)}" if labels else "—"

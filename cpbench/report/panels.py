@@ -145,8 +145,8 @@ def _words(
     axes: Axes, panel: ProfilePanel, profile: Profile, kinds: Mapping[str, str], marks: Mapping[float, float]
 ) -> None:
     """Write label and solved problems above the panel, fractions left of the first ones, ratios below the lowest."""
-    told = f"{marked(panel.curve.label, kinds, 26)}  {panel.curve.solved}/{profile.problems}"
-    axes.text(panel.x, panel.y + HIGH + 3 / 72, told, fontsize=8, va="baseline")
+    heading = f"{marked(panel.curve.label, kinds, 26)}  {panel.curve.solved}/{profile.problems}"
+    axes.text(panel.x, panel.y + HIGH + 3 / 72, heading, fontsize=8, va="baseline")
     gap = TICK + 3.5 / 72
     if panel.x == LEFT:
         for y in HEIGHTS:

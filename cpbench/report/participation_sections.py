@@ -27,9 +27,9 @@ def publishing(run: Run) -> Iterator[str]:
         "or ask whoever gives the licence."
     )
     terms: dict[str, list[str]] = {}
-    for name, said in found.items():
-        terms.setdefault(said, []).append(name)
-    yield "\n".join(f"- {listed(names, 12)}: {plain(said)}" for said, names in terms.items())
+    for name, reason in found.items():
+        terms.setdefault(reason, []).append(name)
+    yield "\n".join(f"- {listed(names, 12)}: {plain(reason)}" for reason, names in terms.items())
 
 
 def tuned(run: Run) -> Iterator[str]:

@@ -159,10 +159,10 @@ def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _each_once(values: pd.Series, made: Callable[[str], str]) -> pd.Series:
+def _each_once(values: pd.Series, function: Callable[[str], str]) -> pd.Series:
     """Apply a function once to each text: of a million rows few differ in it."""
     place, texts = by_appearance(values)
-    changed = pd.Series(list(map(made, texts.tolist())), dtype=values.dtype)
+    changed = pd.Series(list(map(function, texts.tolist())), dtype=values.dtype)
     return pd.Series(changed.array.take(place), index=values.index)
 
 

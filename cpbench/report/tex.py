@@ -91,7 +91,7 @@ def name(text: str) -> str:
     """Write the name of a field in math mode: `mu_r` is μ_r, `lb` a word, `M` itself.
 
     >>> name("mu_r"), name("lb"), name("M"), name("cone_kind")
-    ('\\mu_{r}', '\\mathit{lb}', 'M', '\\mathit{cone\\_kind}')
+    ('\\\\mu_{r}', '\\\\mathit{lb}', 'M', '\\\\mathit{cone\\\\_kind}')
     """
     if len(text) == 1:
         return _convert(text)
@@ -111,7 +111,7 @@ def prose(text: str) -> str:
     """Write text outside of math mode, every character standing for itself.
 
     >>> prose("P_L → 50 %")
-    'P\\_L \\ensuremath{\\to} 50 \\%'
+    'P\\\\_L \\\\ensuremath{\\\\to} 50 \\\\%'
     """
     pieces: list[str] = []
     for character in unicodedata.normalize("NFC", text):
@@ -130,7 +130,7 @@ def number(value: float) -> str:
     """Write a number in math mode; 0 is a dot, as in the printed form.
 
     >>> number(0.0), number(-1.5), number(1e-8), number(float("inf"))
-    ('\\cdot', '-1.5', '10^{-8}', '\\infty')
+    ('\\\\cdot', '-1.5', '10^{-8}', '\\\\infty')
     """
     if value == 0:
         return r"\cdot"

@@ -20,7 +20,7 @@ def plain(value: Any) -> str:
     """Write `value` as running text on one line, every character standing for itself.
 
     >>> plain("<script> a|b *c* [d](e) max_iter _x")
-    '&lt;script&gt; a\\|b \\*c\\* \\[d\\](e) max_iter \\_x'
+    '&lt;script&gt; a\\\\|b \\\\*c\\\\* \\\\[d\\\\](e) max_iter \\\\_x'
     """
     line = one_line(value).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return _SPECIAL.sub(lambda found: "\\" + found[0], line)
@@ -126,9 +126,9 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
         return shlex.join([*words, "--tolerance", f"{row['tolerance']:g}"])
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
-    told = sheet or {}
-    if solver == told.get("name"):  # with options a variant of the command line cannot be said in one word
-        solver = told.get("written") or solver
+    source = sheet or {}
+    if solver == source.get("name"):  # with options a variant of the command line cannot be said in one word
+        solver = source.get("written") or solver
     words = ["cpbench", "solve", one_line(row["address"]), "-s", one_line(solver), *_route_options(request)]
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):
@@ -139,7 +139,7 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
     if start != "cold":
         words += ["--start", start]
-    for file in dict.fromkeys(filter(None, (told.get("variant_of"), told.get("plugin")))):
+    for file in dict.fromkeys(filter(None, (source.get("variant_of"), source.get("plugin")))):
         words += ["--plugin", one_line(file)]
     return shlex.join(words)
 

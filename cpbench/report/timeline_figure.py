@@ -69,8 +69,8 @@ def timeline_figure(points: pd.DataFrame, title: str) -> Figure:
             below.tick_params(labelbottom=k + columns >= len(labels))
             lower.append(below)
         _dates(lower[0], points["at"])
-        told = textwrap.fill(guide(), 168)
-        figure.text(0.05, 0.08 / height, told, fontsize=6.8, color="#444444", va="bottom", linespacing=1.35)
+        guide_text = textwrap.fill(guide(), 168)
+        figure.text(0.05, 0.08 / height, guide_text, fontsize=6.8, color="#444444", va="bottom", linespacing=1.35)
     return figure
 
 
@@ -131,8 +131,8 @@ def _line(count: int) -> dict[str, Any]:
 
 def _reach(points: pd.DataFrame) -> float:
     """Return a power of two that no ratio leaves either way, so that all panels share their scale."""
-    told = points[["ratio", "reference"]].to_numpy(dtype=float)
-    far = float(np.max(np.abs(np.log2(told[np.isfinite(told) & (told > 0)])), initial=0.0))
+    ratios = points[["ratio", "reference"]].to_numpy(dtype=float)
+    far = float(np.max(np.abs(np.log2(ratios[np.isfinite(ratios) & (ratios > 0)])), initial=0.0))
     return 2.0 ** max(1, math.ceil(1.05 * far))
 
 

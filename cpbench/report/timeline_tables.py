@@ -32,8 +32,10 @@ def columns(points: pd.DataFrame) -> list[str]:
         widths = [max(len(row[k]) for row in cells) for k in range(len(HEAD))]
         lines += ["", str(label)]
         for row in cells:
-            told = [c.rjust(w) if k in RIGHT else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))]
-            lines.append("  " + "  ".join(told).rstrip())
+            padded = [
+                c.rjust(w) if k in RIGHT else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))
+            ]
+            lines.append("  " + "  ".join(padded).rstrip())
     return [*lines[1:], "", GUIDE]
 
 

@@ -61,13 +61,13 @@ def write_info(parent: h5py.Group, info: Info, *, texts: bool) -> None:
 
 def read_info(problem: Tree, texts: Tree | None) -> Info:
     """Read the info; `texts` is the group of title, description and math_info (FCLIB's or `info` itself)."""
-    said: dict[str, Any] = {name: texts.text(name) for name in TEXTS} if texts else {}
+    texts_by_name: dict[str, Any] = {name: texts.text(name) for name in TEXTS} if texts else {}
     if "info" in problem:
         group = problem.child("info")
         attributes = group.attributes()
-        said |= {name: str(attributes.get(name, "")) for name in _ATTRIBUTES}
-        said["properties"] = _json(group, "properties", attributes.get("properties", "{}"))
-    return Info(**said)
+        texts_by_name |= {name: str(attributes.get(name, "")) for name in _ATTRIBUTES}
+        texts_by_name["properties"] = _json(group, "properties", attributes.get("properties", "{}"))
+    return Info(**texts_by_name)
 
 
 # ------------------------------------------------------------------------------------------ provenance
@@ -95,12 +95,12 @@ def read_provenance(problem: Tree) -> tuple[Step, ...]:
 
 def _read_step(chain: Tree, name: str) -> Step:
     group = chain.child(name)
-    said = group.attributes()
-    texts = {key: said.get(key) for key in ("conversion", "kind", "source_node", "source")}
+    attributes = group.attributes()
+    texts = {key: attributes.get(key) for key in ("conversion", "kind", "source_node", "source")}
     for key, value in texts.items():
         if not isinstance(value, str):
             raise group.error(f"@{key}", "is missing, expected a string")
-    parameters = _json(group, "parameters", said.get("parameters", "{}"))
+    parameters = _json(group, "parameters", attributes.get("parameters", "{}"))
     return Step(**cast("dict[str, str]", texts), parameters=parameters, trace=_read_trace(group.child("trace"), _DEPTH))
 
 
@@ -201,14 +201,14 @@ def read_place(parent: Tree) -> dict[str, Any]:
     found: dict[str, Any] = {}
     if "sequence" in parent:
         group = parent.child("sequence")
-        said = group.attributes()
+        attributes = group.attributes()
         try:
             found["sequence"] = Sequence(
-                name=str(said["name"]),
-                step=int(said["step"]),
-                time=float(said["time"]),
-                dt=float(said["dt"]),
-                previous=str(said.get("previous", "")),
+                name=str(attributes["name"]),
+                step=int(attributes["step"]),
+                time=float(attributes["time"]),
+                dt=float(attributes["dt"]),
+                previous=str(attributes.get("previous", "")),
             )
         except (KeyError, TypeError, ValueError) as cause:
             raise group.error("", f"needs the attributes name, step, time and dt ({cause})") from None

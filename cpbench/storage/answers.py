@@ -125,8 +125,8 @@ def _load_hdf5(path: Path, member: str, problem: Problem) -> Any:
         if "solution" not in parent:
             raise root.error("solution", "is missing: the file holds no answer")
         tree = parent.child("solution")
-        said = tree.attributes()
-        node, fingerprint = said.get("node"), said.get("fingerprint")
+        attributes = tree.attributes()
+        node, fingerprint = attributes.get("node"), attributes.get("fingerprint")
         if fingerprint is None and members_of(root):
             other = read_problem(root, member)
             node, fingerprint = other.node, other.fingerprint
@@ -153,9 +153,9 @@ def _read_point(tree: Tree, problem: Problem) -> Any:
 
 
 def _answer(tree: Tree) -> tuple[Any, dict[str, Any]]:
-    said = tree.attributes()
-    node = str(said.get("node", ""))
+    attributes = tree.attributes()
+    node = str(attributes.get("node", ""))
     if node not in formulations:
         raise tree.error("@node", f"is '{node}', expected the formulation that is answered")
     kind = formulations.get(node).point_type
-    return read_point(tree, kind), said
+    return read_point(tree, kind), attributes

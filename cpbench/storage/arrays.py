@@ -168,8 +168,8 @@ def _npy_header(path: Path, name: str, stream: IO[bytes], size: int) -> tuple[tu
         version = npy.read_magic(stream)
         header = npy.read_array_header_1_0(stream) if version == (1, 0) else npy.read_array_header_2_0(stream)
     except _HEADER_DAMAGE as cause:
-        said = str(cause).split("\n")[0][:100]
-        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({said})") from None
+        reason = str(cause).split("\n")[0][:100]
+        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({reason})") from None
     shape, fortran, dtype = header
     held = size - stream.tell()
     declared = int(np.prod(shape, dtype=object)) * dtype.itemsize

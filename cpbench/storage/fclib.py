@@ -113,14 +113,14 @@ def _constrained(tree: Tree, vectors: Tree, names: tuple[str, ...], vector: str)
 def _annotations(parent: Tree, tree: Tree, name: str) -> dict[str, Any]:
     """Return the name, info, provenance and geometry; which matrices were dense; whether W is packed."""
     own = parent.child("cpbench") if "cpbench" in parent else None
-    said = own.attributes() if own else {}
-    fields: dict[str, Any] = {"name": str(said.get("name", "")) or name}
+    attributes = own.attributes() if own else {}
+    fields: dict[str, Any] = {"name": str(attributes.get("name", "")) or name}
     fields["info"] = _info(parent, tree)
     fields["provenance"] = read_provenance(parent) if own else ()
     if own:
         fields |= read_place(own)
     packed = any(t.flagged("symmetric_packed") for t in (tree, parent))
-    return {"fields": fields, "dense": str(said.get("dense", "")).split(), "packed": packed}
+    return {"fields": fields, "dense": str(attributes.get("dense", "")).split(), "packed": packed}
 
 
 def _info(parent: Tree, tree: Tree) -> Info:

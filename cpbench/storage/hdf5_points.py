@@ -26,20 +26,20 @@ _FCLIB = {"lam": "l"}
 """Parts of contact points that FCLIB calls otherwise; it has none of these where they are empty."""
 
 
-def put_solution(parent: h5py.Group, problem: Problem, point: Point, said: Mapping[str, Any]) -> None:
+def put_solution(parent: h5py.Group, problem: Problem, point: Point, attributes: Mapping[str, Any]) -> None:
     """Write `/solution`: the point, the slacks as they follow from it (FCLIB's u), and attributes."""
     put_point(
-        parent, point, {**said, "node": problem.node, "fingerprint": problem.fingerprint}, _slacks(problem, point)
+        parent, point, {**attributes, "node": problem.node, "fingerprint": problem.fingerprint}, _slacks(problem, point)
     )
 
 
 def put_point(
-    parent: h5py.Group, point: Point, said: Mapping[str, Any], slacks: Mapping[str, NDArray[Any]] | None = None
+    parent: h5py.Group, point: Point, attributes: Mapping[str, Any], slacks: Mapping[str, NDArray[Any]] | None = None
 ) -> None:
     """Write `/solution` from its parts."""
     group: h5py.Group = parent.create_group("solution")
     _put_parts(group, point, slacks or {})
-    for name, value in {**said, "cpbench_version": __version__}.items():
+    for name, value in {**attributes, "cpbench_version": __version__}.items():
         put_attribute(group, name, value if isinstance(value, int | float | bool) else str(value))
 
 

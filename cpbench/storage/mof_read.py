@@ -50,14 +50,14 @@ _COMPLEMENTARITY = ("lcp", "mlcp", "relay", "avi", "ncp", "micp")
 def read(path: Path) -> Problem:
     """Read the problem in a file; raises FormatError."""
     model = read_model(_content(path), path)
-    told = model.description
-    said = told.removeprefix(MARK).partition(":")[0] if told.startswith(MARK) else ""
-    node = said.removesuffix(CONVEX)
+    description = model.description
+    formulation = description.removeprefix(MARK).partition(":")[0] if description.startswith(MARK) else ""
+    node = formulation.removesuffix(CONVEX)
     name = model.name or path.name.removesuffix(".json").removesuffix(".mof")
     if model.complementary or (node in _COMPLEMENTARITY and not model.names):
         return _complementarity(model, path, name, node)
     if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
-        return build(path, NLP, "", name=name, convex=said == f"nlp{CONVEX}", **program(model))
+        return build(path, NLP, "", name=name, convex=formulation == f"nlp{CONVEX}", **program(model))
     return _qp(model, path, name)
 
 

@@ -62,10 +62,12 @@ def confirmed(first: Comparison, again: Comparison, statuses: Collection[str] = 
         )
         for suite in first.suites
     )
-    told = [_counted("pair", int(alarmed.sum()), int((alarmed & back).sum()), int(calm.sum()))] if alarmed.any() else []
+    counts_text = (
+        [_counted("pair", int(alarmed.sum()), int((alarmed & back).sum()), int(calm.sum()))] if alarmed.any() else []
+    )
     lasting = sum(second.get(label) == PairVerdict.REGRESSED for label in slower)
-    told += [_counted("label", len(slower), lasting, len(calmed))] if slower else []
-    note = f"run again: {'; '.join(told)}"
+    counts_text += [_counted("label", len(slower), lasting, len(calmed))] if slower else []
+    note = f"run again: {'; '.join(counts_text)}"
     return replace(first, verdict=worst(pairs, suites), pairs=pairs, suites=suites, notes=(note, *first.notes))
 
 

@@ -71,8 +71,8 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
     base, new = pairs["status_base"], pairs["status_new"]
     change = base.str.replace("_", " ") + " → " + new.str.replace("_", " ")
     message = pairs["message_new"].where(new.isin(REFUSED), pairs["message_base"])
-    told = change + message.where(message == "", ": " + message)
-    rule(ruling, "status", PairVerdict.INCONCLUSIVE, base.isin(REFUSED) ^ new.isin(REFUSED), "not compared", told)
+    reason = change + message.where(message == "", ": " + message)
+    rule(ruling, "status", PairVerdict.INCONCLUSIVE, base.isin(REFUSED) ^ new.isin(REFUSED), "not compared", reason)
     for limit, status in (("seconds", Status.TIMEOUT), ("memory", Status.MEMOUT)):
         other = differ(pairs, limit) & ((base == status) ^ (new == status))
         rule(

@@ -103,10 +103,10 @@ def one_machine(pairs: pd.DataFrame, machines: Sequence[Mapping[str, Mapping[str
     `machines` : what each file says of its hosts; hosts of which it says nothing are another machine.
     """
     base, new = machines
-    same = {host for host, told in base.items() if host and host in new and _lasting(told) == _lasting(new[host])}
+    same = {host for host, machine in base.items() if host and host in new and _lasting(machine) == _lasting(new[host])}
     return (pairs["host_base"] == pairs["host_new"]) & pairs["host_new"].isin(same)
 
 
-def _lasting(told: Mapping[str, Any]) -> dict[str, Any]:
+def _lasting(machine: Mapping[str, Any]) -> dict[str, Any]:
     """Return the lasting facts of a machine, without its load or temperature at the time."""
-    return {name: told.get(name) for name in ("cpu", "cores", "threads", "ram_gib")}
+    return {name: machine.get(name) for name in ("cpu", "cores", "threads", "ram_gib")}

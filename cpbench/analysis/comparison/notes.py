@@ -60,7 +60,7 @@ def on_stationary(judged: pd.DataFrame, counted: bool) -> list[str]:
     )
 
 
-def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -> list[str]:
+def on_times(judged: pd.DataFrame, noise: Noise, interleaved: bool, here: bool) -> list[str]:
     """Note how far times can be trusted; `interleaved`: both sides are one run, `here`: some pair is of one machine."""
     timed = judged["ratio"].notna()
     if not timed.any():
@@ -75,24 +75,24 @@ def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -
     below = int(judged["below"].sum())
     if below:
         notes.append(f"{below} pairs take less than {FLOOR:g} s on both sides: below the floor, times of calls")
-    if not interleaved and math.isnan(told.drift):
+    if not interleaved and math.isnan(noise.drift):
         notes.append("no equal reference solves: nobody knows how much the machine drifted between the two runs")
-    elif not interleaved and told.drift > 1 + told.margin:
+    elif not interleaved and noise.drift > 1 + noise.margin:
         notes.append(
-            f"by its reference solves the machine may differ by a factor {told.drift:.3g} between the two runs: times "
+            f"by its reference solves the machine may differ by a factor {noise.drift:.3g} between the two runs: times "
             "within that are the machine's"
         )
-    if math.isfinite(told.equal):
+    if math.isfinite(noise.equal):
         notes.append(
-            f"equal builds differ by {told.equal - 1:.1%} in this job: one process beside another is taken to differ "
-            f"by {math.expm1(told.bias):.1%} by itself"
+            f"equal builds differ by {noise.equal - 1:.1%} in this job: one process beside another is taken to differ "
+            f"by {math.expm1(noise.bias):.1%} by itself"
         )
     else:
         notes.append(
             f"no builds of equal code in this job (--noise): one process beside another is assumed to differ by "
-            f"{math.expm1(told.bias):.1%} by itself; where it differs by more, changes are seen that are none"
+            f"{math.expm1(noise.bias):.1%} by itself; where it differs by more, changes are seen that are none"
         )
-    if told.unsteady:
-        listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in told.unsteady)[:4])
+    if noise.unsteady:
+        listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in noise.unsteady)[:4])
         notes.append(f"counters that differ between equal builds were left out: {listed}")
     return notes

@@ -84,7 +84,7 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alp
         },
         index=pairs.index,
     )
-    return found.assign(time_why=_told(found, decisive, noise))
+    return found.assign(time_why=_reasons(found, decisive, noise))
 
 
 def adjusted(p: Floats) -> Floats:
@@ -181,7 +181,7 @@ def _welch(x: np.ndarray, y: np.ndarray) -> tuple[Floats, Floats, Floats]:
     return np.exp(gap - half), np.exp(gap + half), 2 * stats.t.sf(np.abs(gap) / error, freedom)
 
 
-def _told(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
+def _reasons(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
     """Describe the times of each comparable pair in words."""
     why = np.full(len(found), UNDECIDED, dtype=object)
     comparable = found["comparable"].to_numpy()

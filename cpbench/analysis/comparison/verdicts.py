@@ -165,9 +165,9 @@ def _compare(
     own = found.pairs[started].reset_index(drop=True)
     interleaved = bool(loose)  # two labels of one run
     one_machine = _one_machine(own, base, new, settings, interleaved)
-    told = _noise(base, new, settings, interleaved, equal)
-    judged = _judged(own, one_machine, told, settings)
-    by_label = suites.by_label(judged, told, settings.alpha, settings.seed)
+    noise = _noise(base, new, settings, interleaved, equal)
+    judged = _judged(own, one_machine, noise, settings)
+    by_label = suites.by_label(judged, noise, settings.alpha, settings.seed)
     return Comparison(
         base=base,
         new=new,
@@ -175,7 +175,7 @@ def _compare(
         verdict=worst(judged, by_label),
         pairs=judged,
         suites=by_label,
-        noise=told,
+        noise=noise,
         only_base=found.only_base,
         only_new=found.only_new,
         changed=found.changed,
@@ -184,7 +184,7 @@ def _compare(
             *notes.on_publishing([base.table, new.table], [base.meta, new.meta]),
             *notes.on_pairs(judged, found, int((~started).sum())),
             *notes.on_stationary(judged, settings.count_stationary),
-            *notes.on_times(judged, told, interleaved, bool(one_machine.any())),
+            *notes.on_times(judged, noise, interleaved, bool(one_machine.any())),
         ),
     )
 
@@ -218,13 +218,13 @@ def _noise(
     return replace(told, equal=max(mean, 1 / mean), stray=max(far, told.stray), unsteady=steady)
 
 
-def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settings: Thresholds) -> pd.DataFrame:
+def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, settings: Thresholds) -> pd.DataFrame:
     """Return pairs with what their times say, and their ruling."""
     ruling = gates.rulings(own)
-    gates.by_status(own, ruling, told.strays)
+    gates.by_status(own, ruling, noise.strays)
     gates.by_error(own, ruling)
-    counted = gates.by_counters(own, settings.counter_margin, told.unsteady)
-    timed = times.by_time(own, one_machine, told, settings.alpha)
+    counted = gates.by_counters(own, settings.counter_margin, noise.unsteady)
+    timed = times.by_time(own, one_machine, noise, settings.alpha)
     moved = counted["verdict"].map({str(PairVerdict.REGRESSED): 1, str(PairVerdict.IMPROVED): -1}).fillna(0).astype(int)
     against = (moved * timed["significant"]) < 0
     why = counted["why"].astype(str) + ", but " + timed["time_why"].astype(str)  # of no pairs they are no texts yet

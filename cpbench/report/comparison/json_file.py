@@ -44,7 +44,7 @@ def document(found: Comparison) -> str:
     """Write the whole file."""
     counts = found.pairs["verdict"].value_counts()
     noise = found.noise
-    told: dict[str, Any] = {
+    document: dict[str, Any] = {
         "schema": SCHEMA,
         "verdict": str(found.verdict),
         "base": _side(found.base),
@@ -59,7 +59,7 @@ def document(found: Comparison) -> str:
         "changed": list(found.changed),
         "notes": list(found.notes),
     }
-    return json.dumps(_valid(told), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(_valid(document), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _side(side: ComparisonSide) -> dict[str, Any]:
@@ -67,9 +67,9 @@ def _side(side: ComparisonSide) -> dict[str, Any]:
 
 
 def _suite(suite: Suite) -> dict[str, Any]:
-    told = asdict(suite)
-    counts = told.pop("counts")
-    return {**told, **{str(verdict): count for verdict, count in counts.items()}}
+    fields = asdict(suite)
+    counts = fields.pop("counts")
+    return {**fields, **{str(verdict): count for verdict, count in counts.items()}}
 
 
 def _pairs(found: Comparison) -> list[dict[str, Any]]:

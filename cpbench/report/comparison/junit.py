@@ -79,11 +79,11 @@ def _case(found: Comparison, suite: str, name: str, pair: pd.Series) -> ElementT
 
 def _whole(suite: Suite, name: str) -> ElementTree.Element:
     case = ElementTree.Element("testcase", name="time of all pairs", classname=name, time="0.000000")
-    told = f"{words.times_of(suite)} times the time, {counted(suite.timed, 'pair')}"
+    ratio_text = f"{words.times_of(suite)} times the time, {counted(suite.timed, 'pair')}"
     if suite.time == PairVerdict.REGRESSED:
-        ElementTree.SubElement(case, "failure", message=told, type="time").text = f"p = {suite.p:.2g}"
+        ElementTree.SubElement(case, "failure", message=ratio_text, type="time").text = f"p = {suite.p:.2g}"
     elif suite.time == PairVerdict.INCONCLUSIVE:
-        ElementTree.SubElement(case, "skipped", message=f"inconclusive: {told}; {suite.why}")
+        ElementTree.SubElement(case, "skipped", message=f"inconclusive: {ratio_text}; {suite.why}")
     else:
-        ElementTree.SubElement(case, "system-out").text = f"{suite.time}: {told}"
+        ElementTree.SubElement(case, "system-out").text = f"{suite.time}: {ratio_text}"
     return case

@@ -36,7 +36,7 @@ def section(found: Comparison) -> Iterator[str]:
 def _parts(found: Comparison) -> Iterator[str]:
     yield f"**{MARKS[found.verdict]} {str(found.verdict).capitalize()}**: {plain(words.headline(found))}."
     yield f"{code(found.base.name)} → {code(found.new.name)}" + "".join(
-        f"; {plain(told)}" for told in words.versions(found)
+        f"; {plain(version)}" for version in words.versions(found)
     )
     yield from _section(found, PairVerdict.REGRESSED, found.of(PairVerdict.REGRESSED))
     yield from _suites(found)
@@ -50,8 +50,8 @@ def _section(found: Comparison, verdict: PairVerdict, own: pd.DataFrame) -> Iter
     labels = [suite for suite in found.suites if suite.time == verdict and verdict != PairVerdict.INCONCLUSIVE]
     if not len(own) and not labels:
         return
-    told = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
-    yield f"## {str(verdict).capitalize()} ({', '.join(told)})"
+    counts = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
+    yield f"## {str(verdict).capitalize()} ({', '.join(counts)})"
     regressed = verdict == PairVerdict.REGRESSED
     rows: list[list[str]] = []
     for suite in labels:

@@ -17,8 +17,8 @@ LISTED = 10
 def lines(found: Comparison) -> Iterator[str]:
     """Yield the verdict, regressions with the commands that show them, labels, notes."""
     yield f"{found.verdict}: {words.headline(found)}"
-    for told in words.versions(found):
-        yield f"  {one_line(told)}"
+    for version in words.versions(found):
+        yield f"  {one_line(version)}"
     for verdict in (PairVerdict.REGRESSED, PairVerdict.IMPROVED):
         yield from _pairs(found, found.of(verdict), str(verdict))
     open_pairs = found.of(PairVerdict.INCONCLUSIVE)

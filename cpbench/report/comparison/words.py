@@ -24,16 +24,16 @@ def headline(found: Comparison) -> str:
         v: int((sure["verdict"] == v).sum())
         for v in (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.INCONCLUSIVE)
     }
-    told = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
+    parts = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
     by_time = [suite for suite in found.suites if suite.time is not None]
     if by_time:
         times = {v: sum(suite.time == v for suite in by_time) for v in ORDER}
         of = f"times of {counted(len(by_time), 'label')}: "
-        told.append(of + ", ".join(f"{count} {v}" for v, count in times.items() if count))
+        parts.append(of + ", ".join(f"{count} {v}" for v, count in times.items() if count))
     alone = found.pairs[(found.pairs["gate"] == "time") & found.pairs["verdict"].isin([*ORDER[:2]])]
     if len(alone):
-        told.append(f"{counted(len(alone), 'pair')} far {'slower or faster'} by itself")
-    rest = "; ".join(told) or "status, error and counters of all pairs are the same"
+        parts.append(f"{counted(len(alone), 'pair')} far {'slower or faster'} by itself")
+    rest = "; ".join(parts) or "status, error and counters of all pairs are the same"
     return f"{counted(len(found.pairs), 'pair')} compared: {rest}"
 
 
@@ -69,18 +69,18 @@ def margin(found: Comparison) -> str:
 
 def versions(found: Comparison) -> list[str]:
     """Return solvers whose version differs between the sides, and the versions of cpbench where they differ."""
-    told: list[str] = []
+    changes: list[str] = []
     sides = (found.base, found.new)
     ours = [str(side.meta.get("cpbench", "")) for side in sides]
     if all(ours) and ours[0] != ours[1]:
-        told.append(f"cpbench {ours[0]} → {ours[1]}")
+        changes.append(f"cpbench {ours[0]} → {ours[1]}")
     known = found.pairs[(found.pairs["version_base"] != "") & (found.pairs["version_new"] != "")]
     moved = known[known["version_base"] != known["version_new"]]
     for solver, base, new in sorted(
         set(zip(moved["solver"], moved["version_base"], moved["version_new"], strict=True))
     ):
-        told.append(f"{solver} {base} → {new}")
-    return told
+        changes.append(f"{solver} {base} → {new}")
+    return changes
 
 
 def again(found: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:

@@ -125,11 +125,11 @@ def _body(
     pairs = macros.define(("pairs",), str(len(rows)))
     solved = macros.define(("solved",), str(int(rows_of.solved(rows).sum())))
     problems = macros.define(("problems",), str(rows["fingerprint"].nunique()))
-    told = f"{solved} of {pairs} pairs of a problem and a solver were solved; there are {problems} problems."
+    sentence = f"{solved} of {pairs} pairs of a problem and a solver were solved; there are {problems} problems."
     if run.stationary:
-        told += f" {text(run.stationary.capitalize())}."
-    told += "".join(f" {text(remark)}." for remark in run.remarks)
-    yield f"\\section{{Overview}}\n{told}"
+        sentence += f" {text(run.stationary.capitalize())}."
+    sentence += "".join(f" {text(remark)}." for remark in run.remarks)
+    yield f"\\section{{Overview}}\n{sentence}"
     yield from _methods(run, macros)
     for group, own in rows_of.groups(rows):
         yield from _group(run, macros, group, participating(own), facets)
@@ -176,7 +176,7 @@ def _group(run: Run, macros: Macros, group: ResultGroup, rows: pd.DataFrame, fac
         "charged the limit."
     )
     notes = cautions.footnotes(rows, run.meta.get("solvers") or {})
-    made = solved_table(macros, words, counts, f"{caption}\\label{{tab:{letters(name)}}}", notes)
+    table_text = solved_table(macros, words, counts, f"{caption}\\label{{tab:{letters(name)}}}", notes)
     profile = profiles.performance_profile(times, problems)
     labels = profile.leading(EMPHASISED)
     key = f"fig:{letters(name)}"
@@ -184,7 +184,7 @@ def _group(run: Run, macros: Macros, group: ResultGroup, rows: pd.DataFrame, fac
     where = f"table~\\ref{{tab:{letters(name)}}}" + (f", figure~\\ref{{{key}}}" if labels else "")
     most_solved = macros.define((*words, str(best["label"]), "solved"), str(best["solved"]))
     yield f"Of {number} problems {some} are solved by some solver, {most_solved} by {label(best['label'])} ({where})."
-    yield made
+    yield table_text
     if not labels:
         return
     kinds = rows_of.label_kinds(rows)
@@ -196,9 +196,9 @@ def _group(run: Run, macros: Macros, group: ResultGroup, rows: pd.DataFrame, fac
     )
     yield curves.figure(profile, labels, kinds, run.looks, guide, key)
     for facet in facets:
-        found, told = _by_family(ranked) if facet == "family" else _by_tolerance(run, group, ranked)
+        found, caption_end = _by_family(ranked) if facet == "family" else _by_tolerance(run, group, ranked)
         if len(found) > 1:
-            caption = f"Performance profiles of {text(name)}, by {facet}, of the same solvers. {told}"
+            caption = f"Performance profiles of {text(name)}, by {facet}, of the same solvers. {caption_end}"
             yield curves.panels(found, labels, kinds, run.looks, caption, f"{key}{facet}")
 
 
@@ -233,17 +233,19 @@ def _by_tolerance(run: Run, group: ResultGroup, rows: pd.DataFrame) -> tuple[dic
         if (other.node, other.start, other.threads, other.set, other.measure)
         == (group.node, group.start, group.threads, group.set, group.measure)
     ]
-    told = ""
+    caption_end = ""
     if len(same) == 1:
         same = [(looser, judged_at(rows, looser)) for looser in LOOSER if looser > group.tolerance] + same
-        told = f"The answers, asked for at {small(group.tolerance)}, are judged at each; times are of what was asked."
+        caption_end = (
+            f"The answers, asked for at {small(group.tolerance)}, are judged at each; times are of what was asked."
+        )
     labels = set(rows["label"])
     found: dict[str, profiles.Profile] = {}
     for tolerance, own in sorted(same, key=lambda pair: -pair[0]):
         ranked = own[rows_of.ranked(own) & own["label"].isin(labels)]
         problems = counted(int(own["fingerprint"].nunique()), "problem")
         found[f"tolerance {small(tolerance)}: {problems}"] = profiles.performance_profile(rows_of.times(ranked))
-    return found, told
+    return found, caption_end
 
 
 def _solvers(run: Run, references: Bibliography) -> Iterator[str]:

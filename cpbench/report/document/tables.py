@@ -25,9 +25,9 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], spec: str, caption
 def _tables(head: Sequence[str], rows: Sequence[Sequence[str]], spec: str, caption: str) -> Iterator[str]:
     for start in range(0, max(1, len(rows)), LINES):
         body = "".join(f"  {' & '.join(row)} \\\\\n" for row in rows[start : start + LINES])
-        told = caption if not start else "Continued."
+        heading = caption if not start else "Continued."
         yield (
-            f"\\begin{{table}}[!htbp]\n\\caption{{{told}}}\n\\centering\\scriptsize\\setlength{{\\tabcolsep}}{{3pt}}\n"
+            f"\\begin{{table}}[!htbp]\n\\caption{{{heading}}}\n\\centering\\scriptsize\\setlength{{\\tabcolsep}}{{3pt}}\n"
             f"\\begin{{tabular}}{{@{{}}{spec}@{{}}}}\n\\toprule\n  {' & '.join(head)} \\\\\n\\midrule\n{body}"
             f"\\bottomrule\n\\end{{tabular}}\n\\end{{table}}"
         )

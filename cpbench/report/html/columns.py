@@ -176,8 +176,8 @@ def _commands(run: Run, rows: pd.DataFrame) -> list[str]:
 
 
 def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]:
-    told = ["fingerprint", "problem", "address", "sizes", "sequence", "step"]
-    first = rows[told].drop_duplicates("fingerprint").set_index("fingerprint").loc[list(prints)]
+    identity = ["fingerprint", "problem", "address", "sizes", "sequence", "step"]
+    first = rows[identity].drop_duplicates("fingerprint").set_index("fingerprint").loc[list(prints)]
     family = families_of(rows).reindex(list(prints)).fillna("")
     names = rows_of.problem_names(first.reset_index())
     return {
@@ -192,9 +192,9 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
 
 def _thumbnails(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
     """Return pictures of the problems; an answer of a solver left out of the report has no label."""
-    made, told = run.thumbnails(), set(labels)
+    thumbnails, told = run.thumbnails(), set(labels)
     found: list[Thumbnail | None] = []
-    for one in (made.get(multi_start.original(print_)) for print_ in prints):
+    for one in (thumbnails.get(multi_start.original(print_)) for print_ in prints):
         known = one is None or one.get("answer", {}).get("label", "") in {"", *told}
         found.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
     return found

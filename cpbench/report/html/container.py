@@ -64,8 +64,8 @@ def _header(parts: Mapping[str, tuple[str, Column]], facts: Mapping[str, Any], b
     for name, (kind, values) in parts.items():
         places[name] = {"type": kind, "at": begin, "count": len(values)}
         begin += _round(values.nbytes)
-    told = json.dumps({"columns": places, "facts": facts}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    text = told.encode("utf-8", errors="replace")
+    header = json.dumps({"columns": places, "facts": facts}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = header.encode("utf-8", errors="replace")
     text = text.ljust(_round(len(text) + 4) - 4, b" ")
     return len(text).to_bytes(4, "little") + text
 

@@ -23,8 +23,8 @@ def false_claims(run: Run) -> Iterator[Markup]:
     if not len(found):
         yield element("p", "Every claim of a solver held on the problem it was given.")
         return
-    told = f"{counted(len(found), 'answer')} that a solver called right, and whose error is beyond the tolerance"
-    yield element("p", told + (f"; the first {LISTED}." if len(found) > LISTED else "."), class_="scope")
+    heading = f"{counted(len(found), 'answer')} that a solver called right, and whose error is beyond the tolerance"
+    yield element("p", heading + (f"; the first {LISTED}." if len(found) > LISTED else "."), class_="scope")
     lines = (
         [r["problem"], r["label"], r["status"], number(r["error"]), f"{r['tolerance']:g}", code(_again(run, r))]
         for _, r in found.head(LISTED).iterrows()

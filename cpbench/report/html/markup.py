@@ -33,8 +33,10 @@ def element(name: str, *children: Any, **attributes: str) -> Markup:
     >>> element("p", "a < b", class_="note", data_x='"')
     '<p class="note" data-x="&quot;">a &lt; b</p>'
     """
-    told = "".join(f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items())
-    return Markup(f"<{name}{told}>{''.join(text(child) for child in children)}</{name}>")
+    attribute_text = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items()
+    )
+    return Markup(f"<{name}{attribute_text}>{''.join(text(child) for child in children)}</{name}>")
 
 
 def code(value: Any) -> Markup:
@@ -65,7 +67,7 @@ def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[Any]], righ
 def prose(markdown: str) -> Markup:
     """Return paragraphs of our own running Markdown: bold, emphasis, code.
 
-    >>> prose("**A.** *b* `c`\n<d>")
+    >>> prose("**A.** *b* `c`\\n<d>")
     '<p><strong>A.</strong> <em>b</em> <code>c</code> &lt;d&gt;</p>'
     """
     found: list[str] = []

@@ -29,8 +29,8 @@ def overview(run: Run) -> Iterator[Markup]:
     yield from _publishing(run)
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:
-        told = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
-        yield element("p", told, class_="note warning")
+        sentence = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
+        yield element("p", sentence, class_="note warning")
     if run.remarks:
         yield element("p", " ".join(f"{remark}." for remark in run.remarks), class_="note warning")
     yield from _choices(run)
@@ -48,11 +48,11 @@ def _choices(run: Run) -> Iterator[Markup]:
     """Yield a button a group, where there are several."""
     if len(run.parts) > 1:
         names = [group_name_text(run, group) for group, _ in run.parts]
-        made = (
+        buttons = (
             element("button", name, type="button", class_="choice", data_choose=str(place))
             for place, name in enumerate(names)
         )
-        yield element("div", *made, class_="choices", role="group", aria_label="Formulations", tabindex="0")
+        yield element("div", *buttons, class_="choices", role="group", aria_label="Formulations", tabindex="0")
 
 
 def _formulations(run: Run) -> Iterator[Markup]:
@@ -84,8 +84,8 @@ def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
         "false claims": len(run.false_claims),
     }
     yield element("h3", "The run")
-    told = [element("div", element("dt", name), element("dd", value)) for name, value in facts.items()]
-    yield element("dl", *told, class_="facts")
+    numbers = [element("div", element("dt", name), element("dd", value)) for name, value in facts.items()]
+    yield element("dl", *numbers, class_="facts")
     yield _settings(run)
     if len(rows) > WHOLE:
         told_of_many = (
@@ -114,8 +114,8 @@ def _publishing(run: Run) -> Iterator[Markup]:
     found = participation.restricted(run.rows, run.meta.get("solvers") or {})
     if found:
         terms: dict[str, list[str]] = {}
-        for name, said in found.items():
-            terms.setdefault(said, []).append(name)
-        told = " ".join(f"{', '.join(names)}: {said}." for said, names in terms.items())
+        for name, reason in found.items():
+            terms.setdefault(reason, []).append(name)
+        sentence = " ".join(f"{', '.join(names)}: {reason}." for reason, names in terms.items())
         first = "Not to be published as it is; --publishable leaves these out. "
-        yield element("p", element("strong", first), told, class_="note warning")
+        yield element("p", element("strong", first), sentence, class_="note warning")

@@ -46,12 +46,12 @@ def page(run: Run, title: str) -> str:
     """Write the HTML of a run."""
     columns, facts = columns_of(run)
     rankings_of = {ranking.group: ranking for ranking in run.rankings}
-    for told, (group, rows) in zip(facts["groups"], run.parts, strict=True):
-        told["answer"] = rankings.answer(rankings_of.get(group))
-        symbols = sorted({symbol for code in told["problems"] for symbol in facts["problems"]["sizes"][code]})
-        told["ranking"] = rankings.ranking(rows)
-        told["bands"] = rankings.bands(rows) if facts["whole"] else None
-        told["growth"] = rankings.growth(rows, symbols)
+    for group_facts, (group, rows) in zip(facts["groups"], run.parts, strict=True):
+        group_facts["answer"] = rankings.answer(rankings_of.get(group))
+        symbols = sorted({symbol for code in group_facts["problems"] for symbol in facts["problems"]["sizes"][code]})
+        group_facts["ranking"] = rankings.ranking(rows)
+        group_facts["bands"] = rankings.bands(rows) if facts["whole"] else None
+        group_facts["growth"] = rankings.growth(rows, symbols)
     problems = [(rows["fingerprint"].nunique(), int(rows_of.solved(rows).sum())) for _, rows in run.parts]
     facts["first"] = problems.index(max(problems)) if problems else 0
     facts["warm"] = rankings.warm(run.read)

@@ -31,14 +31,14 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, rows_of.limit(rows)))
     started = rows_of.spread(rows, (~rows["status"].isin(REFUSED)).to_numpy(), False)
     around = bootstrap.intervals(bootstrap.solve_rate(times, started), bootstrap.families_of(rows))
-    told = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
+    ranking_table = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
     if around.families < bootstrap.FEW:  # an interval says nothing there
-        told = told.assign(low=math.nan, high=math.nan)
+        ranking_table = ranking_table.assign(low=math.nan, high=math.nan)
     columns = ["label", "kind", "ranked", "ran", "solved", "stationary", "false", "fastest", "median", "slowdown"]
     return {
         "families": around.families,
         "few": around.families < bootstrap.FEW,
-        "lines": records(told[[*columns, "mean", "low", "high"]]),
+        "lines": records(ranking_table[[*columns, "mean", "low", "high"]]),
     }
 
 
@@ -69,14 +69,17 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
     if bootstrap.clusters(everywhere.index, families)[1] < bootstrap.FEW:
         return {"labels": []}
     leading = performance_profile(everywhere, len(everywhere), floor).leading(BANDED)
-    made = around.profile_bands(everywhere, families, labels=leading, floor=floor)
-    ends = {name: end.round(DIGITS).T.to_numpy().tolist() for name, end in (("low", made.low), ("high", made.high))}
+    estimated = around.profile_bands(everywhere, families, labels=leading, floor=floor)
+    ends = {
+        name: end.round(DIGITS).T.to_numpy().tolist()
+        for name, end in (("low", estimated.low), ("high", estimated.high))
+    }
     return {
-        "families": made.families,
-        "few": made.few,
-        "replicates": made.replicates,
-        "taus": made.low.index.tolist(),
-        "labels": list(made.low.columns),
+        "families": estimated.families,
+        "few": estimated.few,
+        "replicates": estimated.replicates,
+        "taus": estimated.low.index.tolist(),
+        "labels": list(estimated.low.columns),
         **ends,
     }
 
@@ -87,10 +90,10 @@ def growth(rows: pd.DataFrame, symbols: Sequence[str]) -> Mapping[str, Records]:
     ranked = rows_of.only_ranked(rows)
     for symbol in symbols:
         lines = scaling.scaling(ranked, symbol) if len(ranked) else pd.DataFrame(columns=list(scaling.COLUMNS))
-        told = lines[lines["reason"] == ""]
-        if len(told):
+        fitted = lines[lines["reason"] == ""]
+        if len(fitted):
             names = ["label", "slope", "low", "high", "intercept", "solved", "stopped", "least", "largest"]
-            found[symbol] = records(told[names])
+            found[symbol] = records(fitted[names])
     return found
 
 

@@ -54,9 +54,9 @@ def script() -> str:
     try:
         return kept.read_text(encoding="utf-8")
     except OSError:
-        made = vl_convert.javascript_bundle(SNIPPET)
-    _keep(kept, made)
-    return made
+        bundle = vl_convert.javascript_bundle(SNIPPET)
+    _keep(kept, bundle)
+    return bundle
 
 
 def _keep(path: Path, text: str) -> None:

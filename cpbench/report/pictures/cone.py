@@ -59,7 +59,7 @@ def draw(problem: Problem | None = None, point: Point | None = None, *, contact:
     figure = canvas.page(canvas.COLUMN, 2.7)
     axes: Any = figure.add_axes((-0.15, -0.23, 1.3, 1.45), projection="3d", computed_zorder=False)
     _cone(axes, mu, facets)
-    said = "It has no answer." if states is None else _vectors(axes, states, place)
+    sentence = "It has no answer." if states is None else _vectors(axes, states, place)
     along = np.array([1.0, 0.0])
     if states is not None and states.state[place] != str(State.OPEN):
         along = states.r[place, 1:]
@@ -70,7 +70,7 @@ def draw(problem: Problem | None = None, point: Point | None = None, *, contact:
     where = named if problem.nc == 1 else f"{named}, contact {place}"
     guide = (
         rf"Grey: $K_\mu$, reactions with $|r_\mathrm{{T}}| \leq \mu r_\mathrm{{N}}$, $\mu$ = {mu:.3g}; solid and "
-        f"dashed edges: inner and outer pyramids with ν = {facets}. {said}"
+        f"dashed edges: inner and outer pyramids with ν = {facets}. {sentence}"
     )
     return Drawing(figure, f"Friction cone: {where}", guide)
 

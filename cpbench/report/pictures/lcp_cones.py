@@ -44,7 +44,7 @@ def draw(problem: Problem, point: Point | None = None) -> Drawing:
     _plane_of_z(figure.add_axes((0.565, 0.125, 0.41, 0.86)), dense(problem.M), problem.q, path, found)
     guide = (
         f"$M$ is {_kind(problem)}. $q$ lies in {counted(sum(c.z is not None for c in cones), 'cone')}: "
-        f"{counted(len(found), 'solution')} (circles). {_told(path)}"
+        f"{counted(len(found), 'solution')} (circles). {_lemke_sentence(path)}"
     )
     return Drawing(figure, f"Complementary cones: {canvas.literal(problem.name or 'lcp')}", guide)
 
@@ -55,7 +55,7 @@ def _kind(problem: LCP) -> str:
     return "no P-matrix: complementary cones overlap, are flat, or leave gaps"
 
 
-def _told(path: LemkePath) -> str:
+def _lemke_sentence(path: LemkePath) -> str:
     """Return how Lemke's method did, and where to see it."""
     if not len(path.cover):
         return r"$q \geq 0$, so that $z = 0$ is one and Lemke's method does not pivot."

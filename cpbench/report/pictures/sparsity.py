@@ -44,9 +44,9 @@ def draw(problem: Problem, point: Point | None = None) -> Drawing:
     figure = _grid(problem, blocks, places, _shares(wide, high), _shares(high, wide))
     entries = sum(matrices.nnz(M) for M in blocks.values())
     whole = sum(M.shape[0] * M.shape[1] for M in blocks.values())
-    told = [sized(symbols_of(problem, name), M) for name, M in blocks.items()]
+    titles = [sized(symbols_of(problem, name), M) for name, M in blocks.items()]
     guide = (
-        f"{canvas.joined([f'{n}: {t}' for n, t in zip(blocks, told, strict=True)])}; {entries} nonzeros, "
+        f"{canvas.joined([f'{n}: {t}' for n, t in zip(blocks, titles, strict=True)])}; {entries} nonzeros, "
         f"{100 * entries / whole:.3g} % of the entries. A cell is an entry or a square of entries, darker the larger "
         "its largest, over six decades; small ones are light grey, zeros white."
     )

@@ -81,10 +81,10 @@ def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
     axes.plot(stopped["x"], stopped["seconds"], linestyle="none", marker="^", **open_look, zorder=3)
     figures.log_axis(axes, "x", number)
     figures.log_axis(axes, "y", seconds)
-    told = "no slope: " + ("few sizes" if "factor" in record["reason"] else "few solved")
+    slope_text = "no slope: " + ("few sizes" if "factor" in record["reason"] else "few solved")
     if not record["reason"]:
         axes.plot(*scaling.line(record), color=canvas.INK, linewidth=1.1, zorder=4)
-        told = f"b = {record['slope']:.2f} [{record['low']:.2f}, {record['high']:.2f}]"
+        slope_text = f"b = {record['slope']:.2f} [{record['low']:.2f}, {record['high']:.2f}]"
     axes.set_title(figures.shorten(one_line(record["label"]), 24), fontsize=7.5, loc="left", pad=12)
-    axes.text(0.0, 1.03, told, transform=axes.transAxes, fontsize=6.5, color="#444444", va="bottom")
+    axes.text(0.0, 1.03, slope_text, transform=axes.transAxes, fontsize=6.5, color="#444444", va="bottom")
     axes.tick_params(labelsize=6)
