@@ -78,7 +78,8 @@ class AutoContact(Solver):
         if sweeps.error <= budget.tolerance:
             made = counters(sweeps.done)
             return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
-        run = Phases(prepared, budget, sweeps, limit, deadline, record)
+        begin = np.zeros(prepared.q.size) if start is None else start.r
+        run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
         while not run.error <= budget.tolerance and run.iterations < limit:
             if time.monotonic() > deadline:

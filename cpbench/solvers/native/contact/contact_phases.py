@@ -1,7 +1,7 @@
 """The phases of the automatic choice on frictional contact: sweeps, Newton steps to proximal points, ADMM.
 
-Each begins at the best point so far and ends when it has had what was expected of it; `contact_policy` says who is
-next.
+Each begins at the best point so far and ends when it has had what was expected of it; `contact_policy` says which is
+next. Beside them the methods of `contact_hedges` have their share of the work.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record
 from cpbench.solvers.native.contact.admm_contact import ADMMContactOptions, Splitting
+from cpbench.solvers.native.contact.contact_hedges import Hedge, NewtonHedge, ProximalHedge
 from cpbench.solvers.native.contact.contact_policy import (
     HARDER,
     ITERATION,
@@ -51,6 +52,7 @@ class Phases:
         self,
         contacts: ScaledContacts,
         budget: Budget,
+        start: Vector,
         sweeps: AcceleratedSweeps,
         limit: int,
         deadline: float,
@@ -67,11 +69,45 @@ class Phases:
         self._proximal: ProximalSteps | None = None
         self._drifted: Vector | None = None
         self._mark = self.error
+        self._start, self._swept = start, sweeps.best.copy()
+        self._hedges: tuple[Hedge, ...] | None = None
         step = step_work(contacts.rows.problem.W)
         self._standing = Standing(self.error, sweeps.done, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
 
     def phase(self) -> None:
-        """What the policy says, until it is done or has had what was expected of it."""
+        """Do what the policy says, until it is done or has had what was expected of it; then what is due beside it."""
+        self._policy_phase()
+        now, made = self._standing, self.counters
+        hedged = sum(hedge.steps for hedge in self._hedges or ())
+        newton, admm = made["newton_steps"] - hedged, made["admm_iterations"]
+        work = made["sweeps"] * now.sweep + newton * now.step + admm * now.iteration
+        if self._hedges is None and STEPS * now.step <= work:
+            self._hedges = NewtonHedge(self._contacts, self._start), ProximalHedge(self._contacts, self._swept)
+        for hedge in self._hedges or ():
+            self._catch_up(hedge, work)
+
+    def _catch_up(self, hedge: Hedge, work: float) -> None:
+        """Advance a method beside the policy until it has had its share of its work."""
+        steps = hedge.steps
+        while hedge.due(work):
+            end = hedge.spent + STEPS * self._standing.step
+            while hedge.spent < end and not hedge.over and not self._over:
+                before = hedge.steps
+                hedge.advance(self.deadline)
+                self._made("newton_steps", hedge.steps - before)
+                self._seen(hedge.r, self._contacts.rows.judged(hedge.r))
+            if self._over:
+                break
+        if hedge.steps > steps:
+            self.told.append(f"{hedge.steps - steps} {hedge.unit} to {self.error:.1e}")
+
+    @property
+    def _over(self) -> bool:
+        """Whether the tolerance is reached, or the iterations or the time are spent."""
+        spent = self.iterations >= self.limit or time.monotonic() > self.deadline
+        return self.error <= self._budget.tolerance or spent
+
+    def _policy_phase(self) -> None:
         before, method = self.error, policy(self._standing, self._budget.tolerance)
         match method:
             case Method.SWEEPS:
