@@ -20,7 +20,7 @@ _ERROR = re.compile(r"|inf|(<=)?\d+(\.\d+)?e[-+]\d+")
 
 
 def check(cells: Sequence[str], place: str, number: int) -> None:
-    """Raises FormatError where the cells of this line of the file `place` are none of a baseline."""
+    """Raise FormatError where the cells of this line of the file `place` are none of a baseline."""
 
     def wrong(cause: str) -> FormatError:
         return FormatError(place, f"line {number}", cause)

@@ -185,7 +185,7 @@ def intervals(
 
 
 def check(level: float, replicates: int) -> None:
-    """Raises ValueError on a level outside (0, 1) and on no replicate."""
+    """Raise ValueError on a level outside (0, 1) and on no replicate."""
     if not 0 < level < 1:
         raise ValueError(f"level of {level:g}: must lie between 0 and 1, as 0.95")
     if replicates < 1:

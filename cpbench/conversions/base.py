@@ -124,7 +124,7 @@ class Conversion(ABC):
         return f"{self.name}[{','.join(changed)}]" if changed else self.name
 
     def require(self, problem: Problem) -> None:
-        """Raises NotApplicable when there is an obstacle."""
+        """Raise NotApplicable when there is an obstacle."""
         why = self.obstacle(problem)
         if why is not None:
             raise NotApplicable(self.label, why)

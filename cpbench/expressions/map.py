@@ -230,7 +230,7 @@ class Builder:
         self._named: dict[str, int] = {}
 
     def constant(self, value: float) -> int:
-        """Raises ProblemError unless it is finite."""
+        """Raise ProblemError unless it is finite."""
         value = float(value)
         if not np.isfinite(value):
             raise ProblemError("map", f"has the constant {value}, expected a finite number")

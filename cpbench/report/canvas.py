@@ -91,7 +91,7 @@ def number(value: float) -> str:
 
 
 def require_suffix(path: Path) -> None:
-    """Raises CpbenchError unless the file is of a kind that figures are written to."""
+    """Raise CpbenchError unless the file is of a kind that figures are written to."""
     if path.suffix.lower() not in SUFFIXES:
         raise CpbenchError(f"{path}: unknown suffix '{path.suffix}'; figures are written as {', '.join(SUFFIXES)}")
 

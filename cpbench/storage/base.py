@@ -89,7 +89,7 @@ formats: Registry[Format] = Registry("format", "cpbench.storage")
 
 
 def no_member(path: Path, member: str) -> None:
-    """Raises FormatError when a member of a file without members is asked for."""
+    """Raise FormatError when a member of a file without members is asked for."""
     if member:
         raise FormatError(path, "", f"is one problem, it has no member '{member}'")
 
@@ -154,7 +154,7 @@ def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
 
 
 def require_new(path: Path, force: bool) -> None:
-    """Raises FormatError when nothing can be written at `path`: commands ask before they begin to work."""
+    """Raise FormatError when nothing can be written at `path`: commands ask before they begin to work."""
     if path.is_dir():
         raise FormatError(path, "", "is a folder, cannot be written as a file")
     if not force and path.exists():

@@ -129,7 +129,7 @@ class HDF5(Format):
             put_guesses(root, problem, guesses)
 
     def _require(self, parent: Tree, group: str) -> None:
-        """Raises FormatError when the problem is not in this format."""
+        """Raise FormatError when the problem is not in this format."""
 
 
 class Native(HDF5):

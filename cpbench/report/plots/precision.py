@@ -30,6 +30,6 @@ def draw(run: Run, choice: Choice) -> Drawing:
 
 
 def require_histories(chosen: SelectedRows) -> None:
-    """Raises CpbenchError when no iterate of these rows was kept."""
+    """Raise CpbenchError when no iterate of these rows was kept."""
     if not chosen.rows["key"].isin(chosen.histories["key"]).any():
         raise CpbenchError("no iterates were kept of these rows: run with --history, for solvers that tell theirs")
