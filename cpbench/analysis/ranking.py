@@ -21,7 +21,9 @@ from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
 from cpbench.analysis.table import ResultGroup
+from cpbench.formulations import formulations
 from cpbench.formulations.base import Kind
+from cpbench.plurals import counted
 from cpbench.verification import PROVEN, Status
 
 LINES = 10
@@ -71,12 +73,14 @@ class Ranking:
     Attributes
     ----------
     formulation : its name, with what tells the group from others of the same node. problems : those that some
-    solver was started on, without those that have no solution. rows : all solvers that were started.
+    solver was started on, without those that have no solution; `cases` counts them, each start of a file as one.
+    rows : all solvers that were started.
     """
 
     group: ResultGroup
     formulation: str
     problems: int
+    cases: int
     rows: tuple[RankedSolver, ...]
     sentence: str
 
@@ -84,6 +88,28 @@ class Ranking:
     def shown(self) -> tuple[RankedSolver, ...]:
         """The rows for a reader."""
         return self.rows[:LINES]
+
+    @property
+    def title(self) -> str:
+        """What its node is called in full, '' where nobody knows the node any more."""
+        return formulations.get(self.group.node).title if self.group.node in formulations else ""
+
+    @property
+    def verdict(self) -> str:
+        """The sentence without the name of the formulation that it begins with."""
+        return self.sentence.removeprefix(f"{self.formulation}: ")
+
+    @property
+    def winner(self) -> str:
+        """The solver to use, '' where nobody solved anything."""
+        first = self.rows[0] if self.rows else None
+        return first.solver if first is not None and first.solved + first.stationary else ""
+
+    @property
+    def size(self) -> str:
+        """How many problems it rests on, and from how many starts."""
+        told = counted(self.problems, "problem")
+        return told if self.cases == self.problems else f"{told}, {counted(self.cases, 'start')}"
 
 
 def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None = None) -> list[Ranking]:
@@ -129,7 +155,8 @@ def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
 def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
     hopeless = started["fingerprint"].isin(started.loc[started["status"].isin(PROVEN), "fingerprint"].unique())
     rows = started[~hopeless]
-    problems = rows["fingerprint"].nunique()
+    cases = rows["fingerprint"].nunique()
+    problems = rows["fingerprint"].map(multi_start.original).nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
     gap = best.gaps(times)
     leads, factors = gap["fastest"].to_dict(), gap["mean"].to_dict()
@@ -153,11 +180,11 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
         for label in sorted(count)
     ]
     ranked.sort(key=lambda r: (-r.solved, -r.stationary, r.factor if r.factor == r.factor else math.inf, r.solver))
-    sentence = _sentence(name, problems, ranked, times)
+    sentence = _sentence(name, cases, ranked, times, "problem" if cases == problems else "start")
     left = int(started.loc[hopeless, "fingerprint"].nunique())
     if left:
         sentence += f" {left} more {'was' if left == 1 else 'were'} proved to have no solution."
-    return Ranking(group, name, problems, tuple(ranked), sentence)
+    return Ranking(group, name, problems, cases, tuple(ranked), sentence)
 
 
 def _count(rows: pd.DataFrame) -> dict[str, int]:
@@ -199,15 +226,15 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
     return found
 
 
-def _sentence(name: str, problems: int, ranked: Sequence[RankedSolver], times: pd.DataFrame) -> str:
-    """Say which solver to use, and on which evidence."""
-    if not problems:
+def _sentence(name: str, cases: int, ranked: Sequence[RankedSolver], times: pd.DataFrame, noun: str) -> str:
+    """What to use, and what that rests on; `noun` says what the cases are."""
+    if not cases:
         return f"{name}: no problem that has a solution."
     if not ranked or not ranked[0].solved + ranked[0].stationary:
-        return f"{name}: nobody solves any of {_counted(problems)}."
+        return f"{name}: nobody solves any of {counted(cases, noun)}."
     first = ranked[0]
-    reach = "" if first.started == problems else f" ({_counted(problems)} in all)"
-    sentence = f"it solves {first.solved} of {_counted(first.started)}{reach}"
+    reach = "" if first.started == cases else f" ({counted(cases, noun)} in all)"
+    sentence = f"it solves {first.solved} of {counted(first.started, noun)}{reach}"
     if first.stationary:
         sentence += f" and finds a stationary point of {first.stationary}"
     if len(ranked) == 1:
@@ -241,7 +268,3 @@ def _faster(first: str, times: pd.DataFrame) -> tuple[str, float, int] | None:
             found.append((-float(np.exp((mine - logs[label])[both].mean())), str(label), int(both.sum())))
     ratio, label, both = min(found, default=(0.0, "", 0))
     return (label, -ratio, both) if -ratio >= FASTER else None
-
-
-def _counted(problems: int) -> str:
-    return "1 problem" if problems == 1 else f"{problems} problems"

@@ -10,6 +10,7 @@ from cpbench.api.start_answers import start_answers
 from cpbench.api.thumbnails import Thumbnails
 from cpbench.bench import history
 from cpbench.bench.results.store import Store
+from cpbench.generators.collection import address_text
 from cpbench.report import row_files
 from cpbench.report.folder import write_folder
 
@@ -40,8 +41,9 @@ def write_report(
     """
     rows = store.table() if table is None else table
     forms, told = row_files.chosen(len(rows), data)
+    places = {address: address_text(address) for address in rows["address"].unique()}
     files = write_folder(
-        rows,
+        rows.assign(address=rows["address"].map(places)),
         store.meta(),
         folder,
         title,

@@ -50,9 +50,23 @@ def print_answer(store: Store) -> None:
     told = left_out_lines(meta.get("left_out", []))
     for line in told[:LINES]:
         click.echo(_fitted(line))
+    if any(_fitted(line) != line for line in told[:LINES]):
+        click.echo("\n".join(folded("why: cpbench route PROBLEM --explain, and the report")))
     if len(told) > LINES:
         click.echo(f"and {counted(len(told) - LINES, 'more reason')} why pairs could not be run")
-    click.echo("\n".join(["", *(line for ranking in found for line in folded(ranking.sentence))]))
+    click.echo("\n".join(["", *(line for ranking in found for line in _sentence(ranking))]))
+
+
+def _title(ranking: Ranking) -> str:
+    return f" ({ranking.title})" if ranking.title else ""
+
+
+def _sentence(ranking: Ranking) -> Sequence[str]:
+    """What to use, after the formulation and what it is called in full, in lines of the terminal; what is looked for
+    is bold there."""
+    first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {ranking.verdict}")
+    first = first.replace(f"use {ranking.winner}:", f"use {click.style(ranking.winner, bold=True)}:", 1)
+    return [click.style(ranking.formulation, bold=True) + first.removeprefix(ranking.formulation), *rest]
 
 
 def _print_ranking(ranking: Ranking) -> None:
@@ -60,7 +74,7 @@ def _print_ranking(ranking: Ranking) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    head = f"{ranking.formulation}: {counted(ranking.problems, 'problem')}"
+    head = f"{ranking.formulation}{_title(ranking)}: {ranking.size}"
     table = Table(
         title=Text(head), title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0)
     )
@@ -96,6 +110,9 @@ def _cells(row: RankedSolver) -> Sequence[str]:
 
 
 def _fitted(line: str) -> str:
-    """A line in the width of the terminal, as it is elsewhere."""
+    """A line in the width of the terminal, without its reason where both do not fit; as it is elsewhere."""
     room = width()
-    return line if room is None or len(line) <= room else f"{line[: room - 1]}…"
+    if room is None or len(line) <= room:
+        return line
+    what = line.partition(": ")[0]
+    return what if len(what) <= room else f"{line[: room - 1]}…"

@@ -29,6 +29,7 @@ from cpbench.cli.progress import converting
 from cpbench.cli.routes import kinds_option, sizes_line
 from cpbench.errors import CpbenchError
 from cpbench.formulations import Kind, Problem, formulations
+from cpbench.generators.collection import address_text
 from cpbench.report.show import slip_angle
 from cpbench.storage.base import require_new
 
@@ -100,7 +101,7 @@ def command(
     arrival = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}, apply=apply).arrival
     guesses, lost = _carried(storage.guesses(source), arrival)
     storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
-    click.echo(f"{source} ({problem.node}: {sizes_line(problem)})")
+    click.echo(f"{address_text(source)} ({problem.node}: {sizes_line(problem)})")
     click.echo(f"  by {arrival.route.label} ({arrival.kind})")
     for remark in filter(None, map(slip_angle, arrival.problem.provenance[len(problem.provenance) :])):
         click.echo(f"  {remark}")

@@ -12,6 +12,7 @@ from cpbench.bench import checkup, machine, time_limits
 from cpbench.bench.checkup import Checkup
 from cpbench.bench.processes import isolation
 from cpbench.cli.options import Command
+from cpbench.cli.terminal import folded, table
 
 
 @click.command(cls=Command)
@@ -29,10 +30,10 @@ def command(warm: bool) -> None:
         click.echo(f"{name:<12} {value}")
     click.echo("isolation")
     for what, told in isolation.detect().told():
-        click.echo(f"  {what:<10} {told}")
+        _say(f"  {what:<10} {told}")
     click.echo("limits       killed with all it started half a second later at most")
     for what, told in time_limits.told():
-        click.echo(f"  {what:<10} {told}")
+        _say(f"  {what:<10} {told}")
     chosen = list(solvers)
     seen: dict[str, Checkup] = {}
     if warm:
@@ -46,6 +47,11 @@ def command(warm: bool) -> None:
         click.echo("\r\x1b[2K", nl=False, err=True)
     for line in _told([seen[solver.spec.name] for solver in chosen]):
         click.echo(line)
+
+
+def _say(line: str) -> None:
+    """A line about one of several things, in the width of the terminal."""
+    click.echo("\n".join(folded(line, hanging=11)))
 
 
 def _progress(done: int, of: int, name: str, warm: bool) -> None:
@@ -72,18 +78,18 @@ def _told(found: Sequence[Checkup]) -> Iterator[str]:
 
 def _ready(those: Sequence[Checkup]) -> Iterator[str]:
     """A line a solver, of those that run by default; the others are counted."""
-    from cpbench.cli.solver_tables import HEAD, cells, columns, families
+    from cpbench.cli.solver_tables import HEAD, cells, families
     from cpbench.solvers.base import solvers
 
     specs = {one.name: solvers.get(one.name).spec for one in those}
     shown = [one for one in those if specs[one.name].by_default]
     rows = [cells(specs[one.name], one) for one in shown]
-    yield from (f"  {line}" for line in columns([HEAD, *rows]))
+    yield from table((f"  {name}", *rest) for name, *rest in [HEAD, *rows])
     if any(specs[one.name].publishing for one in shown):
         yield "  * figures must not be published without permission: cpbench list solvers NAME"
     rest = [specs[one.name] for one in those if one not in shown]
     if rest:
-        yield f"  and {len(rest)} that run only when they are named: {families(rest)}"
+        yield from folded(f"  and {len(rest)} that run only when they are named: {families(rest)}")
 
 
 def _absent(those: Sequence[Checkup]) -> Iterator[str]:
@@ -95,5 +101,5 @@ def _absent(those: Sequence[Checkup]) -> Iterator[str]:
         reasons.setdefault(one.detail.strip(), []).append(one.name)
     for reason, names in reasons.items():
         lines = reason.splitlines() or ["no reason was given"]
-        yield from (f"  {line}" for line in lines)
+        yield from (part for line in lines for part in folded(f"  {line}"))
         yield from folded_names(names)

@@ -11,6 +11,7 @@ from click.core import ParameterSource
 
 from cpbench.cli import terminal
 from cpbench.cli.options import Command, ListOption, number
+from cpbench.cli.outputs import replaced
 from cpbench.cli.routes import kinds_option
 from cpbench.formulations import Kind, formulations
 from cpbench.plurals import counted
@@ -48,9 +49,10 @@ def command(
         from cpbench.report import canvas
         from cpbench.report.graph_map import graph_drawing
 
+        before = [output] if output.exists() else []
         with canvas.drawing():
             canvas.write(graph_drawing(kinds), output)
-        click.echo(f"graph: {output}")
+        click.echo(f"graph: {replaced(output, before)}")
         return
     if not check:
         for line in draw(form, kinds).splitlines():

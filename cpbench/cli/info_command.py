@@ -16,6 +16,7 @@ from cpbench.cli.answer import is_results, print_results
 from cpbench.cli.options import Address, Command, format_option, number
 from cpbench.facts import Fact
 from cpbench.formulations import Problem
+from cpbench.generators.collection import address_text
 from cpbench.plain_text import printable
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
@@ -62,7 +63,7 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
 
 
 def _print(address: str, problem: Problem, measured: tuple[Fact, ...]) -> None:
-    click.echo(f"{address}: {problem.title} {problem.equation}")
+    click.echo(f"{address_text(address)}: {problem.title} {problem.equation}")
     click.echo(f"  node         {problem.node}")
     click.echo(f"  name         {printable(problem.name)}")
     click.echo(f"  fingerprint  {problem.fingerprint}")

@@ -21,6 +21,7 @@ from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations import Problem
 from cpbench.graph import Apply
 from cpbench.plain_text import printable
+from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -61,7 +62,7 @@ class Display:
         self._began = self._told = time.monotonic()
         if not self._quiet:
             resumed = f", {self._before} done before" if self._before else ""
-            click.echo(f"{len(planned)} pairs{resumed}", err=True)
+            click.echo(f"{counted(len(planned), 'pair')}{resumed}", err=True)
         if self._terminal and self._total:
             from rich.console import Console
             from rich.live import Live
@@ -104,7 +105,7 @@ class Display:
         table.add_column(style="dim", width=9)
         table.add_column(ratio=1, no_wrap=True, overflow="ellipsis")
         now = time.monotonic()
-        table.add_row("done", f"{self._done} of {self._total} pairs, {self._left() or 'no estimate yet'}")
+        table.add_row("done", f"{self._done} of {counted(self._total, 'pair')}, {self._left() or 'no estimate yet'}")
         table.add_row("", ProgressBar(total=max(self._total, 1), completed=self._done))
         for text, since, limit in list(self._now.values()):
             table.add_row("solving", f"{text}  {now - since:.1f} s of {limit:g} s")

@@ -12,6 +12,7 @@ from cpbench.cli.options import Address, Command, ListOption, format_option
 from cpbench.cli.routes import kinds_option, size_after, sizes_line
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
+from cpbench.generators.collection import address_text
 from cpbench.report.graph_drawing import solvers_of
 
 
@@ -38,7 +39,7 @@ def command(
     source = storage.load(problem, format=file_format)
     for node in nodes:
         formulations.get(node)
-    _say(f"{problem} ({source.node}: {sizes_line(source)})")
+    _say(f"{address_text(problem)} ({source.node}: {sizes_line(source)})")
     memory = graph.Memory()
     show = _every_route if every else _cheapest_route
     for node in nodes or formulations.names():

@@ -277,7 +277,7 @@ def _tell_estimate(asked: RunPlan, assembly: Assembly) -> None:
         from cpbench.cli.estimate import estimate
 
         longest = quantities.duration(dry_run.longest(todo, asked))
-        click.echo(f"{estimate(todo, asked)}; at most {longest}", err=True)
+        click.echo("\n".join(folded(f"{estimate(todo, asked)}; at most {longest}")), err=True)
 
 
 def _tell_removed(store: Store) -> None:

@@ -12,6 +12,7 @@ from cpbench import storage, verification
 from cpbench.api.problems import load, verify
 from cpbench.cli.options import Address, Command, format_option, number, tolerance_option
 from cpbench.errors import FormatError
+from cpbench.generators.collection import address_text
 
 
 @click.command(cls=Command)
@@ -69,7 +70,7 @@ def command(
         verdict = verify(asked_problem, point, tolerance=tolerance, measure=measure)
         lines = _parts(verdict)
     word = "passes" if verdict.solved else "does not pass"
-    click.echo(f"{problem}: error {number(verdict.error)}, {word} at {number(tolerance)}")
+    click.echo(f"{address_text(problem)}: error {number(verdict.error)}, {word} at {number(tolerance)}")
     for line in lines:
         click.echo(line)
     if verdict.flags:

@@ -2,7 +2,9 @@
 
 Source  min ½zᵀQz + pᵀz  subject to  Ez ≥ e (λ),  Fz = g (μ), Q positive definite; bounds are rows of E and F.
 Target  with G = [E; F], c = (e, g):  min ½yᵀ(G Q⁻¹Gᵀ)y − (G Q⁻¹p + c)ᵀy  over y = (λ ≥ 0, μ free).
-Lift    z = Q⁻¹(Gᵀy − p), y sorted out to λ, μ, ν.        Push  y;  the multiplier of λ ≥ 0 is Ez − e.
+Lift    z = Q⁻¹(Gᵀy − p), y sorted out to λ, μ, ν, with 0 for a λ that is less than the slack of its row at z over the
+        diagonal of G Q⁻¹Gᵀ: of the two, the smaller counts as 0. A far bound has a slack in whose units an error of λ
+        is nothing, and all of z.        Push  y;  the multiplier of λ ≥ 0 is Ez − e.
 Kind    equivalent while eps cond(Q) <= 1e-8 (`elimination.LOSSLESS`), one-way beyond: the target may then lack
         solutions of the source, and what is lifted is as exact as rounding leaves it. Refused from cond(Q) = 1e13 on.
         Q is factored once and not inverted; it travels in the trace with G and p. The dual of a QP with many more rows
@@ -26,7 +28,8 @@ from cpbench.formulations.qp import QP, QPPoint
 @conversions.register("qp-qp-dual")
 @dataclass(frozen=True)
 class QPtoDual(Conversion):
-    """Dual of a strictly convex QP. Trace: as qp-mlcp, with `factor` (Q), `G`, `p`, `c`, `inequalities`, `shift`."""
+    """Dual of a strictly convex QP. Trace: as qp-mlcp, with `factor` (Q), `G`, `p`, `c`, `inequalities`, `shift`,
+    `diagonal` (of G Q⁻¹Gᵀ)."""
 
     name = "qp-qp-dual"
     source = "qp"
@@ -80,12 +83,20 @@ class QPtoDual(Conversion):
             "c": c,
             "inequalities": rows.e.size,
             "shift": amplification(moved, c),
+            "diagonal": target.Q.diagonal(),
         }
 
     def lift(self, point: QPPoint, trace: Trace) -> QPPoint:
-        y = point.z
+        y, factor, G = point.z.copy(), trace["factor"], trace["G"]
+        z = factor.solve(G.T @ y - trace["p"])
+        if "diagonal" in trace:  # files of earlier versions lack it
+            idle = G @ z - trace["c"] > np.abs(y) * trace["diagonal"]
+            idle[trace["inequalities"] :] = False
+            if y[idle].any():
+                y[idle] = 0.0
+                z = factor.solve(G.T @ y - trace["p"])
         lam, mu, nu = kkt.split(*np.split(y, [trace["inequalities"]]), trace)
-        return QPPoint(z=trace["factor"].solve(trace["G"].T @ y - trace["p"]), lam=lam, mu=mu, nu=nu)
+        return QPPoint(z=z, lam=lam, mu=mu, nu=nu)
 
     def push(self, point: QPPoint, trace: Trace) -> QPPoint:
         slack = trace["G"] @ point.z - trace["c"]

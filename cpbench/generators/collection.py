@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
@@ -27,6 +28,19 @@ def builtin_folder() -> Path:
         if any(folder.glob("*/*.h5")):
             return folder
     raise CpbenchError("the built-in problems are not installed; write them with: cpbench generate FOLDER")
+
+
+def address_text(address: str) -> str:
+    """Return an address as a reader may type it: that of a built-in problem as `builtin/...`, any other as it is.
+
+    >>> address_text(f"{builtin_folder()}/lcp/american-put.h5"), address_text("mine.h5")
+    ('builtin/lcp/american-put.h5', 'mine.h5')
+    """
+    try:
+        inside = address.removeprefix(f"{builtin_folder()}{os.sep}")
+    except CpbenchError:  # none are installed
+        return address
+    return address if inside == address else f"builtin/{inside}"
 
 
 def quick_problems(folder: Path) -> list[str]:

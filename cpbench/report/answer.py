@@ -24,7 +24,7 @@ def answer(run: Run) -> Iterator[str]:
         return
     most = set(sorted(ranked, key=lambda r: -r.problems)[:SENTENCES])
     shown = [ranking for ranking in ranked if ranking in most]
-    yield "\n".join(f"- **{plain(r.formulation)}**: {plain(sentence_of(r))}" for r in shown)
+    yield "\n".join(_sentence(ranking) for ranking in shown)
     if len(ranked) > len(shown):
         left = counted(len(ranked) - len(shown), "more group")
         yield f"Not shown here: {left} with fewer problems, in `report.html` and `results.csv`."
@@ -43,9 +43,13 @@ def answer(run: Run) -> Iterator[str]:
     )
 
 
-def sentence_of(ranking: Ranking) -> str:
-    """Return the sentence of a ranking without the name of the formulation that it begins with."""
-    return ranking.sentence.removeprefix(f"{ranking.formulation}: ")
+def _sentence(ranking: Ranking) -> str:
+    """What to use, after the formulation and what it is called in full."""
+    title = f" ({plain(ranking.title)})" if ranking.title else ""
+    winner = f"use {ranking.winner}: "
+    said = plain(ranking.verdict.removeprefix(winner))
+    advice = f"use **{code(ranking.winner)}**: {said}" if ranking.verdict.startswith(winner) else said
+    return f"- **{plain(ranking.formulation)}**{title}: {advice}"
 
 
 def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:

@@ -51,7 +51,7 @@ def _headline(run: Run) -> str:
     rows = run.rows
     never = int(rows["status"].isin(REFUSED).sum())
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
-    problems, labels = rows["fingerprint"].nunique(), rows["label"].nunique()
+    problems, labels = run.read["fingerprint"].nunique(), rows["label"].nunique()
     lines = [
         f"**{int(rows_of.solved(rows).sum())} of {counted(len(rows) - never, 'pair')} solved** "
         f"({counted(problems, 'problem')}, {counted(labels, 'solver configuration')}); "

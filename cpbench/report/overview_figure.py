@@ -23,17 +23,19 @@ if TYPE_CHECKING:
 NAME = "answer"
 """Name of its files, without a suffix."""
 PANELS = 12
-"""The most formulations: those with most problems."""
+"""The most formulations: those with most problems, of equally many those with most solves."""
 ACROSS, NAMED = 3, 4
 """Panels a row; solvers named below each."""
 POINTS = 400
+TIGHT = 0.04
+"""What is free above and below the curves, so that one along an end is seen."""
 WIDTH, HIGH, GAP = 9.2, 1.35, 1.28
 """Width of the figure, height of a panel, and what is below it for axis and names [in]."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A formulation with its profile, the kinds of routes, and the labels that are in colour."""
+    """A formulation with its profile, the kinds of routes, and the labels that are in colour, as they rank."""
 
     name: str
     profile: Profile
@@ -46,21 +48,29 @@ def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
 
     Of one formulation it is the profile that its details have.
     """
-    wanted = sorted((r for r in rankings if r.rows[0].solved), key=lambda r: -r.problems)[:PANELS]
-    wanted = [r for r in rankings if r in wanted]
     rows = dict(run.parts)
-    panels = [panel for r in wanted if (panel := _panel(r, rows[r.group])) is not None]
+    panels = [panel for r in chosen(rankings) if (panel := _panel(r, rows[r.group])) is not None]
     if not panels:
         return "", ""
     if len(run.parts) == 1:
         return f"profile-{slug_of(run, run.parts[0][0])}", profile_guide(panels[0].profile.problems)
     save(overview_figure(panels, run.looks), run.folder, NAME)
-    left = "" if len(panels) == len(rankings) else f" Shown are {len(panels)} of {len(rankings)} formulations."
+    left = ""
+    if len(panels) < len(rankings):
+        left = f" {len(panels)} of {len(rankings)} formulations are shown, those with most problems, then most solves."
     return NAME, (
         "A curve at τ is the fraction of the problems that the solver solved within τ times the time of the fastest "
-        f"solver of that problem: left where it was the fastest, right at all. Named: the {NAMED} with the largest "
-        f"area.{left}"
+        "solver of that problem: left where it was the fastest, right at all. Below each panel: the solvers with the "
+        f"largest area under their curves, and how many problems each solved.{left}"
     )
+
+
+def chosen(rankings: Sequence[Ranking]) -> list[Ranking]:
+    """Return the rankings that get a panel, in their order: of several solvers where there are such."""
+    compared = [r for r in rankings if sum(row.solved > 0 for row in r.rows) > 1]  # a curve alone says nothing
+    solved = compared or [r for r in rankings if r.rows[0].solved]
+    most = sorted(solved, key=lambda r: (-r.problems, -sum(row.solved for row in r.rows)))[:PANELS]
+    return [r for r in rankings if r in most]
 
 
 def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
@@ -68,8 +78,11 @@ def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
     if not len(times.columns):
         return None
     profile = performance_profile(times)
-    named = tuple(profile.leading(NAMED))
-    return Panel(ranking.formulation, profile, rows_of.label_kinds(rows), named) if named else None
+    leading = profile.leading(NAMED)
+    if not leading:
+        return None
+    named = tuple(row.solver for row in ranking.rows if row.solver in leading)
+    return Panel(ranking.formulation, profile, rows_of.label_kinds(rows), named)
 
 
 def overview_figure(panels: Sequence[Panel], looks: Mapping[str, int]) -> Figure:
@@ -107,17 +120,19 @@ def _curves(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
         look |= {} if place is None else {"markevery": (0, max(1, len(tau) // 4)), "markersize": 3, "linewidth": 1.4}
         axes.plot(tau, height, drawstyle="steps-post", **look, zorder=2 if place is None else 4)
     frame(axes, upto, 6)
+    axes.set_ylim(-TIGHT, 1.0 + TIGHT)
     axes.set_yticks([0.0, 0.5, 1.0])
+    axes.set_xlabel("τ: time / fastest time", fontsize=6.8, labelpad=1.5)
     axes.set_title(f"{panel.name}  ({panel.profile.problems})", fontsize=8.5, loc="left", fontweight="bold", pad=3)
 
 
 def _names(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
-    """Draw a line a named solver, most solved first: its look, what it solved, its name."""
+    """A line a named solver, the best first: its look, what it solved, its name."""
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(NAMED - 0.5, -0.5)
     solved = {curve.label: curve.solved for curve in panel.profile.curves}
-    for at, label in enumerate(sorted(panel.named, key=lambda name: (-solved[name], name))):
+    for at, label in enumerate(panel.named):
         look = legend.look(looks[label], panel.kinds.get(label, "") in INEXACT) | {"markersize": 3, "linewidth": 1.4}
         axes.plot([0.0, 0.05, 0.1], [at] * 3, **look, markevery=[1], clip_on=False)
         axes.text(0.13, at, f"{solved[label]}  {marked(label, panel.kinds, 32)}", fontsize=7.2, va="center")

@@ -46,16 +46,22 @@ def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts
     number[small] = np.arange(small.size)
     ends = number[pairs]
     nodes = small.size + parts.count  # what is not small is one node a part
-    row, column = np.where(ends < 0, small.size + parts.part[pairs], ends)
+    linked = np.zeros(small.size, dtype=bool)
     if parts.measure is Measure.PAIRS:  # an unknown is where it is felt, whatever the size of the row beside it
-        column = nodes + pairs[1]
-        nodes += sizes.size
+        row, unknown = ends[0], pairs[1]
+        beside_large = np.zeros(sizes.size, dtype=bool)
+        beside_large[unknown[row < 0]] = True
+        linked[row[(row >= 0) & beside_large[unknown]]] = True
     else:
-        linked = np.zeros(small.size, dtype=bool)
         low, high = ends.min(axis=0), ends.max(axis=0)
         linked[high[(low < 0) & (high >= 0)]] = True
-        if linked.all():  # each by itself, to what is not small
-            return parts
+    if linked.all():  # each to what is not small
+        return parts
+    row, column = np.where(ends < 0, small.size + parts.part[pairs], ends)
+    if parts.measure is Measure.PAIRS:
+        found, column = np.unique(pairs[1], return_inverse=True)
+        column = column + nodes
+        nodes += found.size
     graph = sp.coo_array((np.ones(row.size), (row, column)), shape=(nodes, nodes))
     count, label = connected_components(graph, directed=False)
     own = np.full(count, -1)
@@ -72,17 +78,26 @@ def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts
 
 def _felt_pairs(terms: Terms, small: Any, sizes: Vector, gross: Vector) -> Any:
     """Rows and unknowns of the terms that are felt, of the unknowns of small rows and pairs; shape (2, count)."""
-    rows = terms.rows[small]
     asked = np.zeros(sizes.size, dtype=bool)
-    asked[small] = asked[rows.indices] = True
+    asked[small] = True
+    asked[_segments(terms.rows, small)[0]] = True
     per_row = inverse(gross)
     of_unknown = np.flatnonzero(asked)
-    columns = terms.columns[:, of_unknown]
-    share = columns.data * per_row[columns.indices]
-    extent = np.maximum(sizes[of_unknown], inverse(segment_max(share, columns.indptr)))
-    unknown = np.repeat(of_unknown, np.diff(columns.indptr))
-    felt = ~(share * np.repeat(extent, np.diff(columns.indptr)) < FELT)
-    return np.stack([columns.indices[felt], unknown[felt]])
+    rows, terms_of, indptr = _segments(terms.columns, of_unknown)
+    share = terms_of * per_row[rows]
+    extent = np.maximum(sizes[of_unknown], inverse(segment_max(share, indptr)))
+    lengths = np.diff(indptr)
+    felt = ~(share * np.repeat(extent, lengths) < FELT)
+    return np.stack([rows[felt], np.repeat(of_unknown, lengths)[felt]])
+
+
+def _segments(matrix: Any, which: Any) -> tuple[Any, Vector, Any]:
+    """Places and values of some rows of a CSR or columns of a CSC matrix, and where each begins."""
+    starts = matrix.indptr[which]
+    lengths = matrix.indptr[which + 1] - starts
+    indptr = np.concatenate([[0], np.cumsum(lengths)])
+    at = np.repeat(starts - indptr[:-1], lengths) + np.arange(indptr[-1])
+    return matrix.indices[at], matrix.data[at], indptr
 
 
 def _with(parts: Parts, blocks: Any, labels: Any) -> Parts:

@@ -16,6 +16,7 @@ from cpbench.matrices import Vector
 
 ROUNDS = 4
 STEPS = 200
+LOG_2 = float(np.log(2.0))
 BITS = 0.01
 """Conjugate gradients end where rows are off by less in the root mean square: sizes are compared, no digits."""
 
@@ -33,11 +34,15 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
     logs = np.log2(A.data)
     W = sp.csr_array((np.ones(logs.size), A.indices, A.indptr), shape=A.shape)
     d, e = np.zeros(A.shape[0]), np.zeros(A.shape[1])
-    for _ in range(ROUNDS):
+    for i in range(ROUNDS):
+        if i:
+            residuals = logs + d[rows]
+            residuals += e[A.indices]
+            residuals *= LOG_2
+            W.data = np.exp(np.minimum(residuals, 0.0, out=residuals), out=residuals)
         d, e, steps = _least_squares(W, sp.csr_array((W.data * logs, A.indices, A.indptr), shape=A.shape), d)
         if not steps:
             break
-        W.data = np.exp2(np.minimum(logs + d[rows] + e[A.indices], 0.0))
     return np.exp2(d), np.exp2(e)
 
 
@@ -52,16 +57,17 @@ def _least_squares(W: Any, weighted: Any, d: Vector) -> tuple[Vector, Vector, in
 
     e is eliminated; conjugate gradients find d from a first guess, scaled by the diagonal.
     """
-    beside_rows, beside_columns = W.sum(axis=1), W.sum(axis=0)
-    per_row, per_column = (np.divide(1.0, s, out=np.zeros_like(s), where=s > 0) for s in (beside_rows, beside_columns))
-    of_columns = weighted.sum(axis=0)
     transposed = W.T
+    every_row, every_column = np.ones(W.shape[0]), np.ones(W.shape[1])  # products take a tenth of the time of `sum`
+    beside_rows, beside_columns = W @ every_column, transposed @ every_row
+    per_row, per_column = (np.divide(1.0, s, out=np.zeros_like(s), where=s > 0) for s in (beside_rows, beside_columns))
+    of_columns = weighted.T @ every_row
 
     def opposite(d: Vector, constant: Vector | float = 0.0) -> Vector:
         return -per_column * (transposed @ d + constant)
 
     e = opposite(d, of_columns)
-    r = -(weighted.sum(axis=1) + beside_rows * d + W @ e)
+    r = -(weighted @ every_column + beside_rows * d + W @ e)
     enough, p, old, step = BITS**2 * beside_rows.sum(), np.zeros(d.size), 1.0, 0
     for step in range(STEPS):
         z = per_row * r

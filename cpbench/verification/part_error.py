@@ -97,6 +97,8 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     if system.also is not None:
         value, rows = system.also
         error = largest(error, float(np.max(np.abs(value) * units.f[rows], initial=0.0)))
+    # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
+    wrong |= (frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0)
     floor = float(np.max(noise * units.f * frame.amplification * wrong, initial=0.0))
     return BackwardError(largest(error), units.absolute, floor)
 
@@ -133,19 +135,21 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
     quiet = frame.any(joined(frame.sets, frame.count, lambda part: part.idle(system.x, system.f), bool))
     some_held = parts.every.any(held)
 
-    # every z is as large as its part; without a side that is what the prices ask of a curved objective, else nothing
+    # every z is as large as its part; without a side that is what the prices ask of a curved objective, idle prices
+    # only where there are no others; else nothing
     prices, sides, curved = parts.prices, parts.sides, parts.curved
     sided = some_held | ((sides > 0) & parts.every.any(~quiet & (constants > 0)))  # idle sides give no size
     unsized = ~sided & ~((prices > 0) & curved)
     unpriced = unsized & (prices == 0)
+    balanced = (constants > 0) & (~quiet | (sums > HEARD * constants))
     if frame.multiplier is None and frame.block is None:  # nor do idle prices that no other term of their row balances
-        balanced = (constants > 0) & (~quiet | (sums > HEARD * constants))
         unsized |= ~some_held & ~parts.every.any(balanced)
         unpriced = unsized
     reach = prices
     if gap or frame.multiplier is not None:
         reach = z.size((sizes * parts.per_unknown)[z.at])
-        reach = np.where(sided, reach, np.maximum(reach, prices))
+        asked = z.size((np.where(balanced, constants, 0.0) * parts.per_row)[z.at])
+        reach = np.where(sided, reach, np.maximum(reach, np.where(asked > 0, asked, prices)))
     felt = np.where(unsized, 0.0, reach)
     data_unit = parts.data_unit
     if some_held.any():
@@ -163,7 +167,7 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
         if not D.size:
             continue
         counted = np.maximum(feeds, constant)
-        heard = group.any((constant > 0) & (~quiet[rows] | (feeds > HEARD * constant)))
+        heard = group.any(balanced[rows])
         if heard.any():
             counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
         # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row

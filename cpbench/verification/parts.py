@@ -104,8 +104,7 @@ class Parts:
         """Find them by the sizes of the problem's terms."""
         if measure is Measure.PAIRS:  # rows and unknowns may have units of their own, and prices go beside sides
             rows, unknowns = equilibrate_apart(sizes)
-            both = connected_components(sp.block_array([[None, sizes], [sizes.T, None]]), directed=False)[1]
-            of_rows, of_unknowns = np.split(both, 2)
+            of_rows, of_unknowns = np.split(_rows_beside_unknowns(sizes), 2)
             split = bool((of_rows != of_unknowns).any())
             found, part = np.unique(of_rows, return_inverse=True)
             count = found.size
@@ -174,6 +173,14 @@ class Parts:
             (largest_of(entries.indices[at], scaled[at], k), largest_of(entries.indices[at], entries.data[at], k))
             for at in some
         )
+
+
+def _rows_beside_unknowns(sizes: Any) -> Any:
+    """The part of each row, then of each unknown, where terms alone join them."""
+    k = sizes.shape[0]
+    indptr = np.concatenate([sizes.indptr, np.full(k, sizes.indptr[-1])])
+    graph = sp.csr_array((sizes.data, sizes.indices + k, indptr), shape=(2 * k, 2 * k))
+    return connected_components(graph, directed=False)[1]
 
 
 def largest_of(at: Any, values: Vector, k: int) -> Vector:

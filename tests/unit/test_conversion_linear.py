@@ -299,6 +299,20 @@ def test_no_edge_asks_for_what_methods_of_first_order_do_not_reach() -> None:
     assert graph.tolerance(make("relay-lcp").step(source), 1e-6, 1) == pytest.approx(1e-10)
 
 
+def test_the_dual_gives_far_bounds_no_force() -> None:
+    """½|z|² − z₁ with |z| ≤ 10⁶: beside slacks of 10⁶ an error of 0.1 in the multipliers is nothing, and all of z."""
+    source = QP.build(np.eye(2), np.array([-1.0, 0.0]), lb=np.full(2, -1e6), ub=np.full(2, 1e6))
+    edge = make("qp-qp-dual")
+    target, trace = edge.apply(source)
+    answer = target.point_from_vector(np.concatenate([np.full(4, 0.1), -target.p]))
+    assert np.array_equal(edge.lift(answer, trace).z, [1.0, 0.0])
+    # what presses stays: z₁ ≤ ½
+    held, trace = edge.apply(QP.build(np.eye(2), np.array([-1.0, 0.0]), lb=np.full(2, -1e6), ub=np.array([0.5, 1e6])))
+    y = np.where(held.p == -0.5, 0.5, 0.1)
+    lifted = edge.lift(held.point_from_vector(np.concatenate([y, np.zeros(4)])), trace)
+    assert np.allclose(lifted.z, [0.5, 0.0])
+
+
 def test_a_bound_is_pressed_at_the_origin_too() -> None:
     """Hock and Schittkowski's problem 3, z₂ + 1e-5 (z₂ − z₁)² over z₂ ≥ 0: at z = 0 its first row has no term."""
     Q = 2e-5 * np.array([[1.0, -1], [-1, 1]])

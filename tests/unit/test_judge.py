@@ -160,12 +160,34 @@ def test_an_idle_side_or_price_gives_no_size() -> None:
         assert one.flags == other.flags == ("absolute",)
 
 
+@pytest.mark.parametrize("idle", [1e2, 1e6, 1e12])
+@pytest.mark.parametrize("z", [0.0, 0.9, 2.0])
+def test_an_idle_price_hides_no_error_of_a_program(idle: float, z: float) -> None:
+    """min ½z₁² + ½z₁z₂ + ½z₂² − z₁ + idle z₂ over z ≥ 0 has the solution (1, 0), whatever the idle number."""
+    Q, p, point = np.array([[1.0, 0.5], [0.5, 1.0]]), np.array([-1.0, idle]), np.array([z, 0.0])
+    program = QP.build(Q, p, lb=np.zeros(2))
+    found = judge(program, QPPoint(point, [], [], np.array([0.0, (Q @ point + p)[1]])), 1e-6)  # type: ignore[arg-type]
+    assert found.error > 1e-3
+
+
 @pytest.mark.parametrize("mu", [1.0, 1e3, 1e6])
 def test_friction_hides_no_penetration(mu: float) -> None:
     """Nothing presses on a contact that closes at 1: its distance to the cone is 1/μ, but it closes at 1."""
     W = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 1.0]])
     problem = FrictionContact(W=W, q=np.array([-1.0, 0.5, 0.2]), mu=np.array([mu]), dimension=3)
     assert judge(problem, FCPoint(r=np.zeros(3)), 1e-3).error > 0.3
+
+
+@pytest.mark.parametrize("mu", [1e17, 1e30, 1e300])
+def test_beside_friction_beyond_all_digits_nothing_is_told(mu: float) -> None:
+    """Of u_N + μ‖u_T‖ only the second is left. What sticks with u = 0 is right all the same."""
+    W, r = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([1.0, 0.25, 0.0])
+    closing = FrictionContact(W=W, q=np.array([-1.0, 0.5, 0.25]), mu=np.array([mu]), dimension=3)
+    found = judge(closing, FCPoint(r=np.zeros(3)), 1e-6)
+    assert not found.solved
+    assert "unresolvable" in found.flags
+    sticking = FrictionContact(W=W, q=-W @ r, mu=np.array([mu]), dimension=3)
+    assert judge(sticking, FCPoint(r=r), 1e-6).solved
 
 
 def test_multipliers_of_a_joint_that_cancel_hide_nothing(rng: np.random.Generator) -> None:

@@ -59,9 +59,11 @@ def test_solutions_are_told_apart_by_their_distance() -> None:
 
 def test_starts_are_cases_of_one_formulation_and_no_formulations(tmp_path: Path) -> None:
     [ranking] = rankings(rows_of.normalised(rows()))
-    assert (ranking.formulation, ranking.problems) == ("ncp", 3)
+    assert (ranking.formulation, ranking.size) == ("ncp", "1 problem, 3 starts")
+    assert ranking.sentence == "ncp: use newton: it solves 3 of 3 starts, fastest on 3."
     text = write_report(rows(), meta(), tmp_path, "t", answers=ANSWERS).read_text()
-    assert "- **ncp**: use newton: it solves 3 of 3 problems" in text
+    assert "- **ncp** (nonlinear complementarity problem): use **`newton`**: it solves 3 of 3 starts" in text
+    assert "(1 problem, 2 solver configurations)" in text
     assert "## Several starts (1 problem)" in text
     assert "**kojima**: 2 solutions found from 3 starts; all of them by `newton`." in text
     assert "| start | solution 1: (1.22, 0, 0, 0.5) | solution 2: (1, 0, 3, 0) | not solved |" in text

@@ -10,6 +10,8 @@ from synthetic_results import row, table
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.ranking import LAUNCHES, LINES, Ranking, rankings
+from cpbench.formulations import formulations
+from cpbench.report.overview_figure import PANELS, chosen
 
 
 def _ranked(*rows: dict[str, object], sheets: dict[str, dict[str, object]] | None = None) -> list[Ranking]:
@@ -54,6 +56,25 @@ def test_what_was_not_started_counts_against_nobody(status: str) -> None:
     )
     assert {r.solver: (r.solved, r.started) for r in found.rows} == {"all": (2, 2), "some": (1, 1)}
     assert found.problems == 2
+
+
+def test_a_ranking_names_its_formulation_and_its_winner() -> None:
+    [found] = _ranked(row("a", "one", "solved", 1.0), row("a", "two", "failed", 1.0))
+    assert (found.title, found.winner, found.size) == ("linear complementarity problem", "one", "1 problem")
+    assert found.verdict == "use one: it solves 1 of 1 problem, fastest on 1."
+    [none] = _ranked(row("a", "one", "failed", 1.0), row("a", "two", "failed", 1.0))
+    assert none.winner == ""
+
+
+def test_the_figure_of_a_run_has_the_formulations_that_compare_most() -> None:
+    """Not the first by name: the last of them has most problems, the first but one solver."""
+    nodes = sorted(formulations.names())
+    assert len(nodes) > PANELS + 1
+    rows = [row("a", label, "solved", 1.0) | {"node": node} for node in nodes[1:] for label in ("one", "two")]
+    rows += [row(p, "one", "solved", 1.0) | {"node": nodes[0]} for p in "abc"]
+    rows += [row("b", "one", "solved", 1.0) | {"node": nodes[-1]}]
+    assert [r.group.node for r in chosen(_ranked(*rows))] == [*nodes[1:PANELS], nodes[-1]]
+    assert [r.group.node for r in chosen(_ranked(*rows[-4:-1]))] == [nodes[0]], "alone it is better than nothing"
 
 
 def test_a_group_that_nobody_was_started_on_has_no_ranking() -> None:

@@ -103,7 +103,9 @@ def test_counts_in_the_report_are_those_of_the_table(tmp_path: Path) -> None:
         ),
         tmp_path,
     )
-    assert text.splitlines()[2].startswith("- **lcp**: use pgs: it solves 2 of 2 problems")
+    assert text.splitlines()[2].startswith(
+        "- **lcp** (linear complementarity problem): use **`pgs`**: it solves 2 of 2 problems"
+    )
     assert "\n**3 of 4 pairs solved** (2 problems, 2 solver configurations); 1 false claim." in text
     assert "| `pgs` | direct | 2 of 2 | 3.5 ms | 1.41 |" in text
     assert "| `pgs` | equivalent | 2 | 0 | 2 | 0 | 1 | 3.5 ms | 1.5 | " in text

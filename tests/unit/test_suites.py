@@ -189,7 +189,7 @@ def _run(*arguments: str) -> str:
 def test_a_run_ends_with_the_answer_and_info_says_it_again(folder: Path) -> None:
     said = _run("run", "p.h5", "-s", "newton-m?n", "-s", "mprg?", "--no-report", "-q")
     assert "newton-min" in said
-    assert "lcp: only newton-min ran: it solves 1 of 1 problem." in said
+    assert "lcp (linear complementarity problem): only newton-min ran: it solves 1 of 1 problem." in said
     assert "no route from lcp to mprgp, 1 pair:" in said
     assert said.rstrip().endswith("1 pair: 1 solved\nresults: run.sqlite")
     answer = said[: said.index("\n1 pair:")]

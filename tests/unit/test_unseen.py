@@ -28,11 +28,14 @@ def test_every_family_gives_problems_of_its_formulation_whatever_the_size(family
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize(("family", "auto"), [("arch", "auto-contact"), ("hand", "auto-contact"), ("ties", "auto-lcp")])
+@pytest.mark.parametrize(
+    ("family", "auto"),
+    [("arch", "auto-contact"), ("hand", "auto-contact"), ("ties", "auto-lcp"), ("global-jointed", "auto-global")],
+)
 def test_the_automatic_choice_solves_what_its_members_solve(family: str, auto: str, seed: int) -> None:
     problem = drawn(family, seed, 16)
     budget = Budget(tolerance=1e-8, seconds=30.0)
-    member = solvers.get({"fc": "proximal-newton", "lcp": "lemke"}[problem.node])
+    member = solvers.get({"fc": "proximal-newton", "lcp": "lemke", "gfc": "admm-global"}[problem.node])
     assert member.run(problem, budget).claim is Claim.SOLVED
     output = solvers.get(auto).run(problem, budget)
     assert output.claim is Claim.SOLVED, output.message

@@ -10,7 +10,6 @@ from pathlib import Path
 from cpbench.analysis import participation
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
-from cpbench.report.answer import sentence_of
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, code, element, table
 from cpbench.report.run import Run, group_name_text
@@ -45,12 +44,19 @@ def overview(run: Run) -> Iterator[Markup]:
 
 
 def _choices(run: Run) -> Iterator[Markup]:
-    """Yield a button a group, where there are several."""
+    """A button a group, with the solver to use, where there are several."""
     if len(run.parts) > 1:
-        names = [group_name_text(run, group) for group, _ in run.parts]
+        winners = {ranking.group: ranking.winner for ranking in run.rankings}
         buttons = (
-            element("button", name, type="button", class_="choice", data_choose=str(place))
-            for place, name in enumerate(names)
+            element(
+                "button",
+                element("strong", group_name_text(run, group)),
+                f" {winners.get(group, '')}",
+                type="button",
+                class_="choice",
+                data_choose=str(place),
+            )
+            for place, (group, _) in enumerate(run.parts)
         )
         yield element("div", *buttons, class_="choices", role="group", aria_label="Formulations", tabindex="0")
 
@@ -66,7 +72,7 @@ def _formulations(run: Run) -> Iterator[Markup]:
         name = ranking.formulation
         chosen = {"type": "button", "class_": "link", "data_choose": str(places[ranking.group])}
         open_it = element("button", name, **chosen, title=f"show {name} in all figures")
-        lines.append([open_it, ranking.problems, len(ranking.rows), sentence_of(ranking)])
+        lines.append([open_it, ranking.problems, len(ranking.rows), ranking.verdict])
     yield table("Answers by formulation", ["formulation", "problems", "solvers", "answer"], lines, right=(1, 2))
 
 
@@ -78,7 +84,7 @@ def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
         "pairs solved": f"{int(rows_of.solved(rows).sum())} of {len(rows) - never}",
         **({"stationary": run.stationary} if run.stationary else {}),
         **({"could not be run, counted against nobody": never - waiting} if never > waiting else {}),
-        "problems": rows["fingerprint"].nunique(),
+        "problems": run.read["fingerprint"].nunique(),
         "solver configurations": rows["label"].nunique(),
         "formulations": rows["node"].nunique(),
         "false claims": len(run.false_claims),

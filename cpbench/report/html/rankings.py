@@ -16,7 +16,6 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import performance_profile
 from cpbench.analysis.ranking import Ranking
-from cpbench.report.answer import sentence_of
 
 Records = dict[str, list[Any]]
 BANDED = 12
@@ -43,14 +42,16 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def answer(ranking: Ranking | None) -> dict[str, Any]:
-    """Return the sentence of a group, without its name in front, and the first lines of its ranking."""
+    """The sentence of a group, without its name in front, what it is called in full, and the first lines of its
+    ranking."""
     if ranking is None:
-        return {"sentence": "no solver was started.", "rows": [], "more": 0}
+        return {"sentence": "no solver was started.", "title": "", "rows": [], "more": 0}
     lines = [
         [r.solver, r.route, r.others, r.solved, r.started, _clean(r.median), _clean(r.factor), list(r.warnings)]
         for r in ranking.shown
     ]
-    return {"sentence": sentence_of(ranking), "rows": lines, "more": len(ranking.rows) - len(lines)}
+    more = len(ranking.rows) - len(lines)
+    return {"sentence": ranking.verdict, "title": ranking.title, "rows": lines, "more": more}
 
 
 def bands(rows: pd.DataFrame) -> dict[str, Any]:

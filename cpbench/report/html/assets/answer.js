@@ -7,8 +7,9 @@ const Answer = (() => {
   function say(group) {
     const place = document.querySelector("[data-answer]");
     for (const button of document.querySelectorAll(".choice"))
-      button.setAttribute("aria-pressed", button.textContent === group.name);
-    place.replaceChildren(h("strong", {}, group.name), `: ${group.answer.sentence}`);
+      button.setAttribute("aria-pressed", button.firstChild.textContent === group.name);
+    const { sentence, title } = group.answer;
+    place.replaceChildren(h("strong", {}, group.name), `${title ? ` (${title})` : ""}: ${sentence}`);
   }
 
   Figures.register({
@@ -18,7 +19,7 @@ const Answer = (() => {
       const { rows, more } = context.group.answer;
       if (!rows.length) return { empty: "No solver was started." };
       const lines = rows.map(([solver, route, others, solved, started, median, factor, remarks]) => [
-        h("span", {}, Figures.swatch(context.slotOf(solver)), " ", solver, ...context.marksOf(solver, "")),
+        h("span", { class: "solver" }, Figures.swatch(context.slotOf(solver)), " ", solver, ...context.marksOf(solver, "")),
         others ? `${route} and ${others} more` : route || "—",
         `${solved} of ${started}`,
         Dom.seconds(median),

@@ -1,26 +1,46 @@
-"""Automatic choice on contact in global form, without condensation."""
+"""Automatic choice on contact in global form: condensed where that is affordable, on the bodies where it is not."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import ClassVar
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
+from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.solvers.base import SolverSpec, register
+from cpbench.formulations.global_contact import GFCPoint
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, Phase, automatic_spec
+from cpbench.solvers.native.contact.condensed import Condensed, condensed
 
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Of Gauss–Seidel and of ADMM, which stand still for different reasons, before the other goes on from there."""
+LOCAL = "auto-contact"
+FINER = 0.1
+"""Times the tolerance, where what was solved in r is not yet solved in v and r."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What `setup` hands to `solve`: the problem condensed and what the local solver has made of it."""
+
+    condensed: Condensed
+    local: Any
+    options: Any
 
 
 @register
 class AutoGlobal(AutomaticChoice):
-    """Sweeps over the velocities of the bodies and ADMM by turns, then each for as long as it gains; ADMM alone where
-    joints hold the bodies together. Where W = HᵀM⁻¹H is affordable, `auto-contact` on it has more methods to choose
-    from: the route `gfc → fc` leads there.
+    """`auto-contact` on the condensed problem where W = HᵀM⁻¹H is affordable, which has more and cheaper methods to
+    choose from. Where it is not, or where that fails: sweeps over the velocities of the bodies and ADMM by turns, then
+    each for as long as it gains; ADMM alone where joints hold the bodies together.
     """
 
-    spec: ClassVar[SolverSpec] = automatic_spec("gfc", "auto-global", "Gauss-Seidel on the bodies and ADMM by turns")
+    spec: ClassVar[SolverSpec] = automatic_spec(
+        "gfc", "auto-global", "auto-contact on the condensed problem, or Gauss-Seidel on the bodies and ADMM by turns"
+    )
     members: ClassVar[tuple[str, ...]] = ("nsgs-global", "admm-global")
 
     def phases(self, problem: GlobalFrictionContact) -> Sequence[Phase]:
@@ -28,3 +48,77 @@ class AutoGlobal(AutomaticChoice):
             return [Phase("admm-global")]
         by_turns = [Phase("nsgs-global", SWEEPS), Phase("admm-global", ITERATIONS)]
         return [*by_turns, Phase("nsgs-global", 10 * SWEEPS), Phase("admm-global")]
+
+    def setup(self, problem: GlobalFrictionContact, budget: Budget, options: Any) -> Any:
+        small = condensed(problem)
+        if small is None:
+            return super().setup(problem, budget, options)
+        solver = solvers.get(LOCAL)
+        own = solver.spec.options()
+        return Prepared(small, solver.setup(small.local, budget, own), own)
+
+    def warmup(self) -> None:
+        super().warmup()
+        solvers.get(LOCAL).warmup()
+
+    def solve(
+        self,
+        prepared: Any,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        if not isinstance(prepared, Prepared):
+            return super().solve(prepared, budget, options, start, record)
+        end = time.monotonic() + budget.seconds
+        output = _locally(solvers.get(LOCAL), prepared, budget, start, record)
+        left = _left(budget, output, end)
+        if output.claim is Claim.SOLVED or left is None:
+            return output
+        plan = super().setup(prepared.condensed.problem, left, options)
+        rest = super().solve(plan, left, options, output.point, None)
+        counters = dict(Counter(output.counters) + Counter(rest.counters))
+        return replace(rest, counters=counters, message="; ".join(m for m in (output.message, rest.message) if m))
+
+
+def _left(budget: Budget, output: SolverOutput, end: float) -> Budget | None:
+    """Return what is left of a budget, None where that is nothing."""
+    seconds = end - time.monotonic()
+    spent = output.counters.get("iterations", 0)
+    iterations = None if budget.iterations is None else budget.iterations - spent
+    if seconds <= 0.0 or (iterations is not None and iterations <= 0):
+        return None
+    return replace(budget, seconds=seconds, iterations=iterations)
+
+
+def _locally(
+    solver: Solver, prepared: Prepared, budget: Budget, start: Any | None, record: Record | None
+) -> SolverOutput:
+    """Solve the condensed problem, more finely where its answer is not yet one of the global problem."""
+    small, problem = prepared.condensed, prepared.condensed.problem
+    begin = None if start is None else FCPoint(start.r)
+    passing = None if record is None else _lifting(record, small)
+    output = solver.solve(prepared.local, budget, prepared.options, begin, passing)
+    point = None if output.point is None else small.lift(output.point)
+    claim = output.claim
+    if point is not None and claim is Claim.SOLVED and not _solves(problem, point, budget):
+        finer = replace(budget, tolerance=FINER * budget.tolerance)
+        again = solver.solve(prepared.local, finer, prepared.options, output.point)
+        point = point if again.point is None else small.lift(again.point)
+        claim = Claim.SOLVED if _solves(problem, point, budget) else Claim.INACCURATE
+    message = f"condensed, {LOCAL}" + (f": {output.message}" if output.message else "")
+    return replace(output, claim=claim, point=point, message=message)
+
+
+def _solves(problem: GlobalFrictionContact, point: GFCPoint, budget: Budget) -> bool:
+    return problem.residuals(point, budget.tolerance).error <= budget.tolerance
+
+
+def _lifting(record: Record, small: Condensed) -> Record:
+    """Return a record of local points that passes on the global ones."""
+
+    def passing(iteration: int, error: float, point: Callable[[], Any]) -> None:
+        record(iteration, error, lambda: small.lift(point()))
+
+    return passing
