@@ -1,4 +1,4 @@
-"""What a run of some of the problems will take, from what a run of all of them took.
+"""Expected time of a run of some of the problems, from the times of a run of all of them.
 
     expected(S) = START · solvers + factor · sum over p in S of cost(p)
 
@@ -33,8 +33,8 @@ FOLLOWED = "previous"
 
 
 @dataclass(frozen=True)
-class Measured:
-    """What results tell of the problems, each by its fingerprint; a sequence that is followed is one problem.
+class MeasuredCosts:
+    """Measurements of the problems, each by its fingerprint; a sequence that is followed is one problem.
 
     Attributes
     ----------
@@ -52,16 +52,16 @@ class Measured:
     solvers: int
 
     def expected(self, cost: float) -> float:
-        """Seconds that a run of problems of this cost takes."""
+        """Return the seconds that a run of problems of this cost takes."""
         return START * self.solvers + self.factor * cost
 
     def affordable(self, budget: float) -> float:
-        """The cost that fits into a budget [s], negative where not even the workers do."""
+        """Return the cost that fits into a budget [s], negative where not even the workers do."""
         return (budget - START * self.solvers) / self.factor
 
 
-def measured(table: pd.DataFrame) -> Measured:
-    """What a table of results tells; of pairs that are there twice, the later row.
+def measured(table: pd.DataFrame) -> MeasuredCosts:
+    """Read the costs and outcomes of a table of results; of pairs that are there twice, the later row.
 
     Raises StoreError when no row was run.
     """
@@ -70,7 +70,7 @@ def measured(table: pd.DataFrame) -> Measured:
     rows = rows[(rows["origin"] == "") & (rows["status"] != str(Status.NOT_RUN))].sort_index()
     if rows.empty:
         raise StoreError("no pair was run, so that nothing is known of what problems cost; run them first: cpbench run")
-    rows = rows.assign(spent=_spent(rows), unit=_units(rows), who=_who(rows))
+    rows = rows.assign(spent=_spent(rows), unit=_units(rows), who=_settings(rows))
     part = rows[~rows["status"].isin(REFUSED)]
     outcomes = part.groupby(["unit", "who"])["time"].sum().unstack()
     cost = rows.groupby("unit")["spent"].sum().clip(lower=LEAST)
@@ -78,11 +78,11 @@ def measured(table: pd.DataFrame) -> Measured:
     solvers = part["solver"].nunique()
     factor, assumed = _factor(rows, solvers)
     family = rows.sort_values(["unit", "family"]).groupby("unit")["family"].first()
-    return Measured(rows, outcomes, cost, family, factor, assumed, solvers)
+    return MeasuredCosts(rows, outcomes, cost, family, factor, assumed, solvers)
 
 
 def _spent(rows: pd.DataFrame) -> pd.Series[float]:
-    """Seconds of every row; from the times of its parts where an older file has no wall time."""
+    """Return the seconds of every row; from the times of its parts where an older file has no wall time."""
     repeats = rows["repeats"].fillna(1.0).clip(lower=1.0)
     once = rows[["load", "verify", "lift"]].fillna(0.0).sum(axis=1)
     often = rows[["setup", "solve"]].fillna(0.0).sum(axis=1) * repeats
@@ -90,7 +90,9 @@ def _spent(rows: pd.DataFrame) -> pd.Series[float]:
 
 
 def _units(rows: pd.DataFrame) -> pd.Series[str]:
-    """What can be chosen: a problem, or all steps of a sequence that starts each from the answer to the one before."""
+    """Return the unit of choice of each row: a problem, or all steps of a sequence that starts each from the
+    previous answer.
+    """
     place = rows["address"].str.replace(r"(::|/)[^/]*$", "", regex=True)
     followed = (rows["start"] == FOLLOWED) & (rows["sequence"] != "")
     scene = "sequence " + rows["sequence"] + " of " + place
@@ -98,17 +100,17 @@ def _units(rows: pd.DataFrame) -> pd.Series[str]:
     return step.where(step.notna(), rows["fingerprint"]).astype(object)
 
 
-def _who(rows: pd.DataFrame) -> pd.Series[str]:
-    """Label, with whatever setting is not the same everywhere."""
-    who = rows["label"].astype(object)
+def _settings(rows: pd.DataFrame) -> pd.Series[str]:
+    """Return the label of each row, with whatever setting is not the same everywhere."""
+    labels = rows["label"].astype(object)
     for name in WHO[1:]:
         if rows[name].nunique(dropna=False) > 1:
-            who = who + f" {name}=" + rows[name].astype(str)
-    return who
+            labels = labels + f" {name}=" + rows[name].astype(str)
+    return labels
 
 
 def _factor(rows: pd.DataFrame, solvers: int) -> tuple[float, bool]:
-    """What passed over what was spent, at least 1; whether it had to be assumed."""
+    """Return elapsed over used seconds, at least 1; and whether it had to be assumed."""
     passed = spent = 0.0
     for _, own in rows[rows["finished"] != ""].groupby("host"):
         own = own.sort_values("finished", kind="stable")

@@ -9,14 +9,14 @@ from typing import Any
 
 from cpbench import __version__
 from cpbench.advice import evidence, validation
-from cpbench.analysis.experience import Experience, to_text
 from cpbench.analysis.profiles import FLOOR
+from cpbench.analysis.training_cases import TrainingCases, to_text
 from cpbench.errors import CpbenchError
 from cpbench.plain_text import columns
 from cpbench.plurals import counted
 
 
-def rates(known: Experience, source: str) -> list[dict[Any, Any]]:
+def rates(known: TrainingCases, source: str) -> list[dict[Any, Any]]:
     """Return how often the advice is good for origins that were left out, a row a formulation and one for all.
 
     Raises CpbenchError where all problems are of one origin.
@@ -26,7 +26,9 @@ def rates(known: Experience, source: str) -> list[dict[Any, Any]]:
     return validation.rates(known, validation.evaluate(known)).to_dict("records")
 
 
-def lines(rows: Sequence[Mapping[Any, Any]], known: Experience, source: str, remarks: Sequence[str]) -> Iterator[str]:
+def lines(
+    rows: Sequence[Mapping[Any, Any]], known: TrainingCases, source: str, remarks: Sequence[str]
+) -> Iterator[str]:
     """Yield the rates as a table, with what its columns mean and what the advice is worth."""
     yield (
         f"Each origin left out in turn, by {source}: solved, and within twice the time of the virtual best (from "

@@ -11,7 +11,7 @@ import pandas as pd
 
 from cpbench.advice.candidates import solver_of
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.experience import Experience, experience, from_text, shipped_experience
+from cpbench.analysis.training_cases import TrainingCases, collect_cases, from_text, shipped_cases
 from cpbench.bench.results.problem_features import problem_features
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
@@ -21,14 +21,14 @@ from cpbench.plurals import counted
 
 def gather(
     results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
-) -> tuple[Experience, str, list[str]]:
+) -> tuple[TrainingCases, str, list[str]]:
     """What was measured, where that is from, and what a reader should know of it; raises CpbenchError."""
     if results:
         known, remarks = read(results, warm, inexact, tolerance)
         source = ", ".join(map(str, results))
     else:
         _require_none(tolerance, "the built-in problems")
-        known, source, remarks = shipped_experience(), "the built-in problems", []
+        known, source, remarks = shipped_cases(), "the built-in problems", []
         if warm:
             known = replace(known, cases=())
     if warm and not known.cases:
@@ -46,14 +46,14 @@ def gather(
 
 def read(
     results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
-) -> tuple[Experience, list[str]]:
-    """The experience of results files and tables together; rows of the same machine are compared across files.
+) -> tuple[TrainingCases, list[str]]:
+    """The training cases of results files and tables together; rows of the same machine are compared across files.
 
     `tolerance` : of the rows to go by, None for all. Raises CpbenchError where no row has it, and for tables.
     """
     rows: list[pd.DataFrame] = []
     features: dict[str, dict[str, Any]] = {}
-    known, lost = Experience(()), 0
+    known, lost = TrainingCases(()), 0
     for path in results:
         if path.suffix == ".json" and path.is_file():
             _require_none(tolerance, str(path))
@@ -67,7 +67,9 @@ def read(
         features |= {key: facts for key, facts in found.items() if key not in features}
         lost += without
     if rows:
-        read = experience(rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact)
+        read = collect_cases(
+            rows_of.normalised(pd.concat(rows, ignore_index=True)), features, warm=warm, inexact=inexact
+        )
         known = replace(read, cases=(*known.cases, *read.cases), unsolved=known.unsolved + read.unsolved)
     return known, [f"only the sizes are known of {counted(lost, 'problem')} not where they were"] if lost else []
 

@@ -11,8 +11,8 @@ from typing import Any
 import pandas as pd
 
 from cpbench.advice import timeline_tables
-from cpbench.advice.timeline import Run, timeline
-from cpbench.analysis import attendance
+from cpbench.advice.timeline import TimelineRun, timeline
+from cpbench.analysis import participation
 from cpbench.bench.results.sealed import sealed
 from cpbench.errors import CpbenchError, FormatError, StoreError, UnknownName
 
@@ -58,11 +58,11 @@ def history(files: Sequence[Path], labels: Sequence[str] = ()) -> History:
     Raises StoreError where no file has a row that was run, UnknownName on a label that no file has.
     """
     remarks: list[str] = []
-    runs: list[Run] = []
+    runs: list[TimelineRun] = []
     for path in dict.fromkeys(path.resolve() for path in files):
         with sealed(path) as store:
             table, meta, machines = store.table(), store.meta(), store.machines()
-        terms = attendance.restricted(table, meta.get("solvers") or {})
+        terms = participation.restricted(table, meta.get("solvers") or {})
         if terms:
             remarks.append(f"{path}: licences restrict publishing figures of {', '.join(terms)}")
         if table["status"].isin(["not_run", "unavailable"]).all():
@@ -82,8 +82,8 @@ def history(files: Sequence[Path], labels: Sequence[str] = ()) -> History:
     return History(points, tuple(remarks))
 
 
-def _run(path: Path, table: pd.DataFrame, meta: Mapping[str, Any], machines: Mapping[str, Any]) -> Run:
-    return Run(
+def _run(path: Path, table: pd.DataFrame, meta: Mapping[str, Any], machines: Mapping[str, Any]) -> TimelineRun:
+    return TimelineRun(
         str(path),
         table,
         str(meta.get("cpbench") or ""),
@@ -99,7 +99,7 @@ def _matches(pattern: str, labels: Sequence[str]) -> list[str]:
     return [label for label in labels if label == pattern or fnmatch.fnmatchcase(label, pattern)]
 
 
-def _named(runs: Sequence[Run]) -> list[Run]:
+def _named(runs: Sequence[TimelineRun]) -> list[TimelineRun]:
     """Return the runs, each named by as much of its path as distinguishes it."""
     parts = 1
     while len({Path(run.name).parts[-parts:] for run in runs}) < len(runs):

@@ -15,7 +15,7 @@ from cpbench.plurals import counted
 if TYPE_CHECKING:
     from cpbench.advice.candidates import Candidate
     from cpbench.advice.recommendation import Recommendation
-    from cpbench.analysis.experience import Experience
+    from cpbench.analysis.training_cases import TrainingCases
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,7 +83,7 @@ def recommend(
 
 def recommended(
     problem: Problem,
-    known: Experience,
+    known: TrainingCases,
     source: str,
     remarks: Sequence[str],
     *,

@@ -15,7 +15,7 @@ from cpbench.advice import validation
 from cpbench.advice.candidates import Candidate
 from cpbench.advice.recommend import Recommended
 from cpbench.advice.recommendation import Recommendation
-from cpbench.analysis.experience import Experience
+from cpbench.analysis.training_cases import TrainingCases
 from cpbench.formulations import Problem
 
 CHECKED = 200
@@ -24,7 +24,7 @@ SHOWN, LONGEST = 4, 160
 """Labels that were passed over, named with the reason; characters of a reason."""
 
 
-def checked_rates(known: Experience, node: str) -> Mapping[Any, Any] | None:
+def checked_rates(known: TrainingCases, node: str) -> Mapping[Any, Any] | None:
     """Return how good such advice is on origins that were left out, None where there are not two of them."""
     if len(set(known.origins)) < 2:
         return None

@@ -1,4 +1,4 @@
-"""Which solver for a problem: the labels ranked by what they came to on the problems most like it.
+"""Recommendation of solvers for a problem: labels ranked by their results on the most similar problems.
 
 Losses are ℓ[p, s] = min(log₂ r[p, s], worst) in doublings of the virtual best's time, worst for a failure (the
 penalised ratios of PAR10, cut where a slow answer is as little worth as none). The loss that a label is expected to
@@ -7,9 +7,9 @@ and that towards its mean over problems of other nodes, so that few measurements
 
     ŝ = (Σ_p K ℓ + κ m₁)/(Σ_p K + κ),    m₁ = (Σ_p ℓ + m₂)/(#p + 1),    m₂ = Σ_p' K J ℓ / Σ_p' K J  (p' elsewhere),
 
-with K = exp(−d²/2h²) of the distance d between features (`likeness`), h half the distance of the `few` nearest problems
-of the node (narrower where more is known, between LEAST_WIDTH and `width`), and J the part that the solvers which take
-p' and those which take x have in common (Jaccard): the formulations from which the same solvers are reached. This is
+with K = exp(−d²/2h²) of the distance d between features (`similarity`), h half the distance of the `few` nearest
+problems of the node (narrower where more is known, between LEAST_WIDTH and `width`), and J the part that solvers of
+p' and those of x have in common (Jaccard): the formulations from which the same solvers are reached. This is
 the estimate of Nadaraya and Watson (Theory Probab. Appl. 9, 1964), with weights of prior means as in a hierarchical
 model; selection by neighbours and by cost follows Rice (Adv. Comput. 15, 1976) and SATzilla (Xu et al., JAIR 32, 2008).
 """
@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.advice.likeness import coordinates, distances, places
+from cpbench.advice.similarity import coordinates, distances, places
 from cpbench.analysis.codes import Integers
-from cpbench.analysis.experience import Experience
 from cpbench.analysis.table import Floats, Masks, Matrix, Texts
+from cpbench.analysis.training_cases import TrainingCases
 
 LEAST_WIDTH = 0.2
 PRIOR, FAINT = 1.0, 0.05
@@ -93,13 +93,13 @@ class Recommendation:
 
     @property
     def known(self) -> bool:
-        """Whether anything like it was measured."""
+        """True if a similar problem was measured."""
         return self.similar > 0
 
 
 @dataclass(frozen=True)
-class Standing:
-    """What every label is expected to come to on problems asked about, asked × labels.
+class ExpectedResults:
+    """Expected results of every label on query problems, queries × labels.
 
     Attributes
     ----------
@@ -117,11 +117,11 @@ class Standing:
 
     @cached_property
     def ranks(self) -> tuple[Matrix, Matrix]:
-        """What decides between labels before their scores do: scores in steps of TIE, then the share solved."""
+        """Keys that decide between labels before their scores do: scores in steps of TIE, then the share solved."""
         return np.round(self.scores / TIE), -(self.solved + 1) / (self.started + 1)
 
     def best(self, may: Masks) -> Integers:
-        """The first label of each problem asked about, of those that may be taken."""
+        """Return the first label of each query problem, of those that may be taken."""
         left = may & (self.measured > 0)
         left = np.where(left.any(axis=1, keepdims=True), left, may)
         for key in (*self.ranks, self.scores):
@@ -131,20 +131,21 @@ class Standing:
 
 
 def recommend(
-    known: Experience,
+    known: TrainingCases,
     features: Mapping[str, Any],
     applicable: Collection[str],
     used: Masks | None = None,
     knobs: Knobs = SHIPPED,
 ) -> Recommendation:
-    """The labels in `applicable`, ranked for a problem of these features; those that were never measured come last.
+    """Rank the labels in `applicable` for a problem of these features; those that were never measured come last.
 
     `used` : which cases are used, all without it.
 
-    >>> from cpbench.analysis.experience import Case
+    >>> from cpbench.analysis.training_cases import TrainingCase, TrainingCases
     >>> facts = lambda n: {"node": "lcp", "unknowns": n}
-    >>> seen = [Case(f"p{n}", "lcp", "", f"{n}", facts(n), {"a": n**2 * 1e-3, "b": n * 1e-2}) for n in (2, 4, 50, 90)]
-    >>> [recommend(Experience(tuple(seen)), facts(n), {"a", "b"}).advice[0].label for n in (3, 70)]
+    >>> times = lambda n: {"a": n**2 * 1e-3, "b": n * 1e-2}
+    >>> seen = [TrainingCase(f"p{n}", "lcp", "", f"{n}", facts(n), times(n)) for n in (2, 4, 50, 90)]
+    >>> [recommend(TrainingCases(tuple(seen)), facts(n), {"a", "b"}).advice[0].label for n in (3, 70)]
     ['a', 'b']
     """
     used = np.ones(len(known.cases), dtype=bool) if used is None else used
@@ -170,9 +171,9 @@ def recommend(
 
 
 def standing(
-    known: Experience, distance: Matrix, nodes: Texts, may: Masks, used: Masks, knobs: Knobs = SHIPPED
-) -> Standing:
-    """How the labels stand on problems of these `nodes`, so far from each case, which `may` take these labels."""
+    known: TrainingCases, distance: Matrix, nodes: Texts, may: Masks, used: Masks, knobs: Knobs = SHIPPED
+) -> ExpectedResults:
+    """Score the labels on problems of these `nodes`, so far from each case, which `may` take these labels."""
     same = (known.nodes[None, :] == nodes[:, None]) & used
     near = same & (distance <= NEAR * knobs.width)
     started, solved = ~np.isnan(known.ratios), np.isfinite(known.ratios)
@@ -182,11 +183,11 @@ def standing(
     losses = np.minimum(np.log2(known.ratios), knobs.worst)
     scores = _scores(losses, distance, used, same, may, knobs)
     measured = started[used].sum(axis=0).astype(float)
-    return Standing(scores, near_started, near_solved, near_within, measured, same, near)
+    return ExpectedResults(scores, near_started, near_solved, near_within, measured, same, near)
 
 
 def _scores(losses: Matrix, distance: Matrix, used: Masks, same: Masks, may: Masks, knobs: Knobs) -> Matrix:
-    """ŝ of every label, asked × labels."""
+    """Return ŝ of every label, queries × labels."""
     there = (~np.isnan(losses) & used[:, None]).astype(float)
     loss = np.where(there > 0, losses, 0.0)
     nearest = np.sort(np.where(same, distance, math.inf), axis=1)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from cpbench.advice import costs, subset, subset_plan
-from cpbench.advice.costs import Measured
+from cpbench.advice.costs import MeasuredCosts
 from cpbench.advice.subset_plan import Chosen, Source
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.results.sealed import sealed
@@ -76,7 +76,7 @@ def _command(sources: Sequence[Source], budget: float, safety: float, seed: int)
     return f"cpbench select {names} --budget {budget:g}s --safety {safety:g} --seed {seed}"
 
 
-def _require_room(measured: Measured, room: float, budget: float, safety: float) -> None:
+def _require_room(measured: MeasuredCosts, room: float, budget: float, safety: float) -> None:
     """Raise CpbenchError when not even the cheapest problem fits."""
     least = measured.cost.min()
     if room < least:

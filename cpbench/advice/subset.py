@@ -51,7 +51,7 @@ class Pick:
 
 @dataclass(frozen=True)
 class Subset:
-    """What was chosen, in that order. `value` : f(chosen) / f(all), 1 where nothing tells the solvers apart.
+    """Chosen problems, in that order. `value` : f(chosen) / f(all), 1 where nothing tells the solvers apart.
     `missed` : families that did not fit, with the cost of their cheapest problem [s]. `order` : which of the two
     orders was the better one."""
 
@@ -66,11 +66,11 @@ class Subset:
 
     @property
     def cost(self) -> float:
-        """What all of them cost together [s]."""
+        """Total cost [s]."""
         return math.fsum(pick.cost for pick in self.picks)
 
 
-class Value:
+class SubsetValue:
     """f of a growing set of problems."""
 
     def __init__(self, outcomes: pd.DataFrame, floor: float = FLOOR) -> None:
@@ -81,19 +81,19 @@ class Value:
         self.total = 0.0
 
     def gain(self, row: int) -> float:
-        """What the problem in this row would add."""
-        return float(np.sum(np.sqrt(self._seen + self._told(row)) - self._roots))
+        """Return how much the problem in this row would add."""
+        return float(np.sum(np.sqrt(self._seen + self._separation(row)) - self._roots))
 
     def add(self, row: int) -> float:
         """Add the problem in this row; what it added."""
         gained = self.gain(row)
-        self._seen = self._seen + self._told(row)
+        self._seen = self._seen + self._separation(row)
         self._roots = np.sqrt(self._seen)
         self.total += gained
         return gained
 
-    def _told(self, row: int) -> Array:
-        """d of the problem in this row, labels × labels; 0 where one does not take part, or of two failures."""
+    def _separation(self, row: int) -> Array:
+        """Return d of the problem in this row, labels × labels; 0 where one does not take part, or of two failures."""
         level = self._levels[row]
         with np.errstate(invalid="ignore"):
             ahead = level[np.newaxis, :] - level[:, np.newaxis]
@@ -101,13 +101,13 @@ class Value:
 
 
 def value(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float = FLOOR) -> float:
-    """f(problems) / f(all), 1 where nothing tells the labels apart.
+    """Return f(problems) / f(all), 1 where nothing tells the labels apart.
 
     >>> times = pd.DataFrame({"a": [1.0, 1.0, 1.0], "b": [4.0, 1.0, math.inf]}, index=["p", "q", "r"])
     >>> value(times, ["q"]), round(value(times, ["p"]), 4), value(times, ["p", "r"])
     (0.0, 0.7071, 1.0)
     """
-    whole, part = Value(outcomes, floor), Value(outcomes, floor)
+    whole, part = SubsetValue(outcomes, floor), SubsetValue(outcomes, floor)
     chosen = set(problems)
     for row, problem in enumerate(outcomes.index):
         whole.add(row)
@@ -124,7 +124,7 @@ def choose(
     seed: int = 0,
     floor: float = FLOOR,
 ) -> Subset:
-    """The problems of `outcomes` to take within a budget [s]; `seed` decides between equal ones.
+    """Choose the problems of `outcomes` to take within a budget [s]; `seed` decides between equal ones.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def choose(
     tried = [_filled(outcomes, costs, ties, first, budget, by_cost, floor) for by_cost in (True, False)]
     better = 0 if tried[0][0].total >= tried[1][0].total else 1
     held, chosen = tried[better]
-    whole = Value(outcomes, floor)
+    whole = SubsetValue(outcomes, floor)
     for row in range(len(outcomes)):
         whole.add(row)
     scale = whole.total if whole.total > 0 else 1.0
@@ -159,7 +159,8 @@ def choose(
 
 
 def scores(outcomes: pd.DataFrame, floor: float = FLOOR) -> pd.Series[float]:
-    """Of every label the mean, over the problems on which it takes part, of least time over its time (0: not solved).
+    """Score every label by the mean, over the problems on which it takes part, of least time over its time (0: not
+    solved).
 
     >>> scores(pd.DataFrame({"a": [1.0, 1.0], "b": [4.0, math.inf], "c": [math.nan, 2.0]})).tolist()
     [1.0, 0.125, 0.5]
@@ -171,7 +172,8 @@ def scores(outcomes: pd.DataFrame, floor: float = FLOOR) -> pd.Series[float]:
 
 
 def agreement(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float = FLOOR) -> tuple[float, int]:
-    """Kendall's τ_b of the labels' scores on `problems` with those on all, and how many labels take part in both.
+    """Return Kendall's τ_b of the labels' scores on `problems` with those on all, and how many labels take part in
+    both.
 
     NaN below two labels, and where all of them score the same.
     """
@@ -185,7 +187,7 @@ def agreement(outcomes: pd.DataFrame, problems: Sequence[Hashable], floor: float
 
 
 def _representatives(family: Array, costs: Array, ties: Array, budget: float) -> tuple[list[int], dict[str, float]]:
-    """The cheapest problem of every family that fits, cheapest first, and the families that do not fit."""
+    """Choose the cheapest problem of every family that fits, cheapest first, and list the families that do not fit."""
     cheapest: dict[str, int] = {}
     for row in np.lexsort((ties, costs)):
         cheapest.setdefault(str(family[row]), int(row))
@@ -209,12 +211,12 @@ def _filled(
     budget: float,
     by_cost: bool,
     floor: float,
-) -> tuple[Value, list[tuple[int, float]]]:
-    """The value of the greedy choice that begins with `first`, and its rows with what each added.
+) -> tuple[SubsetValue, list[tuple[int, float]]]:
+    """Fill the budget greedily, beginning with `first`; return the value, and the rows with what each added.
 
     `by_cost` : gain per cost decides, else gain alone.
     """
-    held = Value(outcomes, floor)
+    held = SubsetValue(outcomes, floor)
     chosen = [(row, held.add(row)) for row in first]
     left = budget - math.fsum(costs[row] for row in first)
     worth = np.where(by_cost, costs, 1.0)

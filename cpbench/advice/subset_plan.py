@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.advice.costs import START, Measured
+from cpbench.advice.costs import START, MeasuredCosts
 from cpbench.advice.subset import Pick, Subset
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.quantities import duration
@@ -41,7 +41,7 @@ class Chosen:
     """What a plan tells: the choice, what it was made from, and how it was asked for."""
 
     subset: Subset
-    measured: Measured
+    measured: MeasuredCosts
     budget: float
     safety: float
     agreement: tuple[float, int]

@@ -31,7 +31,7 @@ UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
-class Run:
+class TimelineRun:
     """A results file: its rows, the version of cpbench, what its machines are by host, and what its reference solves
     took [s], which are of a kind (`solved`). `machine` and `date` stand for rows that do not tell their own."""
 
@@ -51,8 +51,8 @@ class Run:
         return float(np.median(taken)) if taken else math.nan
 
 
-def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
-    """One row a label and run that measured it, by label, then date.
+def timeline(runs: Sequence[TimelineRun], floor: float = FLOOR) -> pd.DataFrame:
+    """Return one row a label and run that measured it, by label, then date.
 
     Columns: file, label, date (its last row's), version (of the solver), cpbench, machine; pairs that were run, solved,
     wrong, crash; base (the file it is compared with, itself where it is the first on its machine), common (pairs solved
@@ -60,7 +60,8 @@ def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
 
     >>> rows = pd.DataFrame({"key": ["k"], "label": ["s"], "status": ["solved"], "solve": [1.0],
     ...                      "finished": ["2026-01-01"]})
-    >>> runs = [Run("a", rows, machine={"cpu": "x"}), Run("b", rows.assign(solve=2.0), machine={"cpu": "x"})]
+    >>> first = TimelineRun("a", rows, machine={"cpu": "x"})
+    >>> runs = [first, TimelineRun("b", rows.assign(solve=2.0), machine={"cpu": "x"})]
     >>> timeline(runs)[["file", "base", "common", "ratio"]].values.tolist()
     [['a', 'a', 1, 1.0], ['b', 'a', 1, 2.0]]
     """
@@ -85,9 +86,9 @@ def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
     points = points.merge(_ratios(rows, points, floor), on=["label", "run"], how="left")
     points["common"] = points["common"].fillna(0).astype(int)
     names = dict(enumerate(run.name for run in runs))
-    told = dict(enumerate(run.reference for run in runs))
+    references = dict(enumerate(run.reference for run in runs))
     kind = dict(enumerate(run.solved for run in runs))
-    reference = points["run"].map(told) / points["base_run"].map(told)
+    reference = points["run"].map(references) / points["base_run"].map(references)
     reference = reference.where(points["run"].map(kind) == points["base_run"].map(kind))
     whole = points.assign(
         file=points["run"].map(names),
@@ -99,7 +100,9 @@ def timeline(runs: Sequence[Run], floor: float = FLOOR) -> pd.DataFrame:
 
 
 def moved(points: pd.DataFrame) -> list[str]:
-    """Labels by how much they changed, most first: pairs solved more or fewer, then the largest ratio either way."""
+    """Sort labels by how much they changed, most first: pairs solved more or fewer, then the largest ratio either
+    way.
+    """
     share = points["solved"] / points["pairs"]
     ratio = pd.Series(np.abs(np.log(points["ratio"].to_numpy(dtype=float))), index=points.index).fillna(0.0)
     by = pd.DataFrame({"label": points["label"], "share": share, "ratio": ratio}).groupby("label")
@@ -108,19 +111,21 @@ def moved(points: pd.DataFrame) -> list[str]:
     return [str(label) for label in ordered["label"]]
 
 
-def machine_text(told: Mapping[str, Any]) -> str:
-    """A machine by what lasts of it; '' of one of which nothing is told.
+def machine_text(facts: Mapping[str, Any]) -> str:
+    """Describe a machine by its lasting facts; '' without any.
 
     >>> machine_text({"cpu": "a processor", "cores": 2, "ram_gib": 8.0, "load": 0.3})
     'a processor, 2 cores, 8 GiB'
     """
-    cores, memory = told.get("cores"), told.get("ram_gib")
-    parts = [str(told.get("cpu") or ""), f"{cores} cores" if cores else "", f"{memory:g} GiB" if memory else ""]
+    cores, memory = facts.get("cores"), facts.get("ram_gib")
+    parts = [str(facts.get("cpu") or ""), f"{cores} cores" if cores else "", f"{memory:g} GiB" if memory else ""]
     return ", ".join(part for part in parts if part)
 
 
-def _rows(runs: Sequence[Run]) -> pd.DataFrame:
-    """The rows of all runs that were run, each with the number of its run, machine, and time (∞ unless solved)."""
+def _rows(runs: Sequence[TimelineRun]) -> pd.DataFrame:
+    """Return the rows of all runs that were run, each with the number of its run, machine, and time (∞ unless
+    solved).
+    """
     parts: list[pd.DataFrame] = []
     for number, run in enumerate(runs):
         rows = rows_of.with_time(rows_of.normalised(run.table))
@@ -148,7 +153,7 @@ def _rows(runs: Sequence[Run]) -> pd.DataFrame:
 
 
 def _ratios(rows: pd.DataFrame, points: pd.DataFrame, floor: float) -> pd.DataFrame:
-    """common and ratio of every (label, run) that has a pair solved in its base too."""
+    """Return common and ratio of every (label, run) that has a pair solved in its base too."""
     timed = rows.loc[np.isfinite(rows["time"]), ["label", "run", "key", "time"]].drop_duplicates(
         ["label", "run", "key"]
     )
@@ -161,5 +166,5 @@ def _ratios(rows: pd.DataFrame, points: pd.DataFrame, floor: float) -> pd.DataFr
 
 
 def _several(values: pd.Series[str]) -> str:
-    """The different values, in order."""
+    """Join the different values, in order."""
     return " + ".join(sorted({value for value in values.unique() if value}))

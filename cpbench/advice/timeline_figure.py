@@ -29,7 +29,7 @@ SOLVED, TIME, OWN, LIE = PALETTE[2], PALETTE[0], "#8C8C8C", PALETTE[1]
 
 
 def guide() -> str:
-    """How to read the panels."""
+    """Explain how to read the panels."""
     return (
         "Upper strips: the fraction of the pairs that were run and solved (0 to 1); a cross where some answers were "
         "wrong or the solver crashed, a gap where the number of pairs changes. Lower strips: geometric mean of time "
@@ -40,7 +40,7 @@ def guide() -> str:
 
 
 def timeline_figure(points: pd.DataFrame, title: str) -> Figure:
-    """Panels of the labels that moved most, of a timeline with a row at least."""
+    """Draw panels of the labels that moved most, of a timeline with a row at least."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -69,13 +69,13 @@ def timeline_figure(points: pd.DataFrame, title: str) -> Figure:
             below.tick_params(labelbottom=k + columns >= len(labels))
             lower.append(below)
         _dates(lower[0], points["at"])
-        told = textwrap.fill(guide(), 168)
-        figure.text(0.05, 0.08 / height, told, fontsize=6.8, color="#444444", va="bottom", linespacing=1.35)
+        guide_text = textwrap.fill(guide(), 168)
+        figure.text(0.05, 0.08 / height, guide_text, fontsize=6.8, color="#444444", va="bottom", linespacing=1.35)
     return figure
 
 
 def _title(title: str, points: pd.DataFrame, shown: int) -> str:
-    """With the days it is about, and what is not shown."""
+    """Return the title with the first and last day, and what is not shown."""
     days = sorted({str(date)[:10] for date in points["date"]})
     labels = points["label"].nunique()
     more = f" ({shown} of {labels} labels: those that moved most)" if labels > shown else ""
@@ -96,7 +96,7 @@ def write(figure: Figure, path: Path) -> None:
 
 
 def _panel(upper: Axes, lower: Axes, rows: pd.DataFrame, reach: float) -> None:
-    """One label: what it solved above, how fast below."""
+    """Draw one label: what it solved above, how fast below."""
     last = rows.iloc[-1]
     text = f"{shorten(str(rows['label'].iloc[0]), 26)}  {last['solved']}/{last['pairs']}"
     upper.set_title(text, fontsize=7.5, loc="left", pad=3)
@@ -130,9 +130,9 @@ def _line(count: int) -> dict[str, Any]:
 
 
 def _reach(points: pd.DataFrame) -> float:
-    """A power of two that no ratio leaves either way, so that all panels share their scale."""
-    told = points[["ratio", "reference"]].to_numpy(dtype=float)
-    far = float(np.max(np.abs(np.log2(told[np.isfinite(told) & (told > 0)])), initial=0.0))
+    """Return a power of two that no ratio leaves either way, so that all panels share their scale."""
+    ratios = points[["ratio", "reference"]].to_numpy(dtype=float)
+    far = float(np.max(np.abs(np.log2(ratios[np.isfinite(ratios) & (ratios > 0)])), initial=0.0))
     return 2.0 ** max(1, math.ceil(1.05 * far))
 
 
@@ -148,7 +148,7 @@ def _ratio_ticks(axes: Axes, reach: float) -> None:
 
 
 def _dates(axes: Axes, moments: pd.Series[Any]) -> None:
-    """Few dates, short: the title has the days."""
+    """Write few dates, short: the title has the days."""
     from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
     locator = AutoDateLocator(minticks=2, maxticks=4)
@@ -159,5 +159,5 @@ def _dates(axes: Axes, moments: pd.Series[Any]) -> None:
 
 
 def _moment(date: str) -> datetime:
-    """When a run was there; raises ValueError on what is no date."""
+    """Return the date of a run; raises ValueError on text that is no date."""
     return datetime.fromisoformat(date)

@@ -25,20 +25,22 @@ GUIDE = (
 
 
 def columns(points: pd.DataFrame) -> list[str]:
-    """A block of aligned lines a label."""
+    """Return a block of aligned lines a label."""
     lines: list[str] = []
     for label, rows in points.groupby("label", sort=True):
         cells = [list(HEAD), *_cells(rows)]
         widths = [max(len(row[k]) for row in cells) for k in range(len(HEAD))]
         lines += ["", str(label)]
         for row in cells:
-            told = [c.rjust(w) if k in RIGHT else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))]
-            lines.append("  " + "  ".join(told).rstrip())
+            padded = [
+                c.rjust(w) if k in RIGHT else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))
+            ]
+            lines.append("  " + "  ".join(padded).rstrip())
     return [*lines[1:], "", GUIDE]
 
 
 def markdown(points: pd.DataFrame, title: str) -> str:
-    """A table a label."""
+    """Write a table a label."""
     parts = [f"# {plain(title)}", GUIDE]
     for label, rows in points.groupby("label", sort=True):
         parts += [f"## {plain(label)}", markdown_table(HEAD, [[plain(c) for c in row] for row in _cells(rows)], RIGHT)]
@@ -46,12 +48,12 @@ def markdown(points: pd.DataFrame, title: str) -> str:
 
 
 def as_csv(points: pd.DataFrame) -> str:
-    """All columns; what is not known is empty."""
+    """Write all columns; unknown values are empty."""
     return points.to_csv(index=False, lineterminator="\n")
 
 
 def as_json(points: pd.DataFrame) -> str:
-    """A list of objects; what is not known is null."""
+    """Write a list of objects; unknown values are null."""
     clean = points.astype(object).where(points.notna(), None)
     return json.dumps(clean[list(COLUMNS)].to_dict("records"), indent=1, ensure_ascii=False) + "\n"
 

@@ -1,4 +1,4 @@
-"""How good advice is: every origin is left out in turn, and what advises it has never seen it.
+"""Validation of advice: every origin is left out in turn, and advice on it has never seen it.
 
 The knobs of the estimate are part of the advice. They are chosen among KNOBS for every part of the origins by what the
 others show (nested cross-validation; Stone, J. R. Statist. Soc. B 36 (1974); Varma and Simon, BMC Bioinformatics 7
@@ -14,10 +14,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from cpbench.advice.likeness import distances, places
 from cpbench.advice.recommendation import SHIPPED, WITHIN, Knobs, standing
-from cpbench.analysis.experience import Experience
+from cpbench.advice.similarity import distances, places
 from cpbench.analysis.table import Masks
+from cpbench.analysis.training_cases import TrainingCases
 from cpbench.solvers.base import solvers
 
 PARTS = 8
@@ -30,7 +30,7 @@ COUNTS = ("solved", "within")
 Places: TypeAlias = np.ndarray[Any, np.dtype[np.int64]]
 
 
-def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.DataFrame:
+def evaluate(known: TrainingCases, node: str = "", most: int | None = None) -> pd.DataFrame:
     """Leave one origin out: every case with the label that the cases of all other origins recommend.
 
     `node` : its cases only. `most` : at most so many, evenly spaced.
@@ -41,15 +41,15 @@ def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.D
     Columns: node, origin, problem, label, ratio (its time over the virtual best, ∞ for a failure); plain, plain_ratio:
     the same of the label that is best on the other origins of the node, whatever the problem is like.
     """
-    asked = _spread(
+    queries = _spread(
         np.array([i for i, case in enumerate(known.cases) if node in ("", case.node)], dtype=np.int64), most
     )
     at, may = places(known), ~np.isnan(known.ratios)
     part = dealt(known)
-    knobs = chosen(known, part) if len(asked) else []
+    knobs = chosen(known, part) if len(queries) else []
     records: dict[int, tuple[Any, ...]] = {}
-    for origin in sorted({str(known.origins[i]) for i in asked}):
-        own = asked[known.origins[asked] == origin]
+    for origin in sorted({str(known.origins[i]) for i in queries}):
+        own = queries[known.origins[queries] == origin]
         used = known.origins != origin
         found = standing(
             known, distances(at[own], at, used), known.nodes[own], may[own], used, knobs[int(part[own[0]])]
@@ -60,11 +60,12 @@ def evaluate(known: Experience, node: str = "", most: int | None = None) -> pd.D
             records[int(i)] = (
                 case.node, origin, case.problem, known.labels[label], ratios[label], known.labels[plain], ratios[plain],
             )  # fmt: skip
-    return pd.DataFrame([records[int(i)] for i in asked], columns=list(COLUMNS))
+    return pd.DataFrame([records[int(i)] for i in queries], columns=list(COLUMNS))
 
 
-def rates(known: Experience, evaluation: pd.DataFrame) -> pd.DataFrame:
-    """One row a node, and the sum of all as the last, 'all': what `evaluate` found, beside simpler choices.
+def rates(known: TrainingCases, evaluation: pd.DataFrame) -> pd.DataFrame:
+    """Evaluate the recommendation by node, one row a node, and the sum of all as the last, 'all', beside simpler
+    choices.
 
     Columns: node, problems, origins, solved, within (of the virtual best, twice); and the last two of
 
@@ -99,15 +100,15 @@ def rates(known: Experience, evaluation: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([found, pd.DataFrame([{"node": "all", "auto": "", "single": "", **total}])], ignore_index=True)
 
 
-def chosen(known: Experience, part: Places) -> list[Knobs]:
-    """The knobs for each part, by what the others show; of equals the first of KNOBS."""
+def chosen(known: TrainingCases, part: Places) -> list[Knobs]:
+    """Choose the knobs for each part by the other parts; of equals the first of KNOBS."""
     parts = int(part.max()) + 1
     hits = np.zeros((len(KNOBS), parts))
     at, may = places(known), ~np.isnan(known.ratios)
-    asked = _spread(np.arange(len(known.cases)), CHOSEN_BY)
+    queries = _spread(np.arange(len(known.cases)), CHOSEN_BY)
     for two in combinations(range(parts), 2):
         used = ~np.isin(part, two)
-        own = asked[~used[asked]]
+        own = queries[~used[queries]]
         distance = distances(at[own], at, used)
         for k, knobs in enumerate(KNOBS):
             label = standing(known, distance, known.nodes[own], may[own], used, knobs).best(may[own])
@@ -117,8 +118,8 @@ def chosen(known: Experience, part: Places) -> list[Knobs]:
     return [KNOBS[k] for k in hits.argmax(axis=0)]
 
 
-def dealt(known: Experience) -> Places:
-    """The part of every case: origins, the largest first, each to the part that has least."""
+def dealt(known: TrainingCases) -> Places:
+    """Deal every case to a part: origins, the largest first, each to the part that has least."""
     names, counts = np.unique(known.origins.astype(str), return_counts=True)
     filled = [0] * min(PARTS, len(names))
     place: dict[str, int] = {}
@@ -128,9 +129,10 @@ def dealt(known: Experience) -> Places:
     return np.array([place[str(origin)] for origin in known.origins], dtype=np.int64)
 
 
-def _plain(known: Experience, own: Places, used: Masks) -> list[int]:
-    """The label for each case that is within most often on the used cases of its node, else of any; then that solves
-    most, of those that take the case."""
+def _plain(known: TrainingCases, own: Places, used: Masks) -> list[int]:
+    """Return the label for each case that is within most often on the used cases of its node, else of any; then that
+    solves most, of those that take the case.
+    """
     found: list[int] = []
     for i in own:
         there = used & (known.nodes == known.nodes[i])
@@ -142,7 +144,7 @@ def _plain(known: Experience, own: Places, used: Masks) -> list[int]:
 
 
 def _spread(places: Places, most: int | None) -> Places:
-    """At most so many, evenly spaced."""
+    """Return at most so many places, evenly spaced."""
     if most is None or len(places) <= most:
         return places
     return places[np.arange(most) * len(places) // most]
@@ -153,5 +155,5 @@ def _name(label: str) -> str:
 
 
 def _automatic(label: str) -> bool:
-    """Whether a label is of a solver that chooses among others, registered here."""
+    """Return whether a label is of a solver that chooses among others, registered here."""
     return _name(label) in solvers and solvers.get(_name(label)).spec.method == "automatic choice"

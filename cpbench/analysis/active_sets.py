@@ -1,4 +1,4 @@
-"""Which of each pair 0 ≤ x ⟂ y ≥ 0 is zero in an answer, which are both, which are neither."""
+"""Active sets: which of each pair 0 ≤ x ⟂ y ≥ 0 is zero in an answer, which are both, which are neither."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import Vector, max_abs
 
 
-class Side(StrEnum):
-    """Which of a pair is away from zero."""
+class ActiveSide(StrEnum):
+    """Member of a pair that is away from zero."""
 
     FIRST = "first"
     SECOND = "second"
@@ -48,13 +48,13 @@ class Pairs:
     y: Vector
     side: NDArray[np.str_]
 
-    def count(self, side: Side) -> int:
+    def count(self, side: ActiveSide) -> int:
         return int((self.side == str(side)).sum())
 
 
 def active_set(problem: Problem, point: object, tolerance: float = 1e-6) -> list[Pairs]:
-    """Pairs z, w of an LCP or NCP; v, w of an MLCP; distances to the bounds and forces of a MiCP; multipliers and
-    slacks of the rows and bounds of a QP.
+    """Return pairs z, w of an LCP or NCP; v, w of an MLCP; distances to the bounds and forces of a MiCP; multipliers
+    and slacks of the rows and bounds of a QP.
 
     Zero is what is at most `tolerance` in size. Raises NotApplicable for other formulations, PointError on an answer
     that is not finite or not of this problem.
@@ -78,7 +78,7 @@ def active_set(problem: Problem, point: object, tolerance: float = 1e-6) -> list
 def _pairs(
     problem: LCP | MLCP | QP | NCP | MiCP, point: object
 ) -> Iterator[tuple[str, str, Vector, Vector, float, float]]:
-    """Names, values and sizes."""
+    """Yield names, values and sizes of the pairs."""
     with np.errstate(all="ignore"):
         if isinstance(problem, LCP) and isinstance(point, LCPPoint):
             w = problem.slacks(point)["w"]
@@ -126,12 +126,12 @@ def _size(value: Vector, unit: float) -> float:
 
 
 def _sides(x: Vector, y: Vector, tolerance: float) -> NDArray[np.str_]:
-    """A Side for every pair."""
-    names = [Side.NEGATIVE, Side.NEITHER, Side.FIRST, Side.SECOND]
+    """Return a Side for every pair."""
+    names = [ActiveSide.NEGATIVE, ActiveSide.NEITHER, ActiveSide.FIRST, ActiveSide.SECOND]
     conditions = [
         np.minimum(x, y) < -tolerance,
         np.maximum(x, y) <= tolerance,
         y <= tolerance,
         x <= tolerance,
     ]
-    return np.select(conditions, [str(name) for name in names], str(Side.BOTH))
+    return np.select(conditions, [str(name) for name in names], str(ActiveSide.BOTH))

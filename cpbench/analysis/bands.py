@@ -37,7 +37,7 @@ class Bands:
 
     @property
     def few(self) -> bool:
-        """Whether there are so few families that the bands are a rough guess, which callers must say."""
+        """True if there are so few families that the bands are a rough guess, which callers must say."""
         return self.families < bootstrap.FEW
 
 
@@ -52,7 +52,7 @@ def profile_bands(
     seed: int = 0,
     floor: float = FLOOR,
 ) -> Bands:
-    """Pointwise bands (expanded percentiles) of performance profiles ρ_s(τ); the ratios themselves are not resampled.
+    """Compute pointwise bands (expanded percentiles) of performance profiles ρ_s(τ); the ratios are not resampled.
 
     Parameters
     ----------
@@ -91,19 +91,21 @@ def profile_bands(
         ends = np.quantile(drawn, [beyond, 1 - beyond], axis=2, overwrite_input=True)
         low[:, first : first + block], high[:, first : first + block] = ends[0].T, ends[1].T
     index = pd.Index(tau, name="tau")
-    made = [pd.DataFrame(part, index=index, columns=banded) for part in (estimate, low, high)]
-    return Bands(made[0], made[1], made[2], count, level, replicates)
+    frames = [pd.DataFrame(part, index=index, columns=banded) for part in (estimate, low, high)]
+    return Bands(frames[0], frames[1], frames[2], count, level, replicates)
 
 
 def _steps(bins: npt.NDArray[np.intp], codes: npt.NDArray[np.intp], taus: int, count: int) -> sparse.csr_array:
-    """How many problems of each family a label solves first at each τ, τ × families."""
+    """Count how many problems of each family a label solves first at each τ, τ × families."""
     inside = bins < taus
     ones = np.ones(int(inside.sum()))
     return sparse.coo_array((ones, (bins[inside], codes[inside])), shape=(taus, count)).tocsr()
 
 
 def _grid(ratio: Array) -> Array:
-    """At most GRID of the distinct finite ratios, the least and the largest among them; 1 where there is none."""
+    """Return at most GRID of the distinct finite ratios, the least and the largest among them; 1 where there is
+    none.
+    """
     found = np.unique(ratio[np.isfinite(ratio)])
     if not len(found):
         return np.ones(1)

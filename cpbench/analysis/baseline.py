@@ -47,7 +47,7 @@ _READ = (
 
 
 def of(table: pd.DataFrame) -> pd.DataFrame:
-    """The outcomes of a table of results: text in every column of `COLUMNS`, unmeasured pairs included.
+    """Return the outcomes of a table of results: text in every column of `COLUMNS`, unmeasured pairs included.
 
     Raises StoreError when two rows tell of one pair.
 
@@ -87,7 +87,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def text(lines: pd.DataFrame) -> str:
-    """The measured lines as they are kept, sorted: the same bytes for the same lines in any order."""
+    """Format the measured lines as they are kept, sorted: the same bytes for the same lines in any order."""
     kept = _ordered(lines[~lines["status"].isin(UNMEASURED)], "the baseline")
     written = io.StringIO()
     written.write(f"{HEADER}\n")
@@ -96,16 +96,16 @@ def text(lines: pd.DataFrame) -> str:
 
 
 def parse(content: str, place: str) -> pd.DataFrame:
-    """The lines of a kept text; `place` is the name of its file in messages.
+    """Parse the lines of a kept text; `place` is the name of its file in messages.
 
     Raises FormatError with the line number: what is written by hand may be anything.
     """
     head, _, body = content.removeprefix("\ufeff").partition("\n")
-    told = re.match(r"# cpbench baseline (\d+)\b", head)
-    if told is None:
+    heading = re.match(r"# cpbench baseline (\d+)\b", head)
+    if heading is None:
         raise FormatError(place, "line 1", "is no baseline; cpbench baseline RESULTS -o FILE writes one")
-    if int(told[1]) != VERSION:
-        raise FormatError(place, "line 1", f"is a baseline of version {told[1]}, this program reads {VERSION}")
+    if int(heading[1]) != VERSION:
+        raise FormatError(place, "line 1", f"is a baseline of version {heading[1]}, this program reads {VERSION}")
     reader = csv.reader(io.StringIO(body), strict=True)
     found: list[list[str]] = []
     numbers: list[int] = []
@@ -138,7 +138,8 @@ def parse(content: str, place: str) -> pd.DataFrame:
 
 
 def as_table(lines: pd.DataFrame, like: pd.DataFrame | None = None) -> pd.DataFrame:
-    """The lines in the columns of `table.normalised`: status, error (the upper end of its decade), counters; no times.
+    """Return the lines in the columns of `table.normalised`: status, error (the upper end of its decade), counters;
+    no times.
 
     `like` : the results it will be compared with: whole fingerprints, and the options of a label, are taken from them.
 
@@ -173,29 +174,29 @@ def as_table(lines: pd.DataFrame, like: pd.DataFrame | None = None) -> pd.DataFr
             "step": [step or "0" for *_, step in places],
             "status": lines["status"],
             "error": bounds(lines["error"]),
-            "counters": [json.dumps(counters(told)) for told in lines["counters"]],
+            "counters": [json.dumps(counters(written)) for written in lines["counters"]],
         }
     )
     return rows_of.normalised(frame)
 
 
 def labels(lines: pd.DataFrame) -> pd.Series[str]:
-    """What tables call the solver of each line: with its options, and how it is reached."""
+    """Return the label of the solver of each line: with its options, and its route."""
     return lines["solver"].where(lines["route"] == EXACT, lines["solver"] + "@" + lines["route"])
 
 
-def counters(told: str) -> dict[str, int]:
-    """Counters as they are written, by name.
+def counters(written: str) -> dict[str, int]:
+    """Parse counters as they are written, by name.
 
     >>> counters("inner%20steps=3 iterations=7")
     {'inner steps': 3, 'iterations': 7}
     """
-    pairs = (item.rpartition("=") for item in told.split())
+    pairs = (item.rpartition("=") for item in written.split())
     return {unquote(name): int(count) for name, _, count in pairs}
 
 
 def decades(error: pd.Series[float], tolerance: pd.Series[float]) -> pd.Series[str]:
-    """Each error as it is written: a power of ten at or above it, or that it is within the tolerance.
+    """Write each error as a power of ten at or above it, or as within the tolerance.
 
     >>> decades(pd.Series([2e-13, 3e-4, np.inf]), pd.Series([1e-6] * 3)).tolist()
     ['<=1e-06', '1e-03', 'inf']
@@ -211,10 +212,10 @@ def decades(error: pd.Series[float], tolerance: pd.Series[float]) -> pd.Series[s
     return plain.mask(within, bound).astype(object)
 
 
-def bounds(told: pd.Series[str]) -> pd.Series[float]:
-    """The upper end of each written error, ∞ where there is none."""
-    numbers = {text: float(text.removeprefix("<=") or "inf") for text in told.unique()}
-    return told.map(numbers).astype(float)
+def bounds(written: pd.Series[str]) -> pd.Series[float]:
+    """Return the upper end of each written error, ∞ where there is none."""
+    numbers = {text: float(text.removeprefix("<=") or "inf") for text in written.unique()}
+    return written.map(numbers).astype(float)
 
 
 # ------------------------------------------------------------------------------------------------ pieces
@@ -227,22 +228,22 @@ def _short(fingerprint: str) -> str:
 def _without_request(names: pd.Series[str], request: pd.Series[str]) -> pd.Series[str]:
     both = pd.DataFrame({"name": names, "asked": request})
     pairs = both.drop_duplicates()
-    plain = [name.removesuffix(f"@{asked}") for name, asked in pairs.itertuples(index=False, name=None)]
+    plain = [name.removesuffix(f"@{requested}") for name, requested in pairs.itertuples(index=False, name=None)]
     return both.merge(pairs.assign(plain=plain), how="left").set_axis(names.index)["plain"].astype(object)
 
 
 def _written(column: pd.Series[str]) -> pd.Series[str]:
-    """Counters as words, a name never being two of them."""
+    """Write counters as words, a name never being two of them."""
 
-    def words(told: str) -> str:
-        found: dict[str, int] = json.loads(told) if told else {}
+    def words(written: str) -> str:
+        found: dict[str, int] = json.loads(written) if written else {}
         return " ".join(f"{quote(name, safe='')}={count}" for name, count in sorted(found.items()))
 
-    return column.map({told: words(told) for told in column.unique()}).astype(object)
+    return column.map({written: words(written) for written in column.unique()}).astype(object)
 
 
 def _ordered(lines: pd.DataFrame, place: str) -> pd.DataFrame:
-    """Lines by problem, then solver; the key decides what is left, so that the order is total."""
+    """Sort lines by problem, then solver; the key breaks ties, so that the order is total."""
     twice = lines.duplicated(list(KEY))
     if twice.any():
         row = lines[twice].iloc[0]

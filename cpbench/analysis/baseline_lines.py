@@ -1,4 +1,4 @@
-"""What a line of a baseline tells, and whether one that was written by hand does."""
+"""Fields of a line of a baseline, and the check of one that was written by hand."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ERROR = re.compile(r"|inf|(<=)?\d+(\.\d+)?e[-+]\d+")
 
 
 def check(cells: Sequence[str], place: str, number: int) -> None:
-    """Raises FormatError where the cells of this line of the file `place` are none of a baseline."""
+    """Raise FormatError where the cells of this line of the file `place` are none of a baseline."""
 
     def wrong(cause: str) -> FormatError:
         return FormatError(place, f"line {number}", cause)
@@ -50,8 +50,8 @@ def check(cells: Sequence[str], place: str, number: int) -> None:
             raise wrong(f"has counter {item[:40]!r}, expected name=number")
 
 
-def _positive(told: str) -> bool:
+def _positive(written: str) -> bool:
     try:
-        return 0 < float(told) < math.inf
+        return 0 < float(written) < math.inf
     except ValueError:
         return False

@@ -23,7 +23,7 @@ WITHIN = 2.0
 
 
 def virtual_best(times: pd.DataFrame) -> pd.Series[float]:
-    """The least time [s] on each problem, ∞ where nobody solved it.
+    """Return the least time [s] on each problem, ∞ where nobody solved it.
 
     >>> virtual_best(pd.DataFrame({"a": [1.0, math.inf], "b": [2.0, math.inf]})).tolist()
     [1.0, inf]
@@ -32,13 +32,14 @@ def virtual_best(times: pd.DataFrame) -> pd.Series[float]:
 
 
 def fastest(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
-    """Whether a label shares the lead on a problem, problems × labels."""
+    """Mark which labels share the lead on a problem, problems × labels."""
     return ratios(times, floor) <= 1.0
 
 
 def choices(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
-    """What the virtual best takes, one row a problem: `label` ('' where nobody solved it), `time` [s], `sharing` (how
-    many share the lead; the quickest of them is named, then the first by name), `solvers` (how many solve it at all).
+    """Return the choices of the virtual best, one row a problem: `label` ('' where no solver solved it), `time` [s],
+    `sharing` (how many share the lead; the quickest of them is named, then the first by name), `solvers` (how many
+    solve it at all).
 
     >>> choices(pd.DataFrame({"a": [1.0, math.inf], "b": [2.0, math.inf]})).to_numpy().tolist()
     [['a', 1.0, 1, 2], ['', inf, 0, 0]]
@@ -61,7 +62,7 @@ def choices(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
 
 
 def gaps(times: pd.DataFrame, floor: float = FLOOR, compared: Sequence[str] | None = None) -> pd.DataFrame:
-    """Each label against the virtual best of all, one row a label (sorted).
+    """Compare each label with the virtual best of all, one row a label (sorted).
 
     Columns, N being the rows of the matrix:
     planned (N), solved, fastest (where it shares the lead), within (fraction of the N within WITHIN times the best);
@@ -103,7 +104,7 @@ def gaps(times: pd.DataFrame, floor: float = FLOOR, compared: Sequence[str] | No
 
 
 def floored(matrix: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
-    """How many times of each label lie below the floor: among these no ratio tells anything.
+    """Count the times of each label below the floor: ratios of these carry no information.
 
     Columns: solved, below (solved sooner than the floor), share (below over solved, NaN of none), tied (where another
     label is below it too, so that their ratio is 1 by the floor alone).
@@ -123,7 +124,9 @@ def floored(matrix: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
 
 
 def _marginal(seconds: Array) -> tuple[Array, Array]:
-    """By label: problems that nobody else solves, and how much slower the others' best is where it is one."""
+    """Count by label the problems that no other label solves, and how much slower the others' best is on those it
+    leads.
+    """
     problems, labels = seconds.shape
     if labels < 2 or not problems:
         return np.isfinite(seconds).sum(axis=0), np.full(labels, math.nan)
@@ -136,7 +139,7 @@ def _marginal(seconds: Array) -> tuple[Array, Array]:
 
 
 def _log_mean(ratio: Array, where: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Array:
-    """Geometric mean of the chosen entries of each column, NaN of none."""
+    """Return the geometric mean of the chosen entries of each column, NaN of none."""
     count = where.sum(axis=0)
     total = np.log(np.where(where, ratio, 1.0)).sum(axis=0)
     return np.exp(np.divide(total, count, out=np.full(len(count), math.nan), where=count > 0))

@@ -81,13 +81,14 @@ class Intervals:
 
 
 def families_of(group: pd.DataFrame) -> pd.Series[str]:
-    """Family of each problem of a group, by fingerprint; of a problem in two families the first by name."""
+    """Return the family of each problem of a group, by fingerprint; of a problem in two families the first by name."""
     known = group[["fingerprint", "family"]].drop_duplicates().sort_values(["fingerprint", "family"])
     return known.drop_duplicates("fingerprint").set_index("fingerprint")["family"]
 
 
 def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) -> tuple[npt.NDArray[np.intp], int]:
-    """Number of the cluster of each problem, and how many there are; who has no family (missing, '') is alone.
+    """Number the cluster of each problem, and count them; a problem without a family (missing, '') is its own
+    cluster.
 
     >>> clusters(pd.Index(["p", "q", "r", "s"]), pd.Series({"p": "x", "r": "x", "s": ""}))
     (array([0, 1, 0, 2]), 3)
@@ -103,21 +104,27 @@ def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) ->
 
 
 def mean_time(matrix: pd.DataFrame, shift: float, charge: float) -> Statistic:
-    """Shifted geometric mean [s] over all problems, a failure charged `charge` [s] (see `means`), the shift fixed."""
+    """Return shifted geometric mean [s] over all problems, a failure charged `charge` [s] (see `means`), the shift
+    fixed.
+    """
     seconds = values(matrix)
     top = logged(np.where(np.isfinite(seconds), seconds, charge), shift)
     return _statistic(matrix, top, np.ones_like(top), lambda x: unlogged(x, shift))
 
 
 def solve_rate(matrix: pd.DataFrame, started: pd.DataFrame | None = None) -> Statistic:
-    """Fraction of the problems that a label solves; of those that it was `started` on, where that is given."""
+    """Return the fraction of the problems that a label solves; of those that it was `started` on, where that is
+    given.
+    """
     top = np.isfinite(values(matrix)).astype(float)
     bottom = np.ones_like(top) if started is None else started.loc[matrix.index, matrix.columns].to_numpy(dtype=float)
     return _statistic(matrix, top, bottom, lambda x: x)
 
 
 def ratio_to(matrix: pd.DataFrame, base: str | None = None, floor: float = FLOOR) -> Statistic:
-    """Geometric mean of each label's time over that of `base` (default: the virtual best), where both solved."""
+    """Return the geometric mean of each label's time over that of `base` (default: the virtual best), where both
+    solved.
+    """
     seconds = np.maximum(values(matrix), floor)
     other = np.maximum((virtual_best(matrix) if base is None else matrix[base]).fillna(math.inf).to_numpy(), floor)
     both = np.isfinite(seconds) & np.isfinite(other)[:, None]
@@ -134,7 +141,7 @@ def intervals(
     seed: int = 0,
     method: Method = "expanded",
 ) -> Intervals:
-    """Intervals of a statistic of each label.
+    """Return intervals of a statistic of each label.
 
     Parameters
     ----------
@@ -178,7 +185,7 @@ def intervals(
 
 
 def check(level: float, replicates: int) -> None:
-    """Raises ValueError on a level outside (0, 1) and on no replicate."""
+    """Raise ValueError on a level outside (0, 1) and on no replicate."""
     if not 0 < level < 1:
         raise ValueError(f"level of {level:g}: must lie between 0 and 1, as 0.95")
     if replicates < 1:
@@ -186,7 +193,8 @@ def check(level: float, replicates: int) -> None:
 
 
 def tail(level: float, families: int) -> float:
-    """Share of the replicates beyond each end: Φ(√(F/(F − 1)) t_{F−1}) in place of (1 − level)/2, where F is given.
+    """Return the share of replicates beyond each end: Φ(√(F/(F − 1)) t_{F−1}) in place of (1 − level)/2, where F is
+    given.
 
     The spread of replicates is √((F − 1)/F) of what it should be, and of F values; both as Hesterberg, The American
     Statistician 69 (2015), §4.3, corrects it for an ordinary mean.
@@ -198,7 +206,9 @@ def tail(level: float, families: int) -> float:
 
 
 def multiplicities(count: int, replicates: int, seed: int) -> Iterator[tuple[int, Array]]:
-    """How often each family was drawn, replicates × families, in blocks with the number of their first replicate."""
+    """Yield how often each family was drawn, replicates × families, in blocks with the number of their first
+    replicate.
+    """
     rng = np.random.default_rng(seed)
     block = max(1, CELLS // max(1, count))
     for start in range(0, replicates if count else 0, block):
@@ -212,7 +222,7 @@ def _statistic(matrix: pd.DataFrame, top: Array, bottom: Array, of: Callable[[Ar
 
 
 def _by_family(array: Array, codes: npt.NDArray[np.intp], count: int) -> Array:
-    """Sums over the problems of each family, families × labels."""
+    """Sum over the problems of each family, families × labels."""
     if not count:
         return np.zeros((0, array.shape[1]))
     order = np.argsort(codes, kind="stable")
@@ -220,7 +230,7 @@ def _by_family(array: Array, codes: npt.NDArray[np.intp], count: int) -> Array:
 
 
 def _bca(drawn: Array, estimate: float, left_out: Array, beyond: float) -> tuple[float, float]:
-    """The levels at which BCa reads the replicates; those of the percentile interval where all are alike."""
+    """Return the levels at which BCa reads the replicates; those of the percentile interval where all are alike."""
     below = float(((drawn < estimate).mean() + (drawn <= estimate).mean()) / 2)
     apart = left_out[np.isfinite(left_out)]
     apart = apart.mean() - apart

@@ -1,4 +1,4 @@
-"""What must be said beside a cost, because it is not the same cost for every solver.
+"""Caveats beside a cost that is not the same cost for every solver.
 
 A program that is launched for every solve is charged with its launch. Iterations are pivots in one method and
 factorizations in another. `sheets` is what the results say of each label (`meta["solvers"]`); those of older files know
@@ -25,7 +25,7 @@ FIRST_STEP = "cold: first step"
 
 @dataclass(frozen=True)
 class Footnote:
-    """What is said below a table of times of the solvers that have its mark, and nothing where `labels` is empty."""
+    """Footnote of a table of times on the solvers that have its mark; none where `labels` is empty."""
 
     mark: str
     labels: tuple[str, ...]
@@ -33,7 +33,7 @@ class Footnote:
 
 
 def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
-    """The footnotes of a table of these rows.
+    """Return the footnotes of a table of these rows.
 
     >>> rows = pd.DataFrame({"label": ["a", "b", "b"], "start": "file", "started": ["", "cold: no point", "file"]})
     >>> for note in footnotes(rows, {"a": {"launches": True}}):
@@ -43,27 +43,27 @@ def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
     """
     labels = [str(label) for label in dict.fromkeys(rows["label"])]
     launched, cold, counts = launching(labels, sheets), fell_back(rows), rows["label"].value_counts()
-    told = ", ".join(f"{label} {count} of {counts[label]}" for label, count in cold.items())
+    counted_labels = ", ".join(f"{label} {count} of {counts[label]}" for label, count in cold.items())
     notes = (
         Footnote("†", tuple(launched), _launch(launched)),
-        Footnote("‡", tuple(cold), f"Fell back to a cold start: {told}."),
+        Footnote("‡", tuple(cold), f"Fell back to a cold start: {counted_labels}."),
     )
     return [note for note in notes if note.labels]
 
 
 def marks(label: str, notes: Iterable[Footnote]) -> str:
-    """The marks behind the name of a solver."""
+    """Return the marks behind the name of a solver."""
     return "".join(note.mark for note in notes if label in note.labels)
 
 
 def fell_back(rows: pd.DataFrame) -> dict[str, int]:
-    """By label the rows that were to begin at a point and had none."""
+    """Count by label the rows that were to begin at a point and had none."""
     cold = rows["started"].str.startswith(COLD) & (rows["started"] != FIRST_STEP) & (rows["start"] != COLD)
     return {str(label): int(count) for label, count in rows.loc[cold, "label"].value_counts().items()}
 
 
 def launching(labels: Iterable[str], sheets: Sheets) -> list[str]:
-    """The labels whose every solve launches a program.
+    """Return the labels whose every solve launches a program.
 
     >>> launching(["lemke", "gams-path"], {"lemke": {}, "gams-path": {"launches": True}})
     ['gams-path']
@@ -72,7 +72,7 @@ def launching(labels: Iterable[str], sheets: Sheets) -> list[str]:
 
 
 def methods(labels: Iterable[str], sheets: Sheets) -> dict[str, list[str]]:
-    """The labels of each kind of method."""
+    """Return the labels of each kind of method."""
     found: dict[str, list[str]] = {}
     for label in labels:
         method = sheets.get(label, {}).get("method")
@@ -82,7 +82,7 @@ def methods(labels: Iterable[str], sheets: Sheets) -> dict[str, list[str]]:
 
 
 def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
-    """The sentence beside a figure or table of this metric; '' where its numbers compare as they stand.
+    """Return the sentence beside a figure or table of this metric; '' where its numbers compare as they stand.
 
     >>> from cpbench.analysis.metrics import METRICS
     >>> sheets = {"lemke": {"method": "pivoting"}, "path": {"method": "Newton with pivoting", "launches": True}}
@@ -99,8 +99,8 @@ def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
     if metric.name == "reported" and (started := launching(labels, sheets)):
         return f"What {', '.join(started)} reports may have the launch of a program in it."
     if metric.counter == "iterations" and len(found := methods(labels, sheets)) > 1:
-        told = "; ".join(f"{method} ({', '.join(names)})" for method, names in found.items())
-        return f"An iteration is another thing in each method: {told}. Counts do not compare."
+        methods_text = "; ".join(f"{method} ({', '.join(names)})" for method, names in found.items())
+        return f"An iteration is another thing in each method: {methods_text}. Counts do not compare."
     return ""
 
 

@@ -35,7 +35,7 @@ Bools: TypeAlias = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
 @dataclass(frozen=True)
-class Line:
+class FittedLine:
     """y = intercept + slope z with normal errors, some y known only from below.
 
     Attributes
@@ -55,8 +55,10 @@ class Line:
     group_high: float = math.nan
 
 
-def fit(z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | None = None, level: float = 0.95) -> Line:
-    """The line of greatest likelihood through (z, y), y being a lower bound where `censored`.
+def fit(
+    z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | None = None, level: float = 0.95
+) -> FittedLine:
+    """Fit the line of greatest likelihood through (z, y), y being a lower bound where `censored`.
 
     Raises ValueError when fewer than three values are known, when those have one z only, and when they lie on a line
     exactly while others are censored (the likelihood then has no maximum).
@@ -87,7 +89,7 @@ def fit(z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | No
     group_reach = math.nan
     if groups is not None and len(np.unique(groups)) >= FEWEST:
         group_reach = _sandwich(covariance, scores, groups, level) / unit
-    return Line(
+    return FittedLine(
         slope=float(slope),
         intercept=float(start[0] - slope * centre),
         scatter=sigma,
@@ -100,7 +102,7 @@ def fit(z: Floats, y: Floats, censored: Bools, groups: np.ndarray[Any, Any] | No
 
 
 def _censored(design: Any, y: Floats, censored: Bools, start: Any, sigma: float) -> tuple[Any, float, Any, Any]:
-    """Maximum in (α, β, θ), from there (a, b), σ, the covariance of (a, b, σ) and every value's score by them."""
+    """Maximise over (α, β, θ) and return (a, b), σ, the covariance of (a, b, σ) and every value's score by them."""
     known, bound = design[~censored], design[censored]
     above, limits = y[~censored], y[censored]
 
@@ -116,7 +118,7 @@ def _censored(design: Any, y: Floats, censored: Bools, start: Any, sigma: float)
         return float(-len(above) * np.log(p[2]) + 0.5 * residual @ residual - special.log_ndtr(-beyond).sum())
 
     def gradients(p: Floats) -> Any:
-        """Gradient of log-likelihood by (α, β, θ), a row a value."""
+        """Return the gradient of the log-likelihood by (α, β, θ), a row a value."""
         residual, _, mills = parts(p)
         rows = np.empty((len(y), 3))
         rows[~censored] = np.column_stack([known * residual[:, None], 1 / p[2] - residual * above])
@@ -148,7 +150,7 @@ def _censored(design: Any, y: Floats, censored: Bools, start: Any, sigma: float)
 
 
 def _sandwich(covariance: Any, scores: Any, groups: np.ndarray[Any, Any], level: float) -> float:
-    """Half the interval of the slope when only the groups are independent."""
+    """Return half the interval of the slope when only the groups are independent."""
     code, names = pd.factorize(groups)
     summed = np.zeros((len(names), scores.shape[1]))
     np.add.at(summed, code, scores)

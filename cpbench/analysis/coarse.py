@@ -27,7 +27,7 @@ class Coarse:
 
 
 def coarsened(M: Matrix, cells: int, block: int = 1) -> Coarse:
-    """M in at most `cells` (rounded up) cells a side; a cell holds whole blocks of `block` rows and columns.
+    """Coarsen M to at most `cells` (rounded up) cells a side; a cell holds whole blocks of `block` rows and columns.
 
     >>> coarsened(np.diag([1.0, -2.0, 3.0, 0.0]), 2).largest.tolist()
     [[2.0, 0.0], [0.0, 3.0]]
@@ -42,7 +42,8 @@ def coarsened(M: Matrix, cells: int, block: int = 1) -> Coarse:
 
 
 def arranged(problem: Problem) -> list[list[str]]:
-    """Names of the matrices that have rows and columns, in rows as they stand in the equations; '' for a gap.
+    """Arrange names of the matrices that have rows and columns, in rows as they stand in the equations; '' for a
+    gap.
 
     >>> from cpbench.formulations.lcp import LCP
     >>> arranged(LCP(M=np.eye(2), q=np.ones(2)))

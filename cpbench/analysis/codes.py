@@ -15,7 +15,7 @@ Integers: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 
 def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
-    """Each value's place among the distinct ones in ascending order, and these: text is compared once a name.
+    """Code each value by its place among the distinct ones in ascending order; text is compared once a name.
 
     >>> place, names = codes(pd.Series(["b", "a", "b"]))
     >>> place.tolist(), names.tolist()
@@ -26,7 +26,7 @@ def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
 
 
 def by_appearance(values: pd.Series) -> tuple[Integers, pd.Index]:
-    """Each value's place among the distinct ones in order of appearance, and these.
+    """Code each value by its place among the distinct ones in order of appearance.
 
     Rows of one problem lie side by side: what is the same as in the row before is not looked up again.
 
@@ -34,15 +34,15 @@ def by_appearance(values: pd.Series) -> tuple[Integers, pd.Index]:
     >>> place.tolist(), names.tolist()
     ([0, 0, 1, 0], ['b', 'a'])
     """
-    told = np.asarray(values, dtype=object)
-    first = np.flatnonzero(np.append(True, told[1:] != told[:-1])[: len(told)])
-    place, names = pd.factorize(told[first])
-    times = np.diff(first, append=len(told))
+    array = np.asarray(values, dtype=object)
+    first = np.flatnonzero(np.append(True, array[1:] != array[:-1])[: len(array)])
+    place, names = pd.factorize(array[first])
+    times = np.diff(first, append=len(array))
     return np.repeat(np.asarray(place, dtype=np.int64), times), pd.Index(names, dtype=values.dtype)
 
 
 def order(clean: pd.DataFrame) -> Integers | None:
-    """Positions of the rows by problem, fingerprint, label and key; None where they lie so already.
+    """Return the positions of the rows by problem, fingerprint, label and key; None where they lie so already.
 
     A results file gives its rows in order, and to find that out costs less than to sort them.
     """
@@ -56,14 +56,14 @@ def order(clean: pd.DataFrame) -> Integers | None:
 
 
 def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Series[str]) -> bool:
-    """Whether rows ascend strictly by the three; text is compared only where it changes."""
+    """Return whether rows ascend strictly by the three; text is compared only where it changes."""
     place, names = by_appearance(problem)
     if not names.is_monotonic_increasing or (np.diff(place) < 0).any():
         return False
-    told = np.asarray(fingerprint, dtype=object)
+    prints = np.asarray(fingerprint, dtype=object)
     same = np.diff(place) == 0
-    other = np.flatnonzero(same & (told[1:] != told[:-1]))
-    if any(told[k] > told[k + 1] for k in other):
+    other = np.flatnonzero(same & (prints[1:] != prints[:-1]))
+    if any(prints[k] > prints[k + 1] for k in other):
         return False
     same[other] = False
     return not (same & (np.diff(codes(label)[0]) <= 0)).any()

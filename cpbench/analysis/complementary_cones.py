@@ -33,7 +33,8 @@ class ComplementaryCone:
 
 @dataclass(frozen=True, eq=False)
 class LemkePath:
-    """Where Lemke's method was after every pivot: w − Mz = q + z₀e, the complementary pairs but one complementary.
+    """Path of Lemke's method, a point after every pivot: w − Mz = q + z₀e, the complementary pairs but one
+    complementary.
 
     Attributes
     ----------
@@ -46,7 +47,7 @@ class LemkePath:
 
 
 def complementary_cones(problem: Problem, tolerance: float = 1e-9) -> list[ComplementaryCone]:
-    """The cones of z = 0, z₁, z₂ and both; q lies in one when its distance is at most tolerance·‖q‖.
+    """Return the cones of z = 0, z₁, z₂ and both; q lies in one when its distance is at most tolerance·‖q‖.
 
     Raises NotApplicable unless the problem is an LCP with two unknowns.
     """
@@ -64,7 +65,7 @@ def complementary_cones(problem: Problem, tolerance: float = 1e-9) -> list[Compl
 
 
 def solutions(cones: list[ComplementaryCone]) -> list[Vector]:
-    """The different z of the cones that hold q (a q on a common face has one z in both).
+    """Return the different z of the cones that hold q (a q on a common face has one z in both).
 
     A degenerate cone gives one of its solutions.
     """
@@ -76,13 +77,13 @@ def solutions(cones: list[ComplementaryCone]) -> list[Vector]:
 
 
 def is_p_matrix(problem: Problem) -> bool:
-    """All principal minors positive: the cones then fill the plane without overlapping (n = 2)."""
+    """Return whether all principal minors are positive: the cones then fill the plane without overlapping (n = 2)."""
     M, _ = _plane(problem)
     return bool(M[0, 0] > 0 and M[1, 1] > 0 and np.linalg.det(M) > 0)
 
 
 def lemke_path(problem: Problem) -> LemkePath:
-    """The pivots of our own `lemke`, run with 1, 2, ... pivots allowed.
+    """Return the pivots of our own `lemke`, run with 1, 2, ... pivots allowed.
 
     The solver gives z; z₀ is the least that makes q + Mz + z₀e nonnegative, which it is at every pivot. Empty when
     q ≥ 0. Raises NotApplicable as above, ProblemError when the solver breaks down.
@@ -106,7 +107,7 @@ def lemke_path(problem: Problem) -> LemkePath:
 
 
 def _plane(problem: Problem) -> tuple[Dense, Vector]:
-    """M and q; raises NotApplicable."""
+    """Return M and q; raises NotApplicable."""
     if not isinstance(problem, LCP):
         raise NotApplicable(
             "complementary cones", f"belong to an lcp, this is {problem.node}: cpbench convert FILE --to lcp may help"

@@ -16,7 +16,7 @@ from cpbench.matrices import Dense, Vector, norm
 
 
 class State(StrEnum):
-    """What a contact does."""
+    """State of a contact."""
 
     STICK = "stick"
     SLIP = "slip"
@@ -43,7 +43,7 @@ class ContactStates:
 
     @property
     def against(self) -> Dense:
-        """Where r_T/(μ r_N) should be while sliding, −(μ∘u_T) over its length; 0 without sliding; (nc, d − 1).
+        """The value of r_T/(μ r_N) expected while sliding, −(μ∘u_T) over its length; 0 without sliding; (nc, d − 1).
 
         With different μ along the two tangents r_T is not against u_T, but this holds (associated slip).
         """
@@ -52,12 +52,12 @@ class ContactStates:
         return -slide / np.where(speed > 0, speed, 1.0)
 
     def count(self, state: State) -> int:
-        """How many contacts are in this state."""
+        """Count the contacts in this state."""
         return int((self.state == str(state)).sum())
 
 
 def contact_states(problem: Problem, point: Point, tolerance: float = 1e-6) -> ContactStates:
-    """States of all contacts, with the noise of `formulations.contact.contact_residuals`.
+    """Return states of all contacts, with the noise of `formulations.contact.contact_residuals`.
 
     A contact is open when the energy of its reaction, ‖r_c‖²/ρ_c, is below tolerance² times that of the whole answer,
     or its r_N is not positive; else it slips when ρ_c‖u_T‖ exceeds tolerance times max(‖r_c‖, √ρ_c of the energy); else
@@ -86,7 +86,7 @@ def contact_states(problem: Problem, point: Point, tolerance: float = 1e-6) -> C
 
 
 def _coefficients(problem: ContactProblem, d: int) -> Dense:
-    """μ of every contact and tangent."""
+    """Return μ of every contact and tangent."""
     if isinstance(problem, AnisotropicFrictionContact):
         return problem.friction
     mu: Vector = problem.mu
@@ -94,7 +94,7 @@ def _coefficients(problem: ContactProblem, d: int) -> Dense:
 
 
 def angle_between(a: Vector, b: Vector) -> float:
-    """∠(a, b) [deg], NaN where one of them is 0.
+    """Return ∠(a, b) [deg], NaN where one of them is 0.
 
     >>> round(angle_between(np.array([1.0, 0.0, 0.0]), np.array([1.0, 1.0, 0.0])), 9)
     45.0
@@ -108,7 +108,8 @@ def angle_between(a: Vector, b: Vector) -> float:
 
 
 def forces(states: ContactStates, contacts: Contacts) -> Dense:
-    """Reactions in the axes of the scene, on the first body of each contact: Σ_i r_i times row i of the frame.
+    """Return reactions in the axes of the scene, on the first body of each contact: Σ_i r_i times row i of the
+    frame.
 
     Shape (nc, 3) [N s].
     """
@@ -117,7 +118,8 @@ def forces(states: ContactStates, contacts: Contacts) -> Dense:
 
 
 def most_rubbing(states: ContactStates) -> int:
-    """The contact whose friction does most work, −r_Tᵀu_T; without one, that with the largest reaction; 0 of none.
+    """Return the contact whose friction does most work, −r_Tᵀu_T; without one, that with the largest reaction; 0 of
+    none.
 
     >>> import numpy as np
     >>> r, u = np.array([[2.0, 0, 0], [1, -1, 0]]), np.array([[0.0, 0, 0], [0, 3, 0]])

@@ -40,7 +40,7 @@ class DataProfile:
         return min((float(c.ratios[c.ratios > 0][0]) for c in self.curves if (c.ratios > 0).any()), default=0.0)
 
     def within(self, budget: float) -> pd.Series[float]:
-        """The fraction of problems each label solves within a budget.
+        """Return the fraction of problems each label solves within a budget.
 
         >>> data_profile(pd.DataFrame({"a": [1.0, 3.0], "b": [2.0, math.inf]})).within(2.0).to_dict()
         {'a': 0.5, 'b': 0.5}
@@ -51,7 +51,7 @@ class DataProfile:
 def data_profile(
     values: pd.DataFrame, problems: int | None = None, units: pd.Series[float] | None = None
 ) -> DataProfile:
-    """The data profile of costs, problems × labels, ∞ or NaN for a failure.
+    """Return the data profile of costs, problems × labels, ∞ or NaN for a failure.
 
     Parameters
     ----------
@@ -81,7 +81,8 @@ def data_profile(
 
 
 def size_units(group: pd.DataFrame, symbol: str, plus: float = 0.0) -> pd.Series[float]:
-    """A dimension of each problem of a group, plus a constant, by fingerprint: n + 1 is `size_units(group, "n", 1)`.
+    """Return a dimension of each problem of a group, plus a constant, by fingerprint: n + 1 is `size_units(group,
+    "n", 1)`.
 
     Raises UnknownName when a problem has no such dimension.
 

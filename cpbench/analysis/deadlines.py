@@ -38,7 +38,7 @@ Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[Any]]
 def deadlines(
     group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None = None, level: float = 0.95
 ) -> pd.DataFrame:
-    """One row a label of a group, in order of label.
+    """Return one row a label of a group, in order of label.
 
     Columns: problems (N, the same for all labels), solved (at all), p50, p95, p99 and max [s], misses of the deadline
     with their share and its interval (low, high), the longest run of consecutive misses within a sequence (`longest`,
@@ -63,7 +63,8 @@ def deadlines(
 def deadlines_by_sequence(
     group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None = None, level: float = 0.95
 ) -> pd.DataFrame:
-    """One row a sequence and label: as `deadlines`, over the steps of one sequence, with a first column `sequence`.
+    """Return one row a sequence and label: as `deadlines`, over the steps of one sequence, with a first column
+    `sequence`.
 
     Problems that belong to none are left out.
     """
@@ -78,7 +79,8 @@ def deadlines_by_sequence(
 
 
 def quantiles(values: pd.DataFrame, levels: tuple[float, ...] = LEVELS) -> pd.DataFrame:
-    """Quantiles (rows, by level) of every column: the least value that a share q of all does not exceed; NaN is ∞.
+    """Return quantiles (rows, by level) of every column: the least value that a share q of all does not exceed; NaN
+    is ∞.
 
     Raises ValueError for a level outside (0, 1]. NaN of no values.
 
@@ -102,7 +104,9 @@ def quantiles(values: pd.DataFrame, levels: tuple[float, ...] = LEVELS) -> pd.Da
 def _matrices(
     group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Times, errors at the deadline, and sequence and step of each problem; problems in the order of the steps."""
+    """Return times, errors at the deadline, and sequence and step of each problem; problems in the order of the
+    steps.
+    """
     if not deadline > 0:
         raise ValueError(f"deadline of {deadline} s: must be positive")
     errors = paths.error_at(group, histories, deadline)
@@ -146,7 +150,7 @@ def _statistics(
 
 
 def _longest_runs(missed: Matrix, sequence: np.ndarray[tuple[int], np.dtype[Any]]) -> tuple[Matrix, Matrix]:
-    """Of every column: the length of the longest run of misses within a sequence, and the place where it ends.
+    """Find in every column the length of the longest run of misses within a sequence, and the place where it ends.
 
     Rows are in the order of sequence and step. A run that ends at k began after the last place before k where there
     was no miss, or where the sequence began.

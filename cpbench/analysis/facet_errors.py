@@ -1,4 +1,4 @@
-"""What polygons in place of Coulomb's disk do: one sliding contact, solved with facets in every direction.
+"""Errors of polygons in place of Coulomb's disk: one sliding contact, solved with facets in every direction.
 
 Nothing here knows the formulas 1 − cos(π/ν), 1/cos(π/ν) − 1 and 180°/ν but :func:`bounds`: the numbers come from the
 edges `fc-lcp-inner` and `fc-lcp-outer`, Lemke's method, and the lift.
@@ -87,7 +87,7 @@ def faceted_slide(
 
 
 def bounds(facets: Vector) -> dict[str, Vector]:
-    """The suprema over all directions: radius too small (inner), too large (outer), and slip angle [deg].
+    """Return the suprema over all directions: radius too small (inner), too large (outer), and slip angle [deg].
 
     >>> {name: round(float(value), 4) for name, value in bounds(np.array(4.0)).items()}
     {'inner': 0.2929, 'outer': 0.4142, 'angle': 45.0}

@@ -1,4 +1,4 @@
-"""What was not solved, and why: problems without an answer, failures by reason, rows that carry a flag."""
+"""Failures and their reasons: problems without an answer, failures by reason, rows that carry a flag."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.verification import PROVEN
 
 
@@ -36,7 +36,7 @@ class Reason:
 
 
 def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
-    """Unsolved rows by status and reason, in order of status, then the most frequent first.
+    """Return unsolved rows by status and reason, in order of status, then the most frequent first.
 
     With `refused`, the pairs in which no solver started (unsupported, unavailable, not run) instead.
     """
@@ -59,12 +59,13 @@ def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
 
 
 def unsolved(group: pd.DataFrame) -> pd.DataFrame:
-    """Problems that no label solves: one row each, with the least error anyone reached and by whom,
-    and whether it is proven that there is no solution."""
+    """Return problems that no label solves: one row each, with the least error reached, its label, and whether it is
+    proven that there is no solution.
+    """
     names = rows_of.problem_names(group)
     done = group.loc[rows_of.solved(group), "fingerprint"].unique()
-    told = group[["fingerprint", "address", "error", "label", "status"]].assign(name=names)
-    open_rows = told[~told["fingerprint"].isin(done)]
+    described = group[["fingerprint", "address", "error", "label", "status"]].assign(name=names)
+    open_rows = described[~described["fingerprint"].isin(done)]
     closest = open_rows.sort_values(["name", "fingerprint", "error", "label"]).drop_duplicates("fingerprint")
     certified = open_rows.loc[open_rows["status"].isin(PROVEN), "fingerprint"]
     closest = closest.assign(proven=closest["fingerprint"].isin(certified.unique()))
@@ -72,7 +73,7 @@ def unsolved(group: pd.DataFrame) -> pd.DataFrame:
 
 
 def flagged(table: pd.DataFrame, flag: str) -> pd.DataFrame:
-    """Rows that carry a flag (`direction`, `scale`, ...).
+    """Return rows that carry a flag (`direction`, `scale`, ...).
 
     >>> flagged(pd.DataFrame({"flags": ["scale,direction", "", "redirection"]}), "direction").index.tolist()
     [0]
@@ -82,5 +83,5 @@ def flagged(table: pd.DataFrame, flag: str) -> pd.DataFrame:
 
 
 def _pattern(message: str) -> str:
-    """A message without its numbers and quoted names, so that the same cause is listed once."""
+    """Strip a message of its numbers and quoted names, so that the same cause is listed once."""
     return re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "#", re.sub(r"'[^']*'", "'…'", message))

@@ -31,7 +31,7 @@ Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]
 
 
 def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
-    """The iterates of a group's rows, with fingerprint, label and `seconds` they took.
+    """Return the iterates of a group's rows, with fingerprint, label and `seconds` they took.
 
     An iterate is charged conversion, set-up, carrying back, and its share of the solve that was timed.
 
@@ -49,7 +49,8 @@ def charged(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
 
 
 def times_to(rows: pd.DataFrame, histories: pd.DataFrame, tolerance: float) -> pd.DataFrame:
-    """Seconds to the first iterate that solves a problem at a tolerance, problems × labels; ∞ where none does.
+    """Return seconds to the first iterate that solves a problem at a tolerance, problems × labels; ∞ where none
+    does.
 
     This is what a performance profile at that tolerance is made from. Labels without any history are left out.
     """
@@ -58,7 +59,7 @@ def times_to(rows: pd.DataFrame, histories: pd.DataFrame, tolerance: float) -> p
 
 
 def error_at(rows: pd.DataFrame, histories: pd.DataFrame | None, seconds: float) -> pd.DataFrame:
-    """Least measured error within `seconds`, problems × labels; ∞ where nothing was there yet.
+    """Return the least measured error within `seconds`, problems × labels; ∞ where nothing was there yet.
 
     All problems and labels of a group, so that a profile of it is one of *error at a fixed time*. A pair without
     iterates has its answer alone, at the time that was charged for it. A pair whose answer was claimed and is wrong is
@@ -86,7 +87,8 @@ def error_at(rows: pd.DataFrame, histories: pd.DataFrame | None, seconds: float)
 
 
 def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
-    """How long each label took to each error down to the tolerance, over a group: label, error, reached, seconds.
+    """Return how long each label took to each error down to the tolerance, over a group: label, error, reached,
+    seconds.
 
     `reached` counts the problems on which an iterate was that good; `seconds` is the median time over all problems of
     the group, those that were not reached counting as ∞. Errors that a label reached nowhere have no row.
@@ -109,7 +111,8 @@ def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:
 
 
 def _charged(rows: pd.DataFrame, histories: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Of the iterates of these rows: the row's place, the seconds charged; and which of all iterates they are.
+    """Return for the iterates of these rows the row's place, the seconds charged, and which of all iterates they
+    are.
 
     Keys are looked up once each: a history names its row as often as it has iterates.
     """
@@ -137,11 +140,11 @@ class _Paths:
         self.pair = (problem * len(self.labels) + (np.cumsum(recorded) - 1)[code])[place]
 
     def never(self) -> Matrix:
-        """The matrix of those that never come."""
+        """Return a matrix of ∞: nothing was ever reached."""
         return np.full((len(self.problems), len(self.labels)), math.inf)
 
     def times_to(self, tolerance: float) -> Matrix:
-        """Least seconds of an iterate within the tolerance; ∞ where there is none."""
+        """Return the least seconds of an iterate within the tolerance; ∞ where there is none."""
         times = self.never()
         good = self.error <= tolerance
         np.minimum.at(times.reshape(-1), self.pair[good], self.seconds[good])

@@ -1,4 +1,4 @@
-"""Which look each label has in every figure of a results file: found from all rows, whatever a figure shows of them.
+"""Looks of the labels in every figure of a results file, chosen from all rows, whatever a figure shows of them.
 
 A look is a number: its colour is the number modulo the colours there are, and labels of one colour differ in the rest
 (marker, dashes). Labels that lead the profile of one group get different colours as far as these go.
@@ -18,7 +18,7 @@ LEADING = 12
 
 
 def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
-    """The look of every label, all different.
+    """Assign a look to every label, all different.
 
     >>> rows = pd.DataFrame({"label": ["a", "b", "b", "c"], "node": ["lcp", "lcp", "qp", "qp"], "problem": "p",
     ...                      "status": "solved", "solve": 1.0, "tolerance": 1e-6, "threads": 1})

@@ -32,7 +32,7 @@ SMALL = 10
 
 @dataclass(frozen=True)
 class Penalty:
-    """What a problem that was not solved costs: `factor` times the time limit or, where given, `seconds`.
+    """Cost of a problem that was not solved: `factor` times the time limit or, where given, `seconds`.
 
     >>> str(LIMIT), str(PAR10), str(Penalty(seconds=100.0))
     ('limit', 'PAR10', '100 s')
@@ -42,7 +42,7 @@ class Penalty:
     seconds: float | None = None
 
     def of(self, limit: float) -> float:
-        """Seconds under a time limit [s]; NaN where there is none to multiply.
+        """Return seconds under a time limit [s]; NaN where there is none to multiply.
 
         >>> PAR2.of(10.0), PAR2.of(math.inf), Penalty(seconds=100.0).of(math.inf)
         (20.0, nan, 100.0)
@@ -78,7 +78,7 @@ class Means:
 
 
 def values(matrix: pd.DataFrame) -> Array:
-    """A copy of the matrix as an array with ∞ for NaN. Raises ValueError on a negative value."""
+    """Copy the matrix as an array with ∞ for NaN. Raises ValueError on a negative value."""
     found = matrix.to_numpy(dtype=float, copy=True)
     found[np.isnan(found)] = math.inf
     if (found < 0).any():
@@ -87,7 +87,7 @@ def values(matrix: pd.DataFrame) -> Array:
 
 
 def default_shift(times: pd.DataFrame) -> float:
-    """Median [s] of all finite times, 0 when there is none: the shift that suits these data.
+    """Return the median [s] of all finite times, 0 when there is none: the shift that suits these data.
 
     >>> default_shift(pd.DataFrame({"a": [1.0, 3.0], "b": [2.0, math.inf]}))
     2.0
@@ -98,18 +98,24 @@ def default_shift(times: pd.DataFrame) -> float:
 
 
 def charge(times: pd.DataFrame, penalty: Penalty, limit: float) -> float:
-    """Seconds that a failure costs in a table: the penalty, but no less than the slowest answer; NaN without either.
+    """Return the seconds that a failure costs in a table: the penalty, but no less than the slowest answer; NaN
+    without either.
 
     >>> charge(pd.DataFrame({"a": [1.0, math.inf], "b": [10.5, 2.0]}), LIMIT, limit=10.0)
     10.5
     """
-    asked = penalty.of(limit)
+    penalty_seconds = penalty.of(limit)
     finite = times.to_numpy(dtype=float)
-    return asked if math.isnan(asked) else float(finite.max(initial=asked, where=np.isfinite(finite)))
+    return (
+        penalty_seconds
+        if math.isnan(penalty_seconds)
+        else float(finite.max(initial=penalty_seconds, where=np.isfinite(finite)))
+    )
 
 
 def shifted_geometric_mean(seconds: Sequence[float], shift: float, penalty: float) -> float:
-    """exp(mean log(t + shift)) − shift of times [s], each failure (∞, NaN) charged `penalty` [s]; NaN of nothing.
+    """Return exp(mean log(t + shift)) − shift of times [s], each failure (∞, NaN) charged `penalty` [s]; NaN of
+    nothing.
 
     >>> shifted_geometric_mean([1.0, 4.0], shift=0.0, penalty=10.0)
     2.0
@@ -124,20 +130,20 @@ def shifted_geometric_mean(seconds: Sequence[float], shift: float, penalty: floa
 
 
 def logged(seconds: npt.ArrayLike, shift: float) -> Array:
-    """log1p(t / s), or log t where s = 0: what a shifted geometric mean is the average of."""
+    """Return log1p(t / s), or log t where s = 0: a shifted geometric mean is the average of these."""
     given = np.asarray(seconds, dtype=float)
     with np.errstate(divide="ignore"):
         return np.log(given) if shift == 0 else np.log1p(given / shift)
 
 
 def unlogged(average: npt.ArrayLike, shift: float) -> Array:
-    """The way back of `logged` [s]; exact also where the times are far below the shift."""
+    """Invert `logged` [s]; exact also where the times are far below the shift."""
     given = np.asarray(average, dtype=float)
     return np.exp(given) if shift == 0 else shift * np.expm1(given)
 
 
 def commonly_solved(matrix: pd.DataFrame, labels: Sequence[str] | None = None) -> pd.Index[Any]:
-    """The problems that each of the labels (default: all) solves.
+    """Return the problems that each of the labels (default: all) solves.
 
     >>> list(commonly_solved(pd.DataFrame({"a": [1.0, 2.0], "b": [3.0, math.inf]}, index=["p", "q"])))
     ['p']
@@ -155,7 +161,7 @@ def means(
     kind: Kind = "geometric",
     common: Sequence[str] | None = None,
 ) -> Means:
-    """The mean time of each label over all problems of the matrix or over those commonly solved.
+    """Compute the mean time of each label over all problems of the matrix or over those commonly solved.
 
     Parameters
     ----------
@@ -174,7 +180,7 @@ def means(
     ({'a': 1.0, 'b': 2.0}, 1, 'only 1 problem is solved by all 2 labels')
     """
     shift = default_shift(matrix) if shift is None else shift
-    asked, cost = penalty.of(limit), charge(matrix, penalty, limit)
+    penalty_seconds, cost = penalty.of(limit), charge(matrix, penalty, limit)
     whole = matrix if common is None else matrix.loc[commonly_solved(matrix, common), list(common)]
     whole = whole[sorted(whole.columns)]
     seconds = values(whole)
@@ -187,7 +193,11 @@ def means(
         {"planned": len(whole), "solved": len(whole) - failed, "charged": failed, "mean": found, "reason": reasons},
         index=pd.Index([str(label) for label in whole.columns], name="label"),
     )
-    remark = f"a failure is charged {cost:.3g} s, the slowest answer, not {asked:.3g} s" if cost > asked else ""
+    remark = (
+        f"a failure is charged {cost:.3g} s, the slowest answer, not {penalty_seconds:.3g} s"
+        if cost > penalty_seconds
+        else ""
+    )
     if common is not None and len(whole) < SMALL:
         count = {0: "no problem is", 1: "only 1 problem is"}.get(len(whole), f"only {len(whole)} problems are")
         remark = f"{count} solved by all {len(common)} labels"
@@ -195,7 +205,7 @@ def means(
 
 
 def _averages(seconds: Array, failed: npt.NDArray[np.int_], shift: float, cost: float, kind: Kind) -> Array:
-    """Of each column, failures charged; NaN where there is no row or nothing to charge."""
+    """Average each column, failures charged; NaN where there is no row or nothing to charge."""
     rows, columns = seconds.shape
     if not rows:
         return np.full(columns, math.nan)
@@ -213,7 +223,7 @@ def _averages(seconds: Array, failed: npt.NDArray[np.int_], shift: float, cost: 
 
 
 def _reason(failed: int, done: npt.NDArray[np.bool_], shift: float, cost: float, kind: Kind) -> str:
-    """Why a label with so many failures has no mean, '' when it has one."""
+    """Return why a label with so many failures has no mean, '' when it has one."""
     if not len(done):
         return "no problem to take a mean over"
     if not done.any():

@@ -1,4 +1,4 @@
-"""What a solver spent, by any measure: time, iterations, memory, whatever it counts.
+"""Metrics of the cost of a solve: time, iterations, memory, counters of the solver.
 
     matrix(group, metric)[p, s] = what s spent on p, and ∞ unless its answer was verified as solved
 
@@ -68,7 +68,7 @@ METRICS: Mapping[str, Metric] = {
 
 
 def metric(name: str, group: pd.DataFrame | None = None) -> Metric:
-    """The metric of that name; with a group, counters are those that some row of it has.
+    """Return the metric of that name; with a group, counters are those that some row of it has.
 
     Raises UnknownName, with the nearest names.
 
@@ -88,7 +88,7 @@ def metric(name: str, group: pd.DataFrame | None = None) -> Metric:
 
 
 def counters(group: pd.DataFrame) -> set[str]:
-    """The names of all counters that some row of the group has.
+    """Return the names of all counters that some row of the group has.
 
     >>> sorted(counters(pd.DataFrame({"counters": ['{"pivots": 3}', "", '{"iterations": 1, "pivots": 0}']})))
     ['iterations', 'pivots']
@@ -97,7 +97,7 @@ def counters(group: pd.DataFrame) -> set[str]:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MetricValues:
     """A metric over a group.
 
     Attributes
@@ -111,8 +111,8 @@ class Measured:
     left_out: Mapping[str, int]
 
 
-def measured(group: pd.DataFrame, metric: Metric) -> Measured:
-    """The metric of each pair of a group. Raises StoreError when a pair has two rows.
+def measured(group: pd.DataFrame, metric: Metric) -> MetricValues:
+    """Return the metric of each pair of a group. Raises StoreError when a pair has two rows.
 
     >>> rows = pd.DataFrame({"problem": ["p"] * 3, "fingerprint": ["p"] * 3, "address": "", "label": ["a", "b", "c"],
     ...     "status": ["solved", "wrong", "solved"], "counters": ['{"iterations": 0}', '{"iterations": 1}', ""]})
@@ -125,16 +125,16 @@ def measured(group: pd.DataFrame, metric: Metric) -> Measured:
     unknown = group["label"][solved & np.isnan(cost)].value_counts()
     left_out = {str(label): int(count) for label, count in sorted(unknown.items(), key=lambda item: str(item[0]))}
     wide = rows_of.spread(group, np.where(solved, cost, math.inf), math.inf)
-    return Measured(metric, wide.drop(columns=list(left_out)), left_out)
+    return MetricValues(metric, wide.drop(columns=list(left_out)), left_out)
 
 
 def matrix(group: pd.DataFrame, metric: Metric) -> pd.DataFrame:
-    """The values of `measured`, problems × labels; who was left out of them, that tells."""
+    """Return the values of `measured`, problems × labels; `measured` also gives the labels left out."""
     return measured(group, metric).values
 
 
 def spent(group: pd.DataFrame, metric: Metric) -> Floats:
-    """What each row spent, whatever its status; NaN where that is not known.
+    """Return the cost of each row, whatever its status; NaN where it is unknown.
 
     >>> rows = pd.DataFrame({"convert": [math.nan, 1.0], "setup": 0.5, "solve": [1.0, math.nan], "lift": 0.0})
     >>> spent(rows, METRICS["time"]).tolist()
@@ -148,7 +148,7 @@ def spent(group: pd.DataFrame, metric: Metric) -> Floats:
 
 
 def _parsed(group: pd.DataFrame) -> tuple[rows_of.Integers, list[dict[str, object]]]:
-    """The distinct texts of the column `counters`, read, and which of them each row has."""
+    """Parse the distinct texts of the column `counters`, and return which of them each row has."""
     place, texts = pd.factorize(group["counters"].fillna(""))
     try:
         return np.asarray(place), json.loads(f"[{','.join(text or '{}' for text in texts)}]")

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.matrices import Vector, norm
 
 EVERY = "file:all"
@@ -26,8 +26,8 @@ SAME = 1e-3
 
 
 @dataclass(frozen=True)
-class Found:
-    """What the solvers found on one problem.
+class ReachedSolutions:
+    """Solutions that the solvers found for one problem.
 
     Attributes
     ----------
@@ -44,16 +44,16 @@ class Found:
     status: Mapping[tuple[str, str], str]
 
     def reached(self, start: str) -> dict[int, list[str]]:
-        """The labels that found each solution from a start."""
-        told: dict[int, list[str]] = {}
+        """Return the labels that reached each solution from a start."""
+        labels_by_solution: dict[int, list[str]] = {}
         for label in self.labels:
             if self.place.get((start, label)):
-                told.setdefault(self.place[start, label], []).append(label)
-        return dict(sorted(told.items()))
+                labels_by_solution.setdefault(self.place[start, label], []).append(label)
+        return dict(sorted(labels_by_solution.items()))
 
 
 def several(table: pd.DataFrame) -> pd.Series[bool]:
-    """Whether each row is of a formulation of which some problem was started from several points of its file."""
+    """Return whether each row is of a formulation of which some problem was started from several points of its file."""
     guess = table["start"].str.fullmatch(r"file(:\d+)?")
     if not guess.any():
         return guess
@@ -63,7 +63,8 @@ def several(table: pd.DataFrame) -> pd.Series[bool]:
 
 
 def merged(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with a problem for each start of a file, all of one start, `file:all`; itself where there is one start.
+    """Return the table with a problem for each start of a file, all of one start, `file:all`; itself where there is
+    one start.
 
     >>> rows = pd.DataFrame({"problem": "p", "fingerprint": "f", "node": "ncp", "start": ["file", "file:2"]})
     >>> merged(rows)[["problem", "fingerprint", "start", "began"]].to_numpy().tolist()
@@ -82,7 +83,7 @@ def merged(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def original(fingerprint: str) -> str:
-    """The fingerprint of the problem itself of a merged row.
+    """Return the fingerprint of the problem itself of a merged row.
 
     >>> original("5e/file:2"), original("5e")
     ('5e', '5e')
@@ -91,12 +92,12 @@ def original(fingerprint: str) -> str:
 
 
 def wanted(table: pd.DataFrame) -> list[str]:
-    """Keys of the rows whose answers are compared."""
+    """Return keys of the rows whose answers are compared."""
     return [str(key) for key in table.loc[several(table) & rows_of.met(table), "key"]]
 
 
-def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[Found]:
-    """Each problem that was started from several points of its file; `answers` by key of the row."""
+def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[ReachedSolutions]:
+    """Yield each problem that was started from several points of its file; `answers` by key of the row."""
     rows = table[several(table) & ~table["status"].isin(REFUSED)]
     for (fingerprint, *_), own in rows.groupby(["fingerprint", "node", "tolerance", "threads"], sort=False):
         if own["start"].nunique() < 2:
@@ -106,7 +107,7 @@ def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[Fo
         numbers, centres = clustered([answers[key] for key in done["key"]])
         cells = list(zip(done["start"], done["label"], strict=True))
         status = {(str(r.start), str(r.label)): str(r.status) for r in own.itertuples(index=False)}
-        yield Found(
+        yield ReachedSolutions(
             problem=str(own["problem"].iloc[0]),
             fingerprint=str(fingerprint),
             starts=tuple(sorted(set(own["start"]), key=_number)),
@@ -118,7 +119,7 @@ def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[Fo
 
 
 def clustered(points: Sequence[Vector]) -> tuple[list[int], list[Vector]]:
-    """The number of each point's solution, from 1, and the first point of each; numbered by how many points they have.
+    """Number each point's solution, from 1, by how many points it has, and return the first point of each.
 
     >>> import numpy as np
     >>> numbers, centres = clustered([np.array([0.0, 1.0]), np.array([2.0, 0.0]), np.array([2.0, 1e-6])])
@@ -142,5 +143,5 @@ def _same(one: Vector, other: Vector) -> bool:
 
 
 def _number(start: Any) -> int:
-    """K of `file:K`, 1 of `file`."""
+    """Return K of `file:K`, 1 of `file`."""
     return int(str(start).partition(":")[2] or 1)

@@ -55,7 +55,7 @@ def _negated(values: Values) -> Values:
 
 @dataclass(frozen=True)
 class NCPFunction:
-    """One of them, with its number in the lecture and its name."""
+    """NCP function, with its number in the lecture and its name."""
 
     equation: str
     name: str
@@ -67,7 +67,7 @@ class NCPFunction:
 
 
 def functions(weight: float = 0.5) -> tuple[NCPFunction, ...]:
-    """(35)-(38), the third with λ = `weight`."""
+    """Return the functions (35)-(38), the third with λ = `weight`."""
     return (
         NCPFunction("(35)", "minimum", least),
         NCPFunction("(36)", "Fischer–Burmeister", fischer_burmeister),

@@ -1,4 +1,4 @@
-"""Where problems come from: families of one collection belong together, and are left out together.
+"""Origins of problems: families of one collection belong together, and are left out together.
 
 Problems of one origin resemble each other, whatever family they are filed under: the tests of Hock and Schittkowski
 are three families by their rows, and TORSION1 and TORSIONA are one file with other parameters. A rule on names finds
@@ -20,7 +20,7 @@ SHARE = 0.75
 
 
 def family_of(family: str, problem: str) -> str:
-    """The family of a problem; where its file names none, the first word of letters in the problem's name.
+    """Return the family of a problem; where its file names none, the first word of letters in the problem's name.
 
     A word that names a formulation says how a problem is written, and not where it is from.
 
@@ -37,7 +37,7 @@ def family_of(family: str, problem: str) -> str:
 
 
 def origins(families: Sequence[str], fingerprints: Sequence[str]) -> tuple[str, ...]:
-    """The origin of each problem: the first word of its family, in lower case.
+    """Return the origin of each problem: the first word of its family, in lower case.
 
     Words of one origin begin alike (LEAST letters, SHARE of the shorter word), and so does a chain of such words; the
     origin is called by the first in the alphabet. A problem that stands in two families (one fingerprint) joins them.
@@ -72,11 +72,11 @@ def origins(families: Sequence[str], fingerprints: Sequence[str]) -> tuple[str, 
 
 
 def _common(one: str, other: str) -> int:
-    """Letters with which both words begin."""
+    """Count the letters with which both words begin."""
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
 
 
 def _word(text: str, *, anywhere: bool = False) -> str:
-    """The letters with which a text begins, or the first ones in it; '' without any."""
+    """Return the letters with which a text begins, or the first ones in it; '' without any."""
     found = (re.search if anywhere else re.match)(r"[^\W\d_]+", text)
     return found.group() if found else ""

@@ -29,7 +29,7 @@ RECORDS = ("one", "other", "wins", "ties", "losses", "neither")
 def profile_of_two(
     values: pd.DataFrame, one: str, other: str, problems: int | None = None, floor: float | None = FLOOR
 ) -> Profile:
-    """The performance profile of two labels alone, over all problems.
+    """Return the performance profile of two labels alone, over all problems.
 
     >>> values = pd.DataFrame({"a": [9.0, 9.0], "b": [2.0, 1.0], "c": [1.0, 2.0]})
     >>> [curve.at(1.0) for curve in profile_of_two(values, "a", "b").curves]
@@ -39,7 +39,7 @@ def profile_of_two(
 
 
 def records(values: pd.DataFrame, problems: int | None = None, floor: float | None = FLOOR) -> pd.DataFrame:
-    """How often each of two labels is ahead, one row a pair in order of label: RECORDS.
+    """Count how often each of two labels is ahead, one row a pair in order of label: RECORDS.
 
     `wins` and `losses` are those of `one`: it costs less, or solves what the other does not. `ties` cost the same
     down to the floor; on `neither` no one of the two solves the problem. The four add up to N.
@@ -63,7 +63,8 @@ def records(values: pd.DataFrame, problems: int | None = None, floor: float | No
 def leave_one_out(
     values: pd.DataFrame, tau: float = 2.0, problems: int | None = None, floor: float | None = FLOOR
 ) -> pd.DataFrame:
-    """ρ(τ) of each label with all labels shown (column ALL), and with each one left out (its column); NaN for itself.
+    """Return ρ(τ) of each label with all labels shown (column ALL), and with each one left out (its column); NaN for
+    itself.
 
     Rows are in the order with all, highest first, ties by label. Columns after ALL are in the order of the rows.
 
@@ -100,7 +101,7 @@ class Flip:
 
 
 def flips(table: pd.DataFrame) -> list[Flip]:
-    """Every adjacent pair of `leave_one_out` whose strict order is reversed by leaving a third label out.
+    """Find every adjacent pair of `leave_one_out` whose strict order is reversed by leaving a third label out.
 
     >>> values = pd.DataFrame({"a": [1] * 7 + [5] * 3, "b": [2.5] * 3 + [9] * 4 + [1] * 3,
     ...                        "c": [6] * 3 + [2] * 4 + [2.5] * 3})
@@ -121,7 +122,8 @@ def flips(table: pd.DataFrame) -> list[Flip]:
 def reversals(
     values: pd.DataFrame, labels: Sequence[str], tau: float = 2.0, floor: float | None = FLOOR
 ) -> list[tuple[str, str]]:
-    """Pairs (a, b) of `labels` with a above b at τ in the profile of all solvers, and below b when the two are alone.
+    """Find pairs (a, b) of `labels` with a above b at τ in the profile of all solvers, and below b when the two are
+    alone.
 
     >>> values = pd.DataFrame({"a": [1] * 7 + [5] * 3, "b": [2.5] * 3 + [9] * 4 + [1] * 3,
     ...                        "c": [6] * 3 + [2] * 4 + [2.5] * 3})
@@ -140,7 +142,7 @@ def reversals(
 def _heights(
     cost: np.ndarray[tuple[int, int], np.dtype[np.float64]], tau: float, planned: int
 ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """ρ(τ) of each column: the ratios are those of `profiles.ratios`, but no curve is made."""
+    """Return ρ(τ) of each column: the ratios are those of `profiles.ratios`, but no curve is made."""
     best = cost.min(axis=1, keepdims=True, initial=math.inf)
     with np.errstate(invalid="ignore"):
         return ((cost / best <= tau) & np.isfinite(cost)).sum(axis=0) / max(planned, 1)

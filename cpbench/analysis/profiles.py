@@ -42,7 +42,7 @@ class Curve:
     problems: int
 
     def at(self, tau: float) -> float:
-        """ρ(τ).
+        """Return ρ(τ).
 
         >>> curve = Curve("s", np.array([1.0, 2.0]), (1, 3), 4)
         >>> [curve.at(tau) for tau in (0.5, 1.0, 1.99, 2.0, math.inf)]
@@ -52,7 +52,7 @@ class Curve:
         return self.count[k - 1] / self.problems if k else 0.0
 
     def heights(self, taus: Floats) -> Floats:
-        """ρ at each of many τ."""
+        """Return ρ at each of many τ."""
         reached = np.array((0, *self.count), dtype=np.int64)
         return reached[np.searchsorted(self.ratios, taus, side="right")] / max(self.problems, 1)
 
@@ -62,7 +62,7 @@ class Curve:
         return self.count[-1] if self.count else 0
 
     def steps(self, upto: float, start: float = 1.0) -> tuple[Floats, Floats]:
-        """Corners (τ, ρ) of the curve on [start, upto], each value holding up to the next corner.
+        """Return corners (τ, ρ) of the curve on [start, upto], each value holding up to the next corner.
 
         >>> x, y = Curve("s", np.array([2.0]), (1,), 2).steps(4.0)
         >>> x.tolist(), y.tolist()
@@ -73,7 +73,7 @@ class Curve:
         return tau, self.heights(tau)
 
     def outline(self, upto: float, most: int) -> tuple[Floats, Floats]:
-        """At most `most` of the corners of `steps`, both ends among them; nowhere above the curve.
+        """Return at most `most` of the corners of `steps`, both ends among them; nowhere above the curve.
 
         >>> x, y = Curve("s", np.arange(1.0, 101.0), tuple(range(1, 101)), 100).outline(128.0, 3)
         >>> x.tolist(), y.tolist()
@@ -82,7 +82,7 @@ class Curve:
         return thinned(*self.steps(upto), most)
 
     def area(self, upto: float) -> float:
-        """Mean height over log₂ τ between 1 and `upto`: one number for fast and reliable together.
+        """Return the mean height over log₂ τ between 1 and `upto`: one number for fast and reliable together.
 
         >>> Curve("s", np.array([2.0]), (1,), 1).area(4.0)
         0.5
@@ -107,7 +107,7 @@ class Profile:
         return max((float(c.ratios[-1]) for c in self.curves if c.solved), default=1.0)
 
     def envelope(self, upto: float) -> tuple[Floats, Floats]:
-        """Corners (τ, ρ) on [1, upto] of the highest curve at each τ, whichever that is."""
+        """Return corners (τ, ρ) on [1, upto] of the highest curve at each τ, whichever that is."""
         corners = np.unique(np.concatenate([np.empty(0), *(c.ratios for c in self.curves)]))
         tau = np.concatenate(([1.0], corners[(corners > 1.0) & (corners < upto)], [upto]))
         height = np.zeros(len(tau))
@@ -117,20 +117,20 @@ class Profile:
         return tau[keep], height[keep]
 
     def by_height(self) -> list[Curve]:
-        """Curves as they lie at the right margin, highest first; ties by area, then label."""
+        """Sort curves as they lie at the right margin, highest first; ties by area, then label."""
         widest = self.widest
         return sorted(self.curves, key=lambda c: (-c.solved, -c.area(widest), c.label))
 
     def leading(self, count: int) -> list[str]:
-        """Labels of the `count` curves of largest area (those that solve something), ties by label."""
+        """Return labels of the `count` curves of largest area (those that solve something), ties by label."""
         widest = self.widest
         alive = [c for c in self.curves if c.solved]
         return [c.label for c in sorted(alive, key=lambda c: (-c.area(widest), c.label))[:count]]
 
 
 def thinned(tau: Floats, height: Floats, most: int) -> tuple[Floats, Floats]:
-    """At most `most` of the corners of a step function, both ends among them, evenly along their number: a curve of N
-    steps of 1 / N is nowhere lower by more than 1 / (most - 1).
+    """Return at most `most` of the corners of a step function, both ends among them, evenly along their number: a
+    curve of N steps of 1 / N is nowhere lower by more than 1 / (most - 1).
 
     >>> x, y = thinned(np.arange(101.0), np.arange(101.0) / 100, 3)
     >>> x.tolist(), y.tolist()
@@ -143,7 +143,7 @@ def thinned(tau: Floats, height: Floats, most: int) -> tuple[Floats, Floats]:
 
 
 def ratios(values: pd.DataFrame, floor: float | None = FLOOR) -> pd.DataFrame:
-    """r[p, s] of costs, problems × labels; ∞ where not solved.
+    """Compute r[p, s] of costs, problems × labels; ∞ where not solved.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def ratios(values: pd.DataFrame, floor: float | None = FLOOR) -> pd.DataFrame:
 
 
 def costs(values: pd.DataFrame, floor: float | None = FLOOR) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """The costs that are compared: failures ∞, all others at least the floor. Raises as `ratios` does.
+    """Return the costs to compare: failures ∞, all others at least the floor. Raises as `ratios` does.
 
     >>> costs(pd.DataFrame({"a": [0.0, float("nan")], "b": [3.0, 4.0]}), floor=1.0).tolist()
     [[1.0, 3.0], [inf, 4.0]]
@@ -179,7 +179,7 @@ def costs(values: pd.DataFrame, floor: float | None = FLOOR) -> np.ndarray[tuple
 
 
 def performance_profile(values: pd.DataFrame, problems: int | None = None, floor: float | None = FLOOR) -> Profile:
-    """The profile of costs, problems × labels, ∞ or NaN for a failure.
+    """Return the profile of costs, problems × labels, ∞ or NaN for a failure.
 
     Parameters
     ----------
@@ -198,13 +198,13 @@ def performance_profile(values: pd.DataFrame, problems: int | None = None, floor
 
 
 def curves(where: pd.DataFrame, problems: int) -> tuple[Curve, ...]:
-    """One step function a label, in order of label: it steps where a problem is solved, and at ∞ never."""
+    """Return one step function a label, in order of label: it steps where a problem is solved, and at ∞ never."""
     labels: Sequence[str] = sorted(where.columns)
     return tuple(_curve(label, where[label].to_numpy(dtype=float), problems) for label in labels)
 
 
 def at_least(values: pd.DataFrame, problems: int | None) -> int:
-    """N: the problems planned, where given. Raises ValueError when the table has more."""
+    """Return N: the problems planned, where given. Raises ValueError when the table has more."""
     if problems is not None and problems < len(values):
         raise ValueError(f"{problems} problems planned, but the table has {len(values)}")
     return len(values) if problems is None else problems

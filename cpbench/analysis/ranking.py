@@ -1,4 +1,4 @@
-"""What a run says to who asked it which solver to use: of every group a ranking, and one sentence.
+"""Answer to the question which solver to use: of every group a ranking, and one sentence.
 
 The order is by problems solved, then by stationary points found, then by the geometric mean of the time over that of
 the fastest, then by name. A solver is measured on what it was started on: pairs that no route reaches, that are not
@@ -17,10 +17,10 @@ import pandas as pd
 
 from cpbench.analysis import best, cautions, multi_start
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.formulations import formulations
 from cpbench.formulations.base import Kind
 from cpbench.plurals import counted
@@ -77,7 +77,7 @@ class Ranking:
     rows : all solvers that were started.
     """
 
-    group: Group
+    group: ResultGroup
     formulation: str
     problems: int
     cases: int
@@ -113,7 +113,7 @@ class Ranking:
 
 
 def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None = None) -> list[Ranking]:
-    """The ranking of every group in which a solver was started, in order of the groups.
+    """Rank every group in which a solver was started, in order of the groups.
 
     `sheets` : what the results say of each label (`meta["solvers"]`); one with a true `launches` is marked.
 
@@ -134,25 +134,25 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     return found
 
 
-def formulation(group: Group, groups: Sequence[Group]) -> str:
-    """The node of a group, and what tells it from the other groups of the node.
+def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
+    """Return the node of a group, and what tells it from the other groups of the node.
 
-    >>> one, two = Group("fc", 1e-4, "cold", 1), Group("fc", 1e-8, "cold", 1)
+    >>> one, two = ResultGroup("fc", 1e-4, "cold", 1), ResultGroup("fc", 1e-8, "cold", 1)
     >>> formulation(one, [one]), formulation(one, [one, two])
     ('fc', 'fc, tolerance 0.0001')
     """
     others = [g for g in groups if g.node == group.node]
-    told = (
+    sentence = (
         (f"set {group.set}" if group.set else "", {g.set for g in others}),
         (f"tolerance {group.tolerance:g}", {g.tolerance for g in others}),
         (f"{group.start} start", {g.start for g in others}),
         (f"threads {group.threads}", {g.threads for g in others}),
         (f"judged by {group.measure or 'all measures'}", {g.measure for g in others}),
     )
-    return ", ".join([group.node, *(text for text, values in told if text and len(values) > 1)])
+    return ", ".join([group.node, *(text for text, values in sentence if text and len(values) > 1)])
 
 
-def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
+def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
     hopeless = started["fingerprint"].isin(started.loc[started["status"].isin(PROVEN), "fingerprint"].unique())
     rows = started[~hopeless]
     cases = rows["fingerprint"].nunique()
@@ -188,12 +188,14 @@ def _ranking(group: Group, name: str, started: pd.DataFrame, launching: Collecti
 
 
 def _count(rows: pd.DataFrame) -> dict[str, int]:
-    """Rows by label."""
+    """Count rows by label."""
     return {str(label): int(n) for label, n in rows["label"].value_counts().items()}
 
 
 def _routes(rows: pd.DataFrame) -> dict[str, tuple[str, int]]:
-    """The route that most rows of a label took, the first by name of equally many, and how many others there are."""
+    """Return the route that most rows of a label took, the first by name of equally many, and how many others there
+    are.
+    """
     taken = rows.loc[rows["route"] != "", ["label", "route"]].value_counts()
     found: dict[str, list[tuple[int, str]]] = {}
     for (label, route), count in taken.items():  # type: ignore[misc]
@@ -202,7 +204,7 @@ def _routes(rows: pd.DataFrame) -> dict[str, tuple[str, int]]:
 
 
 def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[str]]:
-    """What a reader must know of each label."""
+    """Return the warnings that a reader needs about each label."""
     found: dict[str, list[str]] = {}
 
     def warn(counts: Mapping[str, int], text: str) -> None:
@@ -232,12 +234,12 @@ def _sentence(name: str, cases: int, ranked: Sequence[RankedSolver], times: pd.D
         return f"{name}: nobody solves any of {counted(cases, noun)}."
     first = ranked[0]
     reach = "" if first.started == cases else f" ({counted(cases, noun)} in all)"
-    told = f"it solves {first.solved} of {counted(first.started, noun)}{reach}"
+    sentence = f"it solves {first.solved} of {counted(first.started, noun)}{reach}"
     if first.stationary:
-        told += f" and finds a stationary point of {first.stationary}"
+        sentence += f" and finds a stationary point of {first.stationary}"
     if len(ranked) == 1:
-        return f"{name}: only {first.solver} ran: {told}."
-    parts = [f"{name}: use {first.solver}: {told}"]
+        return f"{name}: only {first.solver} ran: {sentence}."
+    parts = [f"{name}: use {first.solver}: {sentence}"]
     if first.factor == first.factor:
         parts.append(f"fastest on {first.fastest}" if first.fastest else f"{first.factor:.2g} times the fastest")
     text = ", ".join(parts)
@@ -251,8 +253,9 @@ def _sentence(name: str, cases: int, ranked: Sequence[RankedSolver], times: pd.D
 
 
 def _faster(first: str, times: pd.DataFrame) -> tuple[str, float, int] | None:
-    """Who is most times faster than the first (geometric mean where both solve), of those that solve at least half of
-    what it solves; None where that is not much."""
+    """Return the label most times faster than the first (geometric mean where both solve), of those that solve at
+    least half of what it solves; None where that is not much.
+    """
     if first not in times.columns:
         return None
     logs = np.log(np.maximum(times, FLOOR))

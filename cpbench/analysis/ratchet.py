@@ -1,4 +1,4 @@
-"""What changed between two baselines, and which of it is taken over: better outcomes are, worse ones are not.
+"""Changes between two baselines: better outcomes are taken over, worse ones are not.
 
 The first of status, error and counters that differs decides about a pair. An error counts as another one when it is
 more than `GUARD` decades away, a counter when it is more than `slack` of the smaller one (and more than 1) away: closer
@@ -28,7 +28,7 @@ FLAKY = "flaky"
 
 
 class Change(StrEnum):
-    """What became of a pair, in the order in which they are told."""
+    """Change of a pair, in the order of reports."""
 
     REGRESSED = "regressed"
     FIXED = "fixed"
@@ -46,7 +46,8 @@ class Change(StrEnum):
 
 
 def changes(old: pd.DataFrame, new: pd.DataFrame, slack: float = SLACK) -> pd.DataFrame:
-    """One row a pair of either baseline: `COLUMNS` of the old with `_old`, of the new with `_new`, change, detail.
+    """Compare two baselines, one row a pair of either: `COLUMNS` of the old with `_old`, of the new with `_new`,
+    change, detail.
 
     >>> rows = pd.DataFrame({"problem": ["p", "q"], "fingerprint": ["p", "q"], "label": ["s", "s"],
     ...     "tolerance": [1e-6] * 2, "error": [0.0, 0.0], "status": ["solved", "timeout"]})
@@ -92,24 +93,25 @@ def changes(old: pd.DataFrame, new: pd.DataFrame, slack: float = SLACK) -> pd.Da
 
 
 def accepted(found: pd.DataFrame, patterns: Sequence[str]) -> pd.Series[bool]:
-    """Which regressions are meant by any of the patterns: globs of a problem, a solver's label or PROBLEM:LABEL.
+    """Return which regressions any of the patterns accepts: globs of a problem, a solver's label or PROBLEM:LABEL.
 
     A label with its options in brackets means itself, although the brackets are a glob's.
     """
-    told = pd.DataFrame({"problem": found["problem"], "label": baseline.labels(found)}, dtype=object)
-    told["both"] = told["problem"] + ":" + told["label"]
+    addressed = pd.DataFrame({"problem": found["problem"], "label": baseline.labels(found)}, dtype=object)
+    addressed["both"] = addressed["problem"] + ":" + addressed["label"]
     meant = pd.Series(False, index=found.index)
-    for column in told:
+    for column in addressed:
         hit = {
             name: any(name == pattern or fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
-            for name in told[column].unique()
+            for name in addressed[column].unique()
         }
-        meant |= told[column].map(hit).astype(bool)
+        meant |= addressed[column].map(hit).astype(bool)
     return meant & (found["change"] == Change.REGRESSED)
 
 
 def updated(found: pd.DataFrame, accept: pd.Series[bool], reason: str, *, prune: bool = False) -> pd.DataFrame:
-    """The lines of the baseline after `changes`: better and other outcomes taken over, worse ones where accepted.
+    """Return the lines of the baseline after `changes`: better and other outcomes taken over, worse ones where
+    accepted.
 
     An accepted line keeps `reason` beside it; a reason stays as long as its pair fails.
     """
@@ -130,31 +132,31 @@ def updated(found: pd.DataFrame, accept: pd.Series[bool], reason: str, *, prune:
 
 
 def _ranks(status: pd.Series[str]) -> pd.Series[float]:
-    """0 done with, 1 not solved, 2 wrong or crashed; the same order as in a comparison of two runs."""
+    """Rank 0 done with, 1 not solved, 2 wrong or crashed; the same order as in a comparison of two runs."""
     return 1.0 - status.isin(SETTLED).astype(float) + status.isin(WORST).astype(float)
 
 
 def _sign(difference: pd.Series[float]) -> pd.Series[int]:
-    """-1 better, 0, 1 worse; 0 where one side is missing."""
+    """Return -1 for better, 0, 1 for worse; 0 where one side is missing."""
     return pd.Series(np.sign(difference.fillna(0.0).to_numpy(dtype=float)), index=difference.index).astype(int)
 
 
 def _error(both: pd.DataFrame) -> pd.Series[int]:
-    """Sign of the change of the error by more than the guard; 0 where either side has none."""
+    """Return the sign of the change of the error by more than the guard; 0 where either side has none."""
     exponents = [_exponents(both[f"error_{side}"]) for side in ("old", "new")]
     difference = (exponents[1] - exponents[0]).fillna(0.0)  # of two infinities, none
     return _sign(difference.where(difference.abs() > GUARD, 0.0))
 
 
-def _exponents(told: pd.Series[str]) -> pd.Series[float]:
+def _exponents(written: pd.Series[str]) -> pd.Series[float]:
     exponent = {
-        text: math.nan if not text else math.log10(float(text.removeprefix("<="))) for text in set(told.unique())
+        text: math.nan if not text else math.log10(float(text.removeprefix("<="))) for text in set(written.unique())
     }
-    return told.map(exponent).astype(float)
+    return written.map(exponent).astype(float)
 
 
 def _counters(both: pd.DataFrame, slack: float) -> tuple[pd.Series[int], pd.Series[str]]:
-    """Sign of the change of counters by more than the slack (worse wins), and the counters it is about."""
+    """Return the sign of the change of counters by more than the slack (worse wins), and the counters it is about."""
     sign = pd.Series(0, index=both.index)
     detail = pd.Series("", index=both.index, dtype=object)
     differ = both[(both["counters_old"] != both["counters_new"]) & (both["side"] == "both")]
@@ -172,5 +174,5 @@ def _counters(both: pd.DataFrame, slack: float) -> tuple[pd.Series[int], pd.Seri
 
 
 def _room(one: int, other: int, slack: float) -> float:
-    """How far two counts may be apart, whichever came first."""
+    """Return how far two counts may be apart, in either order."""
     return max(1.0, slack * min(abs(one), abs(other))) if slack else 0.0

@@ -24,8 +24,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.means import Array
+from cpbench.analysis.participation import REFUSED
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, Status
 
 CLAIMED = "solved"
@@ -53,7 +53,7 @@ MET = (*MET_TOLERANCE, *CHARGED_TO_ROUTE)
 
 
 def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
-    """Ends of Wilson's interval of a rate, elementwise; NaN for no trial.
+    """Return the ends of Wilson's interval of a rate, elementwise; NaN for no trial.
 
         (p + z²/2n ± z √(p(1 − p)/n + z²/4n²)) / (1 + z²/n),    p = successes / n
 
@@ -71,7 +71,7 @@ def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95)
 
 
 def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
-    """Claim against verdict, one row a label, of the pairs where the solver came back within its limits.
+    """Compare claim and verdict, one row a label, of the pairs where the solver came back within its limits.
 
     Left out is what says nothing of a claim: rows that were read off a history, which have none, answers that rounding
     decides, and those of a solver that drops a term, whose own problem nobody has.
@@ -87,7 +87,7 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     unmeasured = (group["status"] == str(Status.APPROXIMATE)) & group["target_error"].isna()
     nothing = unmeasured | (group["claim"] == "") | (group["status"] == str(Status.UNRESOLVABLE))
     judged = group.loc[group["status"].isin(JUDGED) & ~nothing, ["label", "status", "claim"]]
-    said, done = judged["claim"] == CLAIMED, judged["status"].isin(MET)
+    claimed, done = judged["claim"] == CLAIMED, judged["status"].isin(MET)
     labels = sorted(group["label"].unique())
 
     def count(which: pd.Series[bool]) -> pd.Series[int]:
@@ -95,10 +95,10 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
     found = pd.DataFrame(
         {
-            "true": count(said & done),
-            "false": count(said & ~done),
-            "modest": count(~said & done),
-            "honest": count(~said & ~done),
+            "true": count(claimed & done),
+            "false": count(claimed & ~done),
+            "modest": count(~claimed & done),
+            "honest": count(~claimed & ~done),
         },
         index=pd.Index(labels, name="label"),
     )
@@ -108,39 +108,39 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
 
 def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
-    """What a label does and how well it knows, one row a label (sorted).
+    """Summarise what a label does and how well it knows, one row a label (sorted).
 
     Columns: planned (pairs), started (all but unsupported, unavailable, not run), judged (came back with a claim),
     solved; true, false, modest, honest, correct, correct_low, correct_high as in `claims`; recognised (of the answers
     that are right, the fraction claimed; NaN without any); rate (solved over planned), rate_low, rate_high (NaN for a
     solver that was never started: nothing was seen of it, though it counts as having solved nothing).
     """
-    said = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
+    claim_table = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
 
     def count(labels: pd.Series[str]) -> pd.Series[int]:
-        return labels.value_counts().reindex(said.index, fill_value=0).astype(int)
+        return labels.value_counts().reindex(claim_table.index, fill_value=0).astype(int)
 
     planned, solved = count(group["label"]), count(group["label"][rows_of.solved(group)])
     started = count(group["label"][~group["status"].isin(REFUSED)])
-    right = said["true"] + said["modest"]
+    right = claim_table["true"] + claim_table["modest"]
     low, high = wilson(solved, planned.where(started > 0, 0), level)
-    found = said.assign(
+    found = claim_table.assign(
         planned=planned,
         started=started,
-        judged=said[["true", "false", "modest", "honest"]].sum(axis=1),
+        judged=claim_table[["true", "false", "modest", "honest"]].sum(axis=1),
         solved=solved,
-        recognised=said["true"] / right.where(right > 0),
+        recognised=claim_table["true"] / right.where(right > 0),
         rate=(solved / planned).where(started > 0),
         rate_low=low,
         rate_high=high,
     )
     first = ["planned", "started", "judged", "solved"]
-    return found[[*first, *said.columns, "recognised", "rate", "rate_low", "rate_high"]]
+    return found[[*first, *claim_table.columns, "recognised", "rate", "rate_low", "rate_high"]]
 
 
 def false_claims(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows whose solver claims to have solved the problem it was given, and the error that was judged there says
-    otherwise.
+    """Return rows whose solver claims to have solved the problem it was given, against the error that was judged
+    there.
 
     Older files call a row of a route that promises less than an answer wrong also where the solver met its target.
     """
@@ -149,12 +149,14 @@ def false_claims(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def target_tolerance(table: pd.DataFrame) -> pd.Series[float]:
-    """What each row's error on the solver's own problem is held against; an older file measured at the row's own."""
+    """Return the tolerance that each row's error on the solver's own problem is compared with; an older file has the
+    row's own.
+    """
     return table["target_tolerance"].fillna(table["tolerance"])
 
 
 def losses(table: pd.DataFrame) -> pd.DataFrame:
-    """The exact routes that lost answers which met their solver's target, one row a route, most first.
+    """Return the exact routes that lost answers which met their solver's target, one row a route, most first.
 
     Columns: route, lost (answers), factor (largest error on the asked problem over the error on the solver's own).
 
@@ -171,7 +173,7 @@ def losses(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def inexact_routes(table: pd.DataFrame) -> pd.DataFrame:
-    """The routes that promise less than an answer, one row a (label, kind).
+    """Return the routes that promise less than an answer, one row a (label, kind).
 
     Columns: pairs, solved (on the problem that was asked), missed (within the tolerance on the solver's own problem,
     or claimed to be where that was not measured, and not on the asked one),

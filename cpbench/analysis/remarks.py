@@ -1,4 +1,4 @@
-"""What a reader of a run should know before any number of it: in which rows something else was done than was asked."""
+"""Remarks before any number of a run: rows in which the run deviated from its request."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ LISTED = 3
 
 
 def remarks(table: pd.DataFrame) -> list[str]:
-    """One line each: starts that were not as asked, files that held other data when some of the rows were made."""
+    """Return one line each: starts that were not as requested, files that held other data when some of the rows were
+    made.
+    """
     return [*honoured(multi_start.merged(table)), *changed_files(table)]
 
 
 def changed_files(table: pd.DataFrame) -> list[str]:
-    """Files whose rows are of several problems: their rows are kept and counted, and said to be there.
+    """Return files whose rows are of several problems: their rows are kept and counted.
 
     >>> rows = {"address": "p.h5", "fingerprint": ["a", "b", "b"]}
     >>> changed_files(pd.DataFrame(rows))[0][:62]

@@ -1,4 +1,4 @@
-"""How time grows with size: log t = a + b log x, where a timeout says "longer than the limit", not "no answer".
+"""Growth of time with size: log t = a + b log x, where a timeout says "longer than the limit", not "no answer".
 
 The line is the likeliest one with normal errors (`censored`), its times known only from below where a problem was
 stopped at the limit. The interval of the slope takes the problems as independent. Those of one family are not:
@@ -34,7 +34,8 @@ _OF_A_LINE = ("slope", "low", "high", "error", "intercept", "scatter")
 def scaling(
     group: pd.DataFrame, symbol: str, features: pd.DataFrame | None = None, level: float = 0.95
 ) -> pd.DataFrame:
-    """One row a label of a group, in order of label: how its time grows with a size of the problems.
+    """Fit how the time of each label of a group grows with a size of the problems, one row a label, in order of
+    label.
 
     Columns: slope b with its interval (low, high), standard error, interval over families; intercept (log seconds at
     x = 1), scatter (σ of log t), solved and stopped (the problems fitted), excluded (other failures, and times or
@@ -88,7 +89,7 @@ def scaling(
 
 
 def line(record: pd.Series[Any]) -> tuple[Floats, Floats]:
-    """Both ends (size, seconds) of the line of a row of `scaling` that has one.
+    """Return both ends (size, seconds) of the line of a row of `scaling` that has one.
 
     >>> ends = line(pd.Series({"intercept": math.log(2.0), "slope": 1.0, "least": 1.0, "largest": 8.0}))
     >>> ends[0].tolist(), ends[1].round(9).tolist()
@@ -99,7 +100,8 @@ def line(record: pd.Series[Any]) -> tuple[Floats, Floats]:
 
 
 def widest(group: pd.DataFrame) -> str:
-    """The dimension whose largest value is the most times its least one; the first by name among equals; '' of none.
+    """Return the dimension whose largest value is the most times its least one; the first by name among equals; ''
+    of none.
 
     >>> widest(pd.DataFrame({"sizes": ['{"m": 3, "n": 1}', '{"m": 6, "n": 9}']}))
     'n'
@@ -109,12 +111,14 @@ def widest(group: pd.DataFrame) -> str:
 
 
 def dimensions(group: pd.DataFrame) -> list[str]:
-    """The dimensions that some problem of the group has."""
+    """Return the dimensions that some problem of the group has."""
     return list(size_ranges(group))
 
 
 def points(group: pd.DataFrame, symbol: str) -> pd.DataFrame:
-    """What `scaling` fits, one row a pair: label, x, seconds, and whether that is a limit at which it was `stopped`."""
+    """Return the data that `scaling` fits, one row a pair: label, x, seconds, and whether that is a limit at which
+    it was `stopped`.
+    """
     x, seconds, stopped, known, sized = _measured(group, symbol, None)
     found = pd.DataFrame({"label": group["label"].to_numpy(), "x": x, "seconds": seconds, "stopped": stopped})
     return found[known & sized].reset_index(drop=True)
@@ -123,7 +127,9 @@ def points(group: pd.DataFrame, symbol: str) -> pd.DataFrame:
 def _measured(
     group: pd.DataFrame, symbol: str, features: pd.DataFrame | None
 ) -> tuple[Floats, Floats, Bools, Bools, Bools]:
-    """Of each row: size, seconds to the answer or (`stopped`) the limit, whether these and the size are known."""
+    """Return of each row: size, seconds to the answer or (`stopped`) the limit, whether these and the size are
+    known.
+    """
     x = sizes_of(group, symbol, features)
     timed = rows_of.with_time(group)
     stopped = (group["status"] == str(Status.TIMEOUT)).to_numpy(dtype=bool)
@@ -132,7 +138,7 @@ def _measured(
 
 
 def _refusal(record: dict[str, Any], solved: Floats, symbol: str) -> str:
-    """Why there is no slope; '' when there is one."""
+    """Return why there is no slope; '' when there is one."""
     if record["solved"] < POINTS:
         return f"{record['solved']} solved problems, at least {POINTS} are needed"
     if record["largest"] < SPAN * record["least"]:

@@ -1,4 +1,4 @@
-"""What the choice of shift and penalty decides in an order by means, and not the solvers."""
+"""Sensitivity of an order by means to the choice of shift and penalty."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CUSTOM = 10.0
 
 
 def sensitivity(times: pd.DataFrame, limit: float, shifts: Sequence[float] | None = None) -> pd.DataFrame:
-    """Geometric means and ranks under other shifts and penalties, one row a setting and label.
+    """Return the geometric means and ranks under other shifts and penalties, one row a setting and label.
 
     Shifts are 0.1, 1 and 10 times the median of the data and 10 s, unless given; penalties are the limit, PAR2, PAR10.
     Columns: shift [s], penalty, charge [s], label, mean [s], rank (1 is the least mean, ties share the lower number;
@@ -39,7 +39,7 @@ def sensitivity(times: pd.DataFrame, limit: float, shifts: Sequence[float] | Non
 
 
 def order_changes(table: pd.DataFrame, shift: float, penalty: str = "limit") -> pd.DataFrame:
-    """Pairs of labels that change places somewhere in a table of `sensitivity`: the choice decides there, not they.
+    """Find pairs of labels that change places somewhere in a table of `sensitivity`: there the setting decides.
 
     Columns: first, second (their order under `shift` and `penalty`), settings (how many say otherwise), of (how many
     there are).

@@ -14,7 +14,7 @@ from cpbench.analysis.table import Floats
 
 
 def sizes_read(group: pd.DataFrame) -> tuple[Integers, list[Mapping[str, float]]]:
-    """The number of each row's sizes, and these, of every dimension by its symbol.
+    """Number each row's sizes, and return these, of every dimension by its symbol.
 
     >>> place, sizes = sizes_read(pd.DataFrame({"sizes": ['{"n": 3}', "", '{"n": 3}']}))
     >>> place.tolist(), sizes
@@ -25,7 +25,7 @@ def sizes_read(group: pd.DataFrame) -> tuple[Integers, list[Mapping[str, float]]
 
 
 def sizes_of(group: pd.DataFrame, symbol: str, features: pd.DataFrame | None = None) -> Floats:
-    """A size of each row's problem, NaN where it has none of that name.
+    """Return a size of each row's problem, NaN where it has none of that name.
 
     `features` : facts of the problems by fingerprint, as nnz; a symbol is looked up there first.
 

@@ -53,8 +53,9 @@ GAINS = (
 
 
 def pairs(table: pd.DataFrame) -> pd.DataFrame:
-    """Every warm row that has a cold row beside it: columns of the warm row, its `time` [s] and `iterations`, whether
-    it `fell_back` to a cold start; and the cold row's `status_cold`, `time_cold` and `iterations_cold`."""
+    """Pair every warm row with the cold row beside it: columns of the warm row, its `time` [s] and `iterations`,
+    whether it `fell_back` to a cold start; and the cold row's `status_cold`, `time_cold` and `iterations_cold`.
+    """
     is_cold = (table["start"] == COLD).to_numpy()
     is_warm = ~is_cold & (table["start"] != "").to_numpy()
     is_cold = is_cold & table["label"].isin(table["label"][is_warm].unique()).to_numpy()
@@ -66,7 +67,7 @@ def pairs(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def paired(table: pd.DataFrame) -> pd.DataFrame:
-    """One row a formulation, label and warm start that has cold rows beside it.
+    """Return one row a formulation, label and warm start that has cold rows beside it.
 
     pairs, solved warm and cold, warm rows that fell back to a cold start (`fell_back`), and the geometric means of
     warm over cold over the pairs that both solved: `time` [s/s] and `iterations` (both NaN where there is no such pair,
@@ -102,7 +103,7 @@ def gains(
     replicates: int = 1000,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """One row a formulation, label and warm start of `pairs`: what the warm start gains in time.
+    """Compute what each warm start gains in time, one row a formulation, label and warm start of `pairs`.
 
     Columns: pairs; how many both solved, only the warm one, only the cold one, neither; fell_back; slower (both solved
     and the warm one took longer); the geometric means of warm over cold (below 1: the warm start is ahead) with their
@@ -145,16 +146,16 @@ def gains(
         top = np.column_stack([ratio[at], every[at]])
         bottom = np.column_stack([common[at].astype(float), np.ones(len(at))])
         statistic = bootstrap.Statistic(("common", "all"), families.index, top, bottom, np.exp)
-        told = bootstrap.intervals(statistic, families, level=level, replicates=replicates, seed=seed)
+        around = bootstrap.intervals(statistic, families, level=level, replicates=replicates, seed=seed)
         for name in ("common", "all"):
-            record[name] = float(told.table.loc[name, "estimate"])
-            record |= {f"{name}_{end}": float(told.table.loc[name, end]) for end in ("low", "high")}
-        rows.append(record | {"clusters": told.families})
+            record[name] = float(around.table.loc[name, "estimate"])
+            record |= {f"{name}_{end}": float(around.table.loc[name, end]) for end in ("low", "high")}
+        rows.append(record | {"clusters": around.families})
     return pd.DataFrame(rows, columns=list(GAINS))
 
 
 def losses(found: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd.DataFrame:
-    """Those of `pairs` in which the warm start loses: the cold one alone solved, or the warm one took longer.
+    """Return those of `pairs` in which the warm start loses: the cold one alone solved, or the warm one took longer.
 
     One row a pair, per formulation, label and start the worst first (failures, then by ratio): node, label, start,
     problem, fingerprint, sequence, step, status, time, time_cold [s], ratio (∞ for a failure).
@@ -176,7 +177,7 @@ def losses(found: pd.DataFrame, beyond: float = 1.0, floor: float = FLOOR) -> pd
 
 
 def honoured(table: pd.DataFrame) -> list[str]:
-    """One line a start policy of which some rows started otherwise than was asked: how many, and why.
+    """Return one line a start policy of which some rows started otherwise than requested: how many, and why.
 
     A reason with numbers in it stands for all that differ in the numbers alone.
 
@@ -186,14 +187,14 @@ def honoured(table: pd.DataFrame) -> list[str]:
     ['start previous: 2 of 3 rows started so; 1 cold: first step']
     """
     lines: list[str] = []
-    asked = table[~table["start"].isin(["", COLD]) & (table["status"] != str(Status.NOT_RUN))]
-    for policy, rows in asked.groupby("start", sort=True):
+    requested = table[~table["start"].isin(["", COLD]) & (table["status"] != str(Status.NOT_RUN))]
+    for policy, rows in requested.groupby("start", sort=True):
         started, message = rows["started"].fillna("").astype(str), rows["message"].fillna("").astype(str)
         without = (rows["status"] == str(Status.UNSUPPORTED)) & message.str.contains(_NO_START)
         cold = started.str.startswith(COLD)
         own = rows["began"] if "began" in rows else rows["start"]  # several starts of a file have one policy
-        told = zip(started[~cold], own[~cold], strict=True)
-        other = [text.removeprefix(begun).lstrip(",: ") for text, begun in told if text not in ("", begun)]
+        texts = zip(started[~cold], own[~cold], strict=True)
+        other = [text.removeprefix(begun).lstrip(",: ") for text, begun in texts if text not in ("", begun)]
         reasons = [*started[cold], *("unsupported: " + message[without]), *(f"warm, {text}" for text in other)]
         if reasons:
             warm = int((~cold & (started != "")).sum())
@@ -208,7 +209,7 @@ _REASONS = 4
 
 
 def _counted_alike(reasons: list[str]) -> str:
-    """`190 cold: 21 contacts before, 22 now (and alike); 10 cold: first step`."""
+    """Format as `190 cold: 21 contacts before, 22 now (and alike); 10 cold: first step`."""
     found: dict[str, list[str]] = {}
     for reason in reasons:
         found.setdefault(re.sub(r"\d+", "#", reason), []).append(reason)
@@ -219,7 +220,7 @@ def _counted_alike(reasons: list[str]) -> str:
 
 
 def _settings(warm: pd.DataFrame, cold: pd.DataFrame) -> tuple[Integers, Integers]:
-    """One number a row for what a pair has in common: merging on it is faster than on seven columns of text."""
+    """Number each row by what a pair has in common: merging on it is faster than on seven columns of text."""
     setting = np.zeros(len(warm) + len(cold), dtype=np.int64)
     for name in _SETTING:
         code, values = pd.factorize(pd.concat([warm[name], cold[name]]), use_na_sentinel=False)
@@ -232,7 +233,7 @@ def _named(case: Any) -> dict[str, object]:
 
 
 def _measured(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with `time` and `iterations` in place of what these are made of."""
+    """Return the rows with `time` and `iterations` in place of what these are made of."""
     counts = spent(rows, METRICS["iterations"])
     return rows_of.with_time(rows).assign(iterations=counts).drop(columns=["counters", *rows_of.CHARGED])
 
@@ -242,7 +243,7 @@ def _floored(seconds: pd.Series[float], floor: float) -> Array:
 
 
 def _mean_ratio(warm: pd.Series[float], cold: pd.Series[float]) -> float:
-    """Geometric mean of warm/cold; counts of 0 (a start that was good enough) are taken as 1."""
+    """Return the geometric mean of warm/cold; counts of 0 (a start that was good enough) are taken as 1."""
     usable = np.isfinite(warm) & np.isfinite(cold)
     if not usable.any():
         return math.nan

@@ -14,7 +14,7 @@ COLUMNS = ("step", "label", "start", "status", "time", "iterations", "error", "r
 
 
 def steps(group: pd.DataFrame, sequence: str = "") -> tuple[str, pd.DataFrame]:
-    """The sequence (where none is named, the only one) and one row a step, label and start, in this order: COLUMNS.
+    """Return the sequence (by default the only one) and one row a step, label and start, in this order: COLUMNS.
 
     time [s] and iterations are ∞ where the step was not solved, iterations NaN where they are not counted; error is the
     judged one; ratio is the time over that of the same label's cold start (NaN where either failed, on cold rows, and

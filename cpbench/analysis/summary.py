@@ -1,4 +1,4 @@
-"""What a group of results says at a glance: how much each label solved and how fast, by status, node and family."""
+"""Summary of a group of results: how much each label solved and how fast, by status, node and family."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pandas as pd
 
 from cpbench.analysis import best, means
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
 from cpbench.analysis.sizes import sizes_read
@@ -15,7 +15,7 @@ from cpbench.verification import Status
 
 
 def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None, floor: float = FLOOR) -> pd.DataFrame:
-    """One row a label, best first: what it solved and how fast.
+    """Count what each label solved and how fast, one row a label, best first.
 
     Labels whose answers were made elsewhere (`table.ranked`) are not ranked: fastest is 0, slowdown and mean are NaN.
 
@@ -55,7 +55,7 @@ def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None
 
 
 def verdicts(group: pd.DataFrame) -> pd.DataFrame:
-    """Rows by label (sorted) and status (those that occur, in the order of Status).
+    """Count rows by label (sorted) and status (those that occur, in the order of Status).
 
     >>> rows = pd.DataFrame({"label": ["b", "a", "b"], "status": ["wrong", "solved", "solved"]})
     >>> verdicts(rows).to_dict("index")
@@ -69,7 +69,9 @@ def verdicts(group: pd.DataFrame) -> pd.DataFrame:
 
 
 def nodes(table: pd.DataFrame) -> pd.DataFrame:
-    """One row a group: problems, labels, pairs, solved by some label, by none, and the labels that solve most."""
+    """Summarise groups, one row each: problems, labels, pairs, solved by some label, by none, and the labels that
+    solve most.
+    """
     records: list[dict[str, object]] = []
     for group, rows in rows_of.groups(table):
         reached = rows.loc[rows_of.solved(rows), ["label", "fingerprint"]]
@@ -94,7 +96,8 @@ def nodes(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def families(group: pd.DataFrame) -> pd.DataFrame:
-    """One row a family: problems, solved by some label, pairs, solved pairs, most solved by one label, which.
+    """Summarise families, one row each: problems, solved by some label, pairs, solved pairs, most solved by one
+    label, which.
 
     Problems of one family resemble each other: a suite's total says what its largest family says.
     """
@@ -118,7 +121,7 @@ def families(group: pd.DataFrame) -> pd.DataFrame:
 
 
 def size_ranges(group: pd.DataFrame) -> dict[str, tuple[int, int]]:
-    """Least and largest value of each dimension of the problems of a group.
+    """Return the least and largest value of each dimension of the problems of a group.
 
     >>> size_ranges(pd.DataFrame({"sizes": ['{"n": 3}', '{"n": 7, "m": 1}']}))
     {'m': (1, 1), 'n': (3, 7)}

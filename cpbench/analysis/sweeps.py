@@ -1,4 +1,4 @@
-"""What a solver does as one of its options changes, or as the number of facets of its route does.
+"""Sweeps over one option of a solver, or over the number of facets of its route.
 
 A label is a solver, its options and a request for a route: `nsgs[omega=0.8]`, `lemke@inner16`. The labels that agree
 in all but one of these are a *series*, and the value in which they differ is its abscissa.
@@ -25,7 +25,7 @@ _FACETS = (re.compile(r"\b(?:inner|outer)(\d+)\b"), re.compile(r"\bfacets=(\d+)\
 
 
 def sweep(group: pd.DataFrame, option: str = "", problems: int | None = None) -> tuple[str, pd.DataFrame]:
-    """The option (where none is named, the only one that changes) and one row a label of a series: COLUMNS.
+    """Return the option (by default the only one that changes) and one row a label of a series: COLUMNS.
 
     problems (N), solved and their share of N; mean [s], the shifted geometric one over all N with failures charged the
     limit and the shift the median of all times; median [s] of what was solved (NaN of nothing). Rows are in the order
@@ -70,7 +70,7 @@ def sweep(group: pd.DataFrame, option: str = "", problems: int | None = None) ->
 
 
 def _settings(row: pd.Series[Any]) -> dict[str, Any]:
-    """Options and the facets of the route, with what is left of the route as `route`."""
+    """Return options and the facets of the route, with what is left of the route as `route`."""
     found: dict[str, Any] = json.loads(row["options"] or "{}")
     request = str(row["request"])
     for pattern in _FACETS:
@@ -83,7 +83,7 @@ def _settings(row: pd.Series[Any]) -> dict[str, Any]:
 
 
 def _changing(settings: dict[str, dict[str, Any]]) -> str:
-    """The option in which labels of one series differ."""
+    """Return the option in which labels of one series differ."""
     changing = {
         name
         for name in {name for setting in settings.values() for name in setting} - {"route"}

@@ -47,8 +47,8 @@ CHARGED = ("convert", "setup", "solve", "lift")
 
 
 @dataclass(frozen=True, order=True)
-class Group:
-    """What the rows of a group have in common."""
+class ResultGroup:
+    """Settings that the rows of a group have in common."""
 
     node: str
     tolerance: float
@@ -59,7 +59,7 @@ class Group:
 
 
 def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFrame:
-    """A copy with every column present, text never missing, numbers numeric, error and rows in a fixed order.
+    """Copy a table with every column present, text never missing, numbers numeric, error and rows in a fixed order.
 
     `columns` : what is asked for, where that is not everything; what tells rows apart comes with it.
 
@@ -88,10 +88,10 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
 
 
 def _text(values: pd.Series) -> pd.Series[str]:
-    """Text with '' for what is missing."""
+    """Return text with '' for missing values."""
     if values.dtype == "str":  # of pandas 3; older ones hold text as objects
-        told = np.asarray(values, dtype=object)
-        missing = told != told  # NaN, which is missing text there, is not equal to itself
+        array = np.asarray(values, dtype=object)
+        missing = array != array  # NaN, which is missing text there, is not equal to itself
         return values.mask(missing, "") if missing.any() else values
     return values.astype(object).where(values.notna(), "").astype(str)
 
@@ -101,17 +101,17 @@ def _numbers(values: pd.Series) -> pd.Series[float]:
 
 
 def solved(table: pd.DataFrame) -> pd.Series[bool]:
-    """Whether each row counts as solved, whatever the solver said. A stationary answer does not."""
+    """Return whether each row counts as solved, whatever the solver claims. A stationary answer does not."""
     return table["status"].isin(VERIFIED)
 
 
 def met(table: pd.DataFrame) -> pd.Series[bool]:
-    """Whether the answer of each row was measured to meet the tolerance: solved, or stationary."""
+    """Return whether the answer of each row was measured to meet the tolerance: solved, or stationary."""
     return table["status"].isin(MET_TOLERANCE)
 
 
 def counting_stationary(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with stationary answers as solved ones, for who asks for that; their flag still says what they are."""
+    """Return the table with stationary answers counted as solved; their flag still marks them."""
     status = table["status"].replace(str(Status.STATIONARY), str(Status.SOLVED))
     if "flags" not in table:
         return table.assign(status=status)
@@ -122,7 +122,7 @@ def counting_stationary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def with_time(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with a column `time` [s]: convert + setup + solve + lift, ∞ unless the row is solved.
+    """Return the table with a column `time` [s]: convert + setup + solve + lift, ∞ unless the row is solved.
 
     A claimed answer that is not one has no time, however fast it came; nor has a row whose solve was not timed.
 
@@ -135,15 +135,17 @@ def with_time(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def charged(table: pd.DataFrame) -> Floats:
-    """What each row is charged [s], solved or not: convert + setup + solve + lift; ∞ where no solve was timed."""
+    """Return the time charged to each row [s], solved or not: convert + setup + solve + lift; ∞ where no solve was
+    timed.
+    """
     spent = {name: pd.to_numeric(table[name]).to_numpy(dtype=float) for name in CHARGED}
     total = np.sum([np.where(np.isnan(part), 0.0, part) for part in spent.values()], axis=0)
     return np.where(np.isnan(spent["solve"]), math.inf, total)
 
 
 def ranked(table: pd.DataFrame) -> pd.Series[bool]:
-    """Whether the times of each row may be compared: those of answers made elsewhere only where the column `ranked`
-    says so.
+    """Return whether the times of each row may be compared: those of answers made elsewhere only where the column
+    `ranked` allows it.
 
     >>> ranked(pd.DataFrame({"origin": ["", "another machine"]})).tolist()
     [True, False]
@@ -152,40 +154,40 @@ def ranked(table: pd.DataFrame) -> pd.Series[bool]:
 
 
 def only_ranked(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows whose times may be compared; the table itself, and no copy, where these are all."""
+    """Return the rows whose times may be compared; the table itself, and no copy, where these are all."""
     chosen = ranked(table)
     return table if chosen.all() else table[chosen]
 
 
-def groups(table: pd.DataFrame) -> list[tuple[Group, pd.DataFrame]]:
-    """The comparable parts of a table, in order of formulation, tolerance, start, threads, set, measure.
+def groups(table: pd.DataFrame) -> list[tuple[ResultGroup, pd.DataFrame]]:
+    """Split a table into its comparable parts, in order of formulation, tolerance, start, threads, set, measure.
 
     A table that is one group is its own part, and not a copy.
     """
     names = ["node", "tolerance", "start", "threads", "set", "measure"]
     if len(table) and all(_constant(table[name]) for name in names):
         return [(_group(*table[names].iloc[0]), table)]
-    return [(_group(*told), rows) for told, rows in table.groupby(names, dropna=False, sort=True)]  # type: ignore[misc]
+    return [(_group(*settings), rows) for settings, rows in table.groupby(names, dropna=False, sort=True)]  # type: ignore[misc]
 
 
-def _group(node: Any, tolerance: Any, start: Any, threads: Any, part: Any, measure: Any) -> Group:
-    return Group(str(node), float(tolerance), str(start), int(threads), str(part), str(measure))
+def _group(node: Any, tolerance: Any, start: Any, threads: Any, part: Any, measure: Any) -> ResultGroup:
+    return ResultGroup(str(node), float(tolerance), str(start), int(threads), str(part), str(measure))
 
 
 def _constant(values: pd.Series) -> bool:
-    """Whether all values are the first one; not so where that is missing."""
-    told = values.to_numpy(dtype=object if values.dtype == "str" else None)
-    return bool((told == told[0]).all())
+    """Return whether all values equal the first one; False where that is missing."""
+    array = values.to_numpy(dtype=object if values.dtype == "str" else None)
+    return bool((array == array[0]).all())
 
 
 def limit(table: pd.DataFrame) -> float:
-    """The longest a solve of these rows could take [s]; ∞ where none is known."""
+    """Return the longest a solve of these rows could take [s]; ∞ where none is known."""
     known = table["seconds"].dropna()
     return float(known.max()) if len(known) else math.inf
 
 
 def problem_names(table: pd.DataFrame) -> pd.Series[str]:
-    """Name of each row's problem; with its address where two different problems share a name.
+    """Return the name of each row's problem; with its address where two different problems share a name.
 
     >>> rows = pd.DataFrame({"problem": ["a", "a", "b"], "fingerprint": ["1", "2", "3"], "address": ["x", "y", "z"]})
     >>> problem_names(rows).tolist()
@@ -201,7 +203,7 @@ def problem_names(table: pd.DataFrame) -> pd.Series[str]:
 
 
 def pivot(table: pd.DataFrame, column: str, missing: Any) -> pd.DataFrame:
-    """One column of a group as problems (fingerprints, in order of name) × labels; `missing` where no row is.
+    """Spread a column of a group as problems (fingerprints, in order of name) × labels; `missing` where no row is.
 
     Raises StoreError when a pair has two rows.
     """
@@ -212,7 +214,8 @@ def pivot(table: pd.DataFrame, column: str, missing: Any) -> pd.DataFrame:
 
 
 def spread(table: pd.DataFrame, values: np.ndarray[tuple[int], np.dtype[Any]], missing: Any) -> pd.DataFrame:
-    """One value a row of a group as problems (fingerprints, in order of name) × labels; `missing` where no row is.
+    """Spread one value a row of a group as problems (fingerprints, in order of name) × labels; `missing` where no
+    row is.
 
     Raises StoreError when a pair has two rows.
 
@@ -237,7 +240,7 @@ def spread(table: pd.DataFrame, values: np.ndarray[tuple[int], np.dtype[Any]], m
 
 
 def _names(table: pd.DataFrame, fingerprint: Integers, count: int) -> pd.Series[str]:
-    """The name of each distinct fingerprint's problem, that of its first row where they differ.
+    """Return the name of each distinct fingerprint's problem, that of its first row where they differ.
 
     Names are made for these rows only, not for all: a problem has as many as there are solvers.
     """
@@ -250,12 +253,12 @@ def _names(table: pd.DataFrame, fingerprint: Integers, count: int) -> pd.Series[
 
 
 def times(table: pd.DataFrame) -> pd.DataFrame:
-    """Times [s] of a group, problems × labels; ∞ where a pair is not solved or was not planned."""
+    """Return times [s] of a group, problems × labels; ∞ where a pair is not solved or was not planned."""
     return spread(table, np.where(solved(table), charged(table), math.inf), math.inf)
 
 
 def label_kinds(table: pd.DataFrame) -> dict[str, str]:
-    """The weakest promise among the routes a label took; '' when none was taken.
+    """Return the weakest promise among the routes a label took; '' when none was taken.
 
     >>> label_kinds(pd.DataFrame({"label": ["l", "l", "m"], "kind": ["equivalent", "approximate", ""]}))
     {'l': 'approximate', 'm': ''}
@@ -270,5 +273,5 @@ def label_kinds(table: pd.DataFrame) -> dict[str, str]:
 
 
 def exact(table: pd.DataFrame) -> pd.Series[bool]:
-    """Whether a row's route promises that every answer of the converted problem is an answer."""
+    """Return whether a row's route promises that every answer of the converted problem is an answer."""
     return ~table["kind"].isin([str(kind) for kind in Kind if not kind.exact])

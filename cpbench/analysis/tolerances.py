@@ -27,7 +27,7 @@ UNCLAIMED = "inaccurate"
 
 @dataclass(frozen=True)
 class Ladders:
-    """What becomes of each row at any tolerance ε.
+    """Statuses of each row at any tolerance ε.
 
     Attributes
     ----------
@@ -42,14 +42,14 @@ class Ladders:
     outcomes: tuple[tuple[str, str, str, str], ...]
 
     def at(self, tolerance: float) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-        """The statuses at a tolerance."""
+        """Return the statuses at a tolerance."""
         near = np.minimum(self.error, self.met) <= INACCURATE_FACTOR * tolerance
         rung = np.select([self.error <= tolerance, self.met <= tolerance, near], [0, 1, 2], default=3)
         return np.array(self.outcomes, dtype=object).reshape(-1, 4)[self.code, rung]
 
 
 def judged_at(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
-    """The table with the statuses, and the tolerance, that its errors have at `tolerance`.
+    """Return the table with the statuses, and the tolerance, that its errors have at `tolerance`.
 
     A checked proof that there is no solution stays what it is, and so do whatever came to no answer in time and what
     rounding decides, for nobody kept how far its noise goes. Raises ValueError when the tolerance is not positive.
@@ -67,9 +67,9 @@ def judged_at(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
 
 
 def ladders(table: pd.DataFrame) -> Ladders:
-    """What becomes of each row at any tolerance."""
-    there, asked = _numbers(table, "target_error", math.nan), _numbers(table, "tolerance", 1.0)
-    met = there * asked / _numbers(table, "target_tolerance", asked)
+    """Return the status of each row at any tolerance."""
+    there, tolerance = _numbers(table, "target_error", math.nan), _numbers(table, "tolerance", 1.0)
+    met = there * tolerance / _numbers(table, "target_tolerance", tolerance)
     known = ~np.isnan(there)
     facts = pd.DataFrame({name: _words(table, name) for name in ("status", "claim", "kind", "flags")}).assign(
         known=known
@@ -82,7 +82,7 @@ def ladders(table: pd.DataFrame) -> Ladders:
 
 
 def _outcomes(was: str, claim: str, kind: str, flags: str, known: bool) -> tuple[str, str, str, str]:
-    """What a row becomes where it is solved, where only its target is met, where it is near, and beyond."""
+    """Return the status of a row where it is solved, where only its target is met, where it is near, and beyond."""
     if was not in JUDGED or was in PROVEN:
         return was, was, was, was
     marks = {*flags.split(","), *(["stationary"] if was == Status.STATIONARY else [])}

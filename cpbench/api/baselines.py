@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpbench.analysis import attendance, baseline, ratchet
+from cpbench.analysis import baseline, participation, ratchet
 from cpbench.analysis.ratchet import Change
 from cpbench.bench.results.sealed import sealed
 from cpbench.errors import StoreError
@@ -30,7 +30,7 @@ def outcomes(results: Path) -> tuple[pd.DataFrame, list[str]]:
     if new["status"].isin(baseline.UNMEASURED).all():
         cause = f"none of {counted(len(new), 'pair')} was run" if len(new) else "no row"
         raise StoreError(f"{results}: {cause}: nothing to keep; run it with: cpbench run PROBLEMS -o {results}")
-    return new, list(attendance.restricted(table, sheets))
+    return new, list(participation.restricted(table, sheets))
 
 
 def measured(outcomes: pd.DataFrame) -> int:

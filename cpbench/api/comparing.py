@@ -15,16 +15,16 @@ from cpbench.bench.results.store import Store
 from cpbench.plurals import counted
 
 if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Comparison, Settings, Side
+    from cpbench.analysis.comparison import Comparison, ComparisonSide, Thresholds
 
 
 def compare_files(
     base: Path,
     new: Path | None,
     labels: tuple[str, str] = ("", ""),
-    settings: Settings | None = None,
+    settings: Thresholds | None = None,
     noise: tuple[str, str] | None = None,
-    again: Callable[[Comparison, Path, Callable[[Side], Comparison]], Comparison] | None = None,
+    again: Callable[[Comparison, Path, Callable[[ComparisonSide], Comparison]], Comparison] | None = None,
 ) -> Comparison:
     """Compare two results files, or two labels of one.
 
@@ -38,9 +38,9 @@ def compare_files(
     """
     from cpbench.analysis import comparison
 
-    chosen = settings or comparison.Settings()
+    chosen = settings or comparison.Thresholds()
 
-    def compared(after: Side) -> Comparison:
+    def compared(after: ComparisonSide) -> Comparison:
         if new is None:
             return comparison.compare_labels(after, *labels, chosen, noise)
         equal = comparison.equal_pairs(after, noise) if noise is not None else None
@@ -53,7 +53,7 @@ def compare_files(
 def confirm(
     first: Comparison,
     results: Path,
-    compare: Callable[[Side], Comparison],
+    compare: Callable[[ComparisonSide], Comparison],
     *,
     others: Collection[str],
     statuses: Collection[str],

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from cpbench.analysis.experience import Experience, shipped_experience
+from cpbench.analysis.training_cases import TrainingCases, shipped_cases
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
@@ -52,7 +52,7 @@ NOTHING = Span(0.0, 0.0)
 
 def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
     """How long the pairs may take, and by what."""
-    spans, measured = solves(todo, shipped_experience())
+    spans, measured = solves(todo, shipped_cases())
     known = [span for span in spans if span is not None]
     if len(known) < ENOUGH:
         return "no estimate: nothing like it was measured before"
@@ -67,13 +67,13 @@ def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
     return f"{solving} for solves, and more to start solvers, convert and judge ({told})"
 
 
-def solves(todo: Sequence[Pair], experience: Experience) -> tuple[list[Span | None], int]:
+def solves(todo: Sequence[Pair], known: TrainingCases) -> tuple[list[Span | None], int]:
     """What the solves of each pair may take, None where nobody solved its problem; how many were timed.
 
     A label that was started on other problems, and not on this one, could not be run on it.
     """
-    cases = {case.fingerprint: case.outcomes for case in experience.cases}
-    labels, measured = set(experience.labels), 0
+    cases = {case.fingerprint: case.outcomes for case in known.cases}
+    labels, measured = set(known.labels), 0
     spans: list[Span | None] = []
     for pair in todo:
         outcomes = cases.get(pair.fingerprint, {})

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench.api.portraits import Portraits
 from cpbench.api.start_answers import start_answers
+from cpbench.api.thumbnails import Thumbnails
 from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
@@ -51,7 +51,7 @@ def write_report(
         history.table(store.histories()),
         comparison=comparison,
         data=forms,
-        portraits=Portraits(store, rows),
+        thumbnails=Thumbnails(store, rows),
         answers=start_answers(store, rows),
         publishable=publishable,
         with_imported=with_imported,

@@ -142,12 +142,12 @@ class Results:
         settings : `margin`, `counter_margin`, `alpha`, `same_machine`, `seed`, `count_stationary`
         (`analysis.comparison.Settings`).
         """
-        from cpbench.analysis.comparison import Settings, compare
+        from cpbench.analysis.comparison import Thresholds, compare
         from cpbench.api import sides
 
         after = sides.side(self.path)
         before = base.path if isinstance(base, Results) else Path(base)
-        return compare(sides.base(before, after), after, Settings(**settings))
+        return compare(sides.base(before, after), after, Thresholds(**settings))
 
     def __len__(self) -> int:
         return len(self._rows)

@@ -10,30 +10,30 @@ from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 
 if TYPE_CHECKING:
-    from cpbench.analysis.comparison import Side
+    from cpbench.analysis.comparison import ComparisonSide
 
 
-def side(path: Path) -> Side:
+def side(path: Path) -> ComparisonSide:
     """The rows and facts of a results file; raises CpbenchError when it has none."""
     with sealed(path) as store:
         return side_of(store)
 
 
-def side_of(store: Store) -> Side:
+def side_of(store: Store) -> ComparisonSide:
     """The same of a file that is open."""
-    from cpbench.analysis.comparison import Side
+    from cpbench.analysis.comparison import ComparisonSide
 
     table = store.table()
     if not len(table):
         raise CpbenchError(f"{store.path}: has no rows; make some with: cpbench run PROBLEMS -o {store.path}")
-    return Side(str(store.path), table, store.meta(), store.machines())
+    return ComparisonSide(str(store.path), table, store.meta(), store.machines())
 
 
-def base(path: Path, new: Side) -> Side:
+def base(path: Path, new: ComparisonSide) -> ComparisonSide:
     """A results file, or the text of a baseline, whose lines are completed from the results they are compared with."""
-    from cpbench.analysis.comparison import Side
+    from cpbench.analysis.comparison import ComparisonSide
     from cpbench.report import baseline_file
 
     if path.suffix != baseline_file.SUFFIX:
         return side(path)
-    return Side(str(path), baseline_file.table(path, new.table))
+    return ComparisonSide(str(path), baseline_file.table(path, new.table))

@@ -39,18 +39,18 @@ def _not_compared(cause: str, counts: Mapping[str, int]) -> Iterator[str]:
 
 def time_lines(bundle: Bundle, name: str) -> Iterator[str]:
     """Yield the times of both runs beside each other, as `cpbench compare` does; they decide nothing here."""
-    from cpbench.analysis.comparison import Settings, Side
+    from cpbench.analysis.comparison import ComparisonSide, Thresholds
     from cpbench.analysis.comparison import compare as compare_runs
     from cpbench.report.comparison import words
     from cpbench.report.text import cut, one_line
 
     with Store(bundle.results) as store:
-        there = Side(name, store.table(), store.meta(), store.machines())
+        there = ComparisonSide(name, store.table(), store.meta(), store.machines())
     with Store(bundle.again) as store:
-        here = Side("here", store.table(), store.meta(), store.machines())
+        here = ComparisonSide("here", store.table(), store.meta(), store.machines())
     try:
         # the ratio of two machines is what is asked for here: it tells how fast this one is, and decides nothing
-        comparison = compare_runs(there, here, Settings(same_machine=True))
+        comparison = compare_runs(there, here, Thresholds(same_machine=True))
     except CpbenchError:
         return  # no pair in common, which the statuses show
     timed = [suite for suite in comparison.suites if suite.timed]

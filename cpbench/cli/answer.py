@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import left_out_lines
+from cpbench.analysis.participation import left_out_lines
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store

@@ -75,11 +75,11 @@ def command(
 
     Ends with 0 whatever differs, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """
-    from cpbench.analysis.comparison import Settings
+    from cpbench.analysis.comparison import Thresholds
     from cpbench.report.comparison import terminal, write
 
     _require_sense(base, new, first, second, fail_on)
-    settings = Settings(margin, counter_margin, alpha, same_machine, seed, count_stationary)
+    settings = Thresholds(margin, counter_margin, alpha, same_machine, seed, count_stationary)
     again = partial(
         comparing.confirm,
         others=noise or (),

@@ -48,7 +48,7 @@ class AVItoQP(Conversion):
         return f"M is not symmetric, asymmetry = {matrices.asymmetry(problem.M):.1e}: it is no gradient; use avi-mlcp"
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """Three digits more, as lcp-qp: a duality gap δ may leave a natural residual between δ and √δ."""
+        """Ask for three digits more, as lcp-qp: a duality gap δ may leave a natural residual between δ and √δ."""
         return 1e-3 * tolerance
 
     def apply(self, problem: AVI) -> tuple[QP, Trace]:

@@ -16,7 +16,7 @@ from cpbench.registry import Registry
 
 @dataclasses.dataclass(frozen=True)
 class Size:
-    """What a conversion will make, at most.
+    """Upper bound of what a conversion will make.
 
     Attributes
     ----------
@@ -33,12 +33,12 @@ class Size:
 
     @classmethod
     def sparse(cls, rows: int, columns: int, entries: int) -> Size:
-        """CSR, whose indices have 4 bytes as long as they fit."""
+        """Return the size of a CSR matrix, whose indices have 4 bytes as long as they fit."""
         index = np.dtype(index_dtype(rows, columns, entries)).itemsize
         return cls(rows, entries, entries * (8 + index) + (rows + 1) * index)
 
     def __str__(self) -> str:
-        """`1045440 rows, 101020986 entries, 1.2 GB at most`."""
+        """Format as `1045440 rows, 101020986 entries, 1.2 GB at most`."""
         unit, name = (1e9, "GB") if self.bytes >= 1e9 else (1e6, "MB") if self.bytes >= 1e6 else (1e3, "kB")
         return f"{self.rows} rows, {self.entries} entries, {self.bytes / unit:.3g} {name} at most"
 
@@ -64,39 +64,43 @@ class Conversion(ABC):
     cost: ClassVar[float]
 
     def exactness(self, problem: Problem) -> Kind:
-        """The promise for this very problem (stronger than `kind` where a condition holds)."""
+        """Return the promise for this very problem (stronger than `kind` where a condition holds)."""
         return self.kind
 
     def reservation(self, problem: Any) -> str:
-        """Why the promise for this problem is weaker than `best_kind`: the condition and its number."""
+        """Return why the promise for this problem is weaker than `best_kind`: the condition and its number."""
         return ""
 
     def obstacle(self, problem: Any) -> str | None:
-        """Why this problem cannot take the edge, with the measured number and what to use instead; else None."""
+        """Return why this problem cannot take the edge, with the measured number and what to use instead; else None."""
         return None
 
     def predict(self, problem: Any) -> Size | None:
-        """What `apply` will make of a problem that can take the edge, without making it; None: not known before."""
+        """Return the size of what `apply` will make of a problem that can take the edge, without making it; None: not
+        known before.
+        """
         return None
 
     @abstractmethod
     def apply(self, problem: Any) -> tuple[Problem, Trace]:
-        """The converted problem and what `lift` needs; raises NotApplicable with the obstacle."""
+        """Return the converted problem and what `lift` needs; raises NotApplicable with the obstacle."""
 
     @abstractmethod
     def lift(self, point: Any, trace: Trace) -> Any:
-        """The source answer that a target answer stands for."""
+        """Return the source answer that a target answer stands for."""
 
     def push(self, point: Any, trace: Trace) -> Any:
-        """The target answer of a source answer (warm starts, tests); raises NotApplicable where there is none."""
+        """Return the target answer of a source answer (warm starts, tests); raises NotApplicable where there is
+        none.
+        """
         raise NotApplicable(self.label, "has no push: target answers cannot be made from source answers")
 
     def remark(self, point: Any, trace: Trace) -> str:
-        """What should be known of this very answer to the target before its lift is trusted; mostly nothing."""
+        """Return what should be known of this answer to the target before its lift is trusted; mostly nothing."""
         return ""
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """What to ask of an answer to the target so that the lifted answer meets `tolerance` on the source.
+        """Return what to ask of an answer to the target so that the lifted answer meets `tolerance` on the source.
 
         What depends on the problem, `apply` has put into the trace.
         """
@@ -120,13 +124,15 @@ class Conversion(ABC):
         return f"{self.name}[{','.join(changed)}]" if changed else self.name
 
     def require(self, problem: Problem) -> None:
-        """Raises NotApplicable when there is an obstacle."""
+        """Raise NotApplicable when there is an obstacle."""
         why = self.obstacle(problem)
         if why is not None:
             raise NotApplicable(self.label, why)
 
     def step(self, problem: Problem) -> Problem:
-        """`apply`, with the step added to the provenance of the result and name and geometry carried along."""
+        """Apply the conversion, with the step added to the provenance of the result and name and geometry carried
+        along.
+        """
         converted, trace = self.apply(problem)
         done = Step(
             conversion=self.name,
@@ -146,7 +152,7 @@ conversions: Registry[type[Conversion]] = Registry("conversion", "cpbench.conver
 
 
 def make(name: str, parameters: dict[str, Any] | None = None) -> Conversion:
-    """The registered conversion `name` with its knobs set; raises UnknownName on a knob it does not have."""
+    """Return the registered conversion `name` with its knobs set; raises UnknownName on a knob it does not have."""
     cls = conversions.get(name)
     given = dict(parameters or {})
     known = {f.name for f in dataclasses.fields(cls)} if dataclasses.is_dataclass(cls) else set[str]()
@@ -162,7 +168,7 @@ def lift_step(step: Step, point: Any) -> Any:
 
 
 def find_via(text: str) -> list[str]:
-    """Conversions that `text` names: a full name, or the last part of one (`inner`, `schur`).
+    """Return the conversions that `text` names: a full name, or the last part of one (`inner`, `schur`).
 
     Raises UnknownName with the nearest names.
     """

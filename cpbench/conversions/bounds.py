@@ -22,8 +22,9 @@ FAR = 1e8
 
 
 def to_lcp(M: Matrix, q: Vector, lb: Vector, ub: Vector) -> tuple[LCP, Trace]:
-    """The LCP in (x, y) of variables with a bound each; trace: `c`, `S` (as vectors), `both` (indices), `M`, `q`,
-    `shift`."""
+    """Return the LCP in (x, y) of variables with a bound each; trace: `c`, `S` (as vectors), `both` (indices), `M`,
+    `q`, `shift`.
+    """
     c, S = origin(lb, ub)
     both = np.flatnonzero(np.isfinite(lb) & np.isfinite(ub))
     scaled = matrices.scaled_both(M, S)
@@ -39,13 +40,13 @@ def to_lcp(M: Matrix, q: Vector, lb: Vector, ub: Vector) -> tuple[LCP, Trace]:
 
 
 def origin(lb: Vector, ub: Vector) -> tuple[Vector, Vector]:
-    """c, the bound nearer to 0 of every variable, and S, its side: 1 for lb, −1 for ub."""
+    """Return c, the bound nearer to 0 of every variable, and S, its side: 1 for lb, −1 for ub."""
     from_below = np.abs(lb) <= np.abs(ub)
     return np.where(from_below, lb, ub), np.where(from_below, 1.0, -1.0)
 
 
 def obstacle(M: Matrix, q: Vector, lb: Vector, ub: Vector) -> str | None:
-    """That q + Mc would lose the digits of q, c being far away; else None."""
+    """Return why q + Mc would lose the digits of q, c being far away; else None."""
     shift, size = matrices.max_abs(M @ origin(lb, ub)[0]), matrices.max_abs(q)
     if size == 0.0 or shift <= FAR * size:
         return None
@@ -56,12 +57,12 @@ def obstacle(M: Matrix, q: Vector, lb: Vector, ub: Vector) -> str | None:
 
 
 def lift(point: LCPPoint, trace: Trace) -> Vector:
-    """z = c + Sx."""
+    """Return z = c + Sx."""
     return trace["c"] + trace["S"] * point.z[: trace["c"].size]
 
 
 def push(z: Vector, trace: Trace) -> LCPPoint:
-    """x = S(z − c), y the force that holds z at its second bound."""
+    """Return x = S(z − c), y the force that holds z at its second bound."""
     S, both = trace["S"], trace["both"]
     force = S * (trace["M"] @ z + trace["q"])
     return LCPPoint(z=np.concatenate([S * (z - trace["c"]), np.maximum(-force[both], 0.0)]))

@@ -22,7 +22,7 @@ import numpy as np
 
 from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder
+from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
@@ -36,8 +36,8 @@ Function: TypeAlias = Callable[[Any, Any], Any]
 
 
 def equations(problem: MiCP, phi: Function) -> Map:
-    """Φ."""
-    record = Recorder(problem.start.size)
+    """Return Φ."""
+    record = MapRecorder(problem.start.size)
     z, lb, ub = record.z, problem.lb, problem.ub
     F = record(problem.F, z)
     below, above = np.isfinite(lb), np.isfinite(ub)
@@ -57,7 +57,7 @@ def equations(problem: MiCP, phi: Function) -> Map:
 
 @dataclass(frozen=True)
 class MiCPtoEquation(Conversion):
-    """What the edges by an NCP function share; `function` is theirs. Trace: empty."""
+    """Base of the edges by an NCP function, their `function`. Trace: empty."""
 
     source: ClassVar[str] = "micp"
     target: ClassVar[str] = "equation"
@@ -65,7 +65,7 @@ class MiCPtoEquation(Conversion):
 
     @abstractmethod
     def function(self, a: Any, b: Any) -> Any:
-        """φ(a, b)."""
+        """Return φ(a, b)."""
 
     def apply(self, problem: MiCP) -> tuple[Equation, Trace]:
         self.require(problem)

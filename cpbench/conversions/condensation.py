@@ -7,12 +7,14 @@ With K = [[M, −G], [Gᵀ, 0]] (K = M without joints) and v, λ the velocities 
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import elimination
-from cpbench.conversions.base import Size
-from cpbench.formulations.base import Kind, Trace
+from cpbench.conversions.base import Conversion, Size
+from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.matrices import Matrix, Vector
@@ -21,7 +23,7 @@ NO_LOCAL = "no contact problem in r alone exists: take constrained or massless u
 
 
 def obstacle(problem: GlobalContact) -> str | None:
-    """Why velocities and joint reactions do not follow from r; None when they do."""
+    """Return why velocities and joint reactions do not follow from r; None when they do."""
     if not problem.b.size:
         return singular_mass(problem)
     instead = NO_LOCAL if problem.saddle.singular and problem.factorization.singular else "use gfc-fcm, which keeps λ"
@@ -29,22 +31,24 @@ def obstacle(problem: GlobalContact) -> str | None:
 
 
 def kind(problem: GlobalContact) -> Kind:
-    """What the condition number of K allows to promise."""
+    """Return the promise that the condition number of K allows."""
     return elimination.kind(problem.saddle.rcond)
 
 
 def reservation(problem: GlobalContact) -> str:
-    """That number."""
+    """Return the condition number behind `kind`."""
     return elimination.reservation(problem.saddle.rcond, "the matrix of bodies and joints")
 
 
 def singular_mass(problem: GlobalContact) -> str | None:
-    """The obstacle of edges that eliminate v by M alone."""
+    """Return the obstacle of edges that eliminate v by M alone."""
     return elimination.singularity(problem.factorization, "the mass matrix M", NO_LOCAL)
 
 
 def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
-    """W, q and the trace: `factor` (K), `H`, `f`, `b`. W is symmetric to the last bit when M is symmetric."""
+    """Eliminate v: W, q and the trace: `factor` (K), `H`, `f`, `b`. W is symmetric to the last bit when M is
+    symmetric.
+    """
     H, joints = problem.H, problem.b.size
     if joints:
         H = matrices.block([[H], [matrices.zeros(joints, H.shape[1], H)]])
@@ -57,14 +61,42 @@ def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
 
 
 def size(problem: GlobalContact) -> Size:
-    """What `condense` will make of W, at most; joints couple all contacts."""
+    """Bound the size of W that `condense` will make; joints couple all contacts."""
     if problem.b.size:
         return Size.dense(problem.w.size, problem.w.size)
     return elimination.size(matrices.transpose(problem.H), problem.factorization, problem.H)
 
 
 def lift(point: FCPoint, trace: Trace) -> GFCPoint:
-    """(v, λ) = K⁻¹(Hr + f, −b)."""
+    """Return (v, λ) = K⁻¹(Hr + f, −b)."""
     force = trace["H"] @ point.r + trace["f"]
     v, lam = np.split(trace["factor"].solve(np.concatenate([force, -trace["b"]])), [force.size])
     return GFCPoint(v=v, r=point.r, lam=lam)
+
+
+class Condensation(Conversion):
+    """Base of the edges that eliminate velocities and joint reactions. Trace: `factor` (K), `H`, `f`, `b`."""
+
+    equation: ClassVar[str] = "P_LM → P_L"
+    kind: ClassVar[Kind] = Kind.ONE_WAY
+    best_kind = Kind.EQUIVALENT
+    cost: ClassVar[float] = 1.0
+
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, GlobalContact)
+        return kind(problem)
+
+    def reservation(self, problem: GlobalContact) -> str:
+        return reservation(problem)
+
+    def obstacle(self, problem: GlobalContact) -> str | None:
+        return obstacle(problem)
+
+    def predict(self, problem: GlobalContact) -> Size:
+        return size(problem)
+
+    def lift(self, point: FCPoint, trace: Trace) -> GFCPoint:
+        return lift(point, trace)
+
+    def push(self, point: GFCPoint, trace: Trace) -> FCPoint:
+        return FCPoint(r=point.r)

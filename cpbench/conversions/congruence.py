@@ -42,7 +42,7 @@ class Congruence:
         return self.left.shape[0]
 
     def assemble(self, W: Matrix, coefficients: Dense) -> Matrix:
-        """The matrix, (nc k, nc l), for coefficients of shape (nc, s)."""
+        """Assemble the matrix, (nc k, nc l), for coefficients of shape (nc, s)."""
         if not matrices.is_sparse(W):
             return self._dense(matrices.dense(W), coefficients)
         csr = matrices.sparse(W)
@@ -51,11 +51,11 @@ class Congruence:
         return self._compiled(csr, coefficients)
 
     def operator(self, W: Matrix, coefficients: Dense) -> ContactOperator:
-        """The same as an operator that keeps W."""
+        """Return the same as an operator that keeps W."""
         return ContactOperator(W, self.left, self.right, self.blocks, coefficients)
 
     def size(self, W: Matrix) -> Size:
-        """An upper bound of the result, reached when W has no zeros in its blocks."""
+        """Bound the size of the result, reached when W has no zeros in its blocks."""
         nc = W.shape[0] // self.d
         rows, columns = nc * self.left.shape[1], nc * self.right.shape[1]
         if not matrices.is_sparse(W):
@@ -64,7 +64,7 @@ class Congruence:
         return Size.sparse(rows, columns, self._room(count, nc))
 
     def _room(self, count: int, nc: int) -> int:
-        """Entries that `count` blocks of W may make."""
+        """Return how many entries `count` blocks of W may make."""
         full = int(self.left.any(axis=0).sum()) * int(self.right.any(axis=0).sum())
         return count * full + nc * int(self.blocks.any(axis=0).sum())
 
@@ -122,7 +122,7 @@ class Congruence:
         return M
 
     def _tables(self) -> tuple[Any, ...]:
-        """What the kernel wants to know of left, right and blocks."""
+        """Return the tables of left, right and blocks that the kernel needs."""
         some: NDArray[np.bool_] = np.any(self.blocks, axis=0)
         active = np.flatnonzero(self.right.any(axis=0))
         wide = np.flatnonzero(self.right.any(axis=0) | some.any(axis=0))
@@ -136,7 +136,7 @@ class Congruence:
 
 
 def count_blocks(W: Sparse, d: int) -> NDArray[np.int64]:
-    """How many d x d blocks with an entry the rows of every contact have, shape (nc,)."""
+    """Count the d x d blocks with an entry that the rows of every contact have, shape (nc,)."""
     nc = W.shape[0] // d
     if W.nnz > COMPILED_ABOVE:
         kernel = kernel_cache.load("cpbench.conversions.kernels.congruence")
@@ -150,7 +150,7 @@ def count_blocks(W: Sparse, d: int) -> NDArray[np.int64]:
 
 
 def _nonzeros(A: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """How many nonzeros the rows have, and their columns, padded with 0 to the width of A."""
+    """Count the nonzeros of the rows, and return their columns, padded with 0 to the width of A."""
     present = A.astype(bool)
     order = np.argsort(~present, axis=1, kind="stable")
     count = present.sum(axis=1, dtype=np.int64)
@@ -158,7 +158,7 @@ def _nonzeros(A: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def repeat(block: Dense, weights: Vector) -> Sparse:
-    """blockdiag(weights_c · block), CSR."""
+    """Return blockdiag(weights_c · block), CSR."""
     row, col = np.nonzero(block)
     height, width = block.shape
     contact = np.arange(weights.size)[:, None]

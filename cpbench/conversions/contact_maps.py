@@ -16,7 +16,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder, either, less, product, recorded, where
+from cpbench.expressions.recording import MapRecorder, either, less, product, recorded, where
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.matrices import Dense, Vector, max_abs, power_of_two
@@ -36,7 +36,7 @@ class Units:
         return FCPoint(r=self.unit * x)
 
     def own(self, point: FCPoint) -> Vector:
-        """x."""
+        """Return x."""
         return point.r / self.unit
 
     @property
@@ -49,7 +49,7 @@ class Units:
 
 
 def units(problem: LocalContact) -> Units:
-    """D and s of a problem."""
+    """Return D and s of a problem."""
     D = _nearest(np.sqrt(problem.effective_mass))
     top = max_abs(D * problem.q)
     size = float(_nearest(np.array([top]))[0]) if top > 0 else 1.0
@@ -57,33 +57,33 @@ def units(problem: LocalContact) -> Units:
 
 
 def _nearest(x: Vector) -> Vector:
-    """The powers of two within a factor √2 of positive numbers."""
+    """Return the powers of two within a factor √2 of positive numbers."""
     return 0.5 / power_of_two(np.sqrt(2.0) * x)
 
 
 def rolling_coefficient(problem: Any, chosen: Units) -> Vector:
-    """μ_r in these units, shape (nc,)."""
+    """Return μ_r in these units, shape (nc,)."""
     D = chosen.unit.reshape(problem.nc, problem.dimension)
     return problem.mu_r * D[:, 0] / D[:, -1]
 
 
 def velocities(problem: LocalContact, chosen: Units, x: Any) -> Any:
-    """y of a column x of symbols, of shape (nc, d): a row a contact, each number once."""
+    """Return y of a column x of symbols, of shape (nc, d): a row a contact, each number once."""
     unit, q = chosen.unit, chosen.unit * problem.q / chosen.size**2
     W = matrices.sparse(problem.W).multiply(unit[:, None] / chosen.size**2).multiply(unit[None, :])
     return (product(W, x) + q).reshape(problem.nc, problem.dimension)
 
 
 def length(parts: Any) -> Any:
-    """Norms of the rows of an array of symbols; the derivative at 0 is 0, one of its subgradients."""
+    """Return the norms of the rows of an array of symbols; the derivative at 0 is 0, one of its subgradients."""
     squares = (parts * parts).sum(axis=-1)
     positive = less(0.0, squares)
     return where(positive, np.sqrt(either(positive, squares, 1.0)))
 
 
 def shifted(problem: LocalContact, chosen: Units) -> Map:
-    """x ↦ ŷ = y + μ‖y_T‖e_N, De Saxcé and Feng's change of variable; with rolling friction + μ_r‖ω‖e_N too."""
-    record = Recorder(problem.q.size)
+    """Return x ↦ ŷ = y + μ‖y_T‖e_N, De Saxcé and Feng's change of variable; with rolling friction + μ_r‖ω‖e_N too."""
+    record = MapRecorder(problem.q.size)
     y = velocities(problem, chosen, record.z)
     rolls = hasattr(problem, "mu_r")
     last = 1 + (problem.dimension - 1) // 2 if rolls else problem.dimension
@@ -96,8 +96,9 @@ def shifted(problem: LocalContact, chosen: Units) -> Map:
 
 
 def approached(problem: LocalContact, chosen: Units) -> FCPoint:
-    """What STEPS projections x ← P_K(x − ŷ/L) come to from 0, accelerated (Nesterov; O'Donoghue and Candès 2015):
-    the contacts that carry are mostly found by then. L is ‖DWD‖/s², by power iteration."""
+    """Return the result of STEPS projections x ← P_K(x − ŷ/L) from 0, accelerated (Nesterov; O'Donoghue and Candès
+    2015): the contacts that carry are mostly identified by then. L is ‖DWD‖/s², by power iteration.
+    """
     D, nc = chosen.unit, problem.nc
     W = matrices.sparse(problem.W).multiply(D[:, None] / chosen.size**2).multiply(D[None, :]).tocsr()
     q = D * problem.q / chosen.size**2
@@ -123,7 +124,7 @@ def approached(problem: LocalContact, chosen: Units) -> FCPoint:
 
 
 def _size(W: Any) -> float:
-    """The spectral radius of W about, 0 for no rows."""
+    """Estimate the spectral radius of W, 0 for no rows."""
     v, size = np.ones(W.shape[0]), 0.0
     for _ in range(20):
         v = W @ v
@@ -133,17 +134,17 @@ def _size(W: Any) -> float:
 
 
 def plain(problem: LocalContact, chosen: Units) -> Map:
-    """x ↦ y."""
+    """Return x ↦ y."""
     return recorded(problem.q.size, lambda x: velocities(problem, chosen, x))
 
 
 def by_contact(x: Vector, nc: int) -> Dense:
-    """x with a row a contact; two columns where there is none."""
+    """Return x with a row a contact; two columns where there is none."""
     return x.reshape(nc, x.size // nc if nc else 2)
 
 
 def clipped(r: Dense, mu: Vector) -> Dense:
-    """r with r_N ≥ 0 and ‖r_T‖ ≤ μ r_N: what is too large is shortened, shape (nc, d)."""
+    """Clip r to r_N ≥ 0 and ‖r_T‖ ≤ μ r_N, shape (nc, d)."""
     R = r.copy()
     R[:, 0] = np.maximum(R[:, 0], 0.0)
     tangential = np.linalg.norm(R[:, 1:], axis=1)

@@ -1,4 +1,4 @@
-"""What is said of a matrix that makes a problem nonconvex, and a promise a weaker one."""
+"""Messages on a matrix that makes a problem nonconvex, and a promise weaker."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ LARGEST = 1000
 
 
 def indefinite(M: Matrix, name: str) -> str:
-    """That `M`, which is not positive semidefinite, is not, with its least eigenvalue where that is cheap."""
+    """Return the message that `M` is not positive semidefinite, with its least eigenvalue where that is cheap."""
     n = M.shape[0]
     number = f"n = {n}"
     if n <= LARGEST:

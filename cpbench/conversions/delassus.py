@@ -28,7 +28,7 @@ PADDING = 1.25
 
 
 def product(left: Sparse, factor: Factorization, right: Sparse) -> Sparse:
-    """left A⁻¹ right over the components in `factor.blocks`."""
+    """Return left A⁻¹ right over the components in `factor.blocks`."""
     if left.nnz + right.nnz <= FEW:
         return sp.csr_array(left @ (factor.sparse_inverse @ right))
     kernel = load(KERNELS)
@@ -39,7 +39,7 @@ def product(left: Sparse, factor: Factorization, right: Sparse) -> Sparse:
 
 
 def congruence(H: Sparse, factor: Factorization) -> Sparse | None:
-    """HᵀA⁻¹H over the components in `factor.blocks`, symmetric to the last bit; A is symmetric.
+    """Return HᵀA⁻¹H over the components in `factor.blocks`, symmetric to the last bit; A is symmetric.
 
     None where one is not positive definite, and where H is so small that the kernel does not pay.
     """
@@ -70,7 +70,7 @@ class _Bodies:
 
 @dataclass(frozen=True)
 class _Touching:
-    """Which groups of d columns every body touches, and the blocks there; see the kernel."""
+    """Groups of d columns that every body touches, and the blocks there; see the kernel."""
 
     d: int
     groups: int
@@ -93,7 +93,7 @@ def _touching(kernel: Any, C: Sparse, bodies: _Bodies) -> _Touching:
 
 
 def _columns_of_a_contact(k: int, columns: int, pairs: int, triples: int, fives: int) -> int:
-    """3 or 2 (friction in space, in the plane), 5 (rolling friction), 1 where there are no such groups."""
+    """Return 3 or 2 (friction in space, in the plane), 5 (rolling friction), 1 where there are no such groups."""
     for d, groups in ((3, triples), (2, pairs), (5, fives)):
         if k % d == 0 and d * groups <= PADDING * columns:
             return d

@@ -35,7 +35,7 @@ RANK_LIMIT = 500
 
 
 def product(left: Matrix, factor: Factorization, right: Matrix) -> Matrix:
-    """left · A⁻¹ · right for a nonsingular A; shapes (m, n), (n, n), (n, k).
+    """Return left · A⁻¹ · right for a nonsingular A; shapes (m, n), (n, n), (n, k).
 
     Dense when one of the three is (A⁻¹ is never formed); otherwise CSR, or dense when it fills up.
     """
@@ -45,7 +45,7 @@ def product(left: Matrix, factor: Factorization, right: Matrix) -> Matrix:
 
 
 def congruence(H: Matrix, factor: Factorization) -> Matrix:
-    """HᵀA⁻¹H for a nonsingular A; shapes (n, k), (n, n). Symmetric to the last bit when A is symmetric.
+    """Return HᵀA⁻¹H for a nonsingular A; shapes (n, k), (n, n). Symmetric to the last bit when A is symmetric.
 
     Half the work of `product` where A is positive definite too.
     """
@@ -62,7 +62,7 @@ def congruence(H: Matrix, factor: Factorization) -> Matrix:
 
 
 def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
-    """The Schur complement B − D A⁻¹ C for a nonsingular A; shapes (m, k), (m, n), (n, n), (n, k)."""
+    """Return the Schur complement B − D A⁻¹ C for a nonsingular A; shapes (m, k), (m, n), (n, n), (n, k)."""
     if factor.n == 0 or 0 in B.shape:
         return compact(B)
     if not any(matrices.is_sparse(part) for part in (B, D, factor.A, C)):
@@ -83,7 +83,7 @@ def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
 
 
 def size(left: Matrix, factor: Factorization, right: Matrix, added: int = 0) -> Size:
-    """What `product` will make, at most, with `added` entries of a matrix that it is taken from.
+    """Bound the size of what `product` will make, with `added` entries of a matrix that it is taken from.
 
     Every row of left meets every column of right that touches the same component of A.
     """
@@ -101,21 +101,22 @@ def size(left: Matrix, factor: Factorization, right: Matrix, added: int = 0) -> 
 
 
 def _touched(M: Sparse, labels: NDArray[Any], count: int) -> NDArray[np.float64]:
-    """How many rows of M have an entry in each component."""
+    """Return how many rows of M have an entry in each component."""
     row = np.repeat(np.arange(M.shape[0], dtype=np.int64), np.diff(M.indptr))
     pairs = np.unique(row * count + labels[M.indices])
     return np.bincount(pairs % count, minlength=count).astype(np.float64)
 
 
 def compact(M: Matrix) -> Matrix:
-    """CSR, or the dense array when more than half of the entries is nonzero."""
+    """Return CSR, or the dense array when more than half of the entries is nonzero."""
     if not matrices.is_sparse(M):
         return M
     return matrices.dense(M) if matrices.nnz(M) > sparse_schur.FULL * M.shape[0] * M.shape[1] else matrices.sparse(M)
 
 
 def symmetrised(W: Matrix) -> Matrix:
-    """(W + Wᵀ)/2 of a matrix that is symmetric but for rounding, which solvers that ask for symmetry would refuse.
+    """Return (W + Wᵀ)/2 of a matrix that is symmetric but for rounding, which solvers that ask for symmetry would
+    refuse.
 
     (x + y)/2 = (y + x)/2 in floating point too, so the mean is symmetric to the last bit.
     """
@@ -123,7 +124,9 @@ def symmetrised(W: Matrix) -> Matrix:
 
 
 def singularity(factor: Factorization, what: str, instead: str) -> str | None:
-    """The obstacle of an edge that needs `factor`'s matrix, called `what`, to be nonsingular; None when it is."""
+    """Return the obstacle of an edge that needs `factor`'s matrix, called `what`, to be nonsingular; None when it
+    is.
+    """
     if not factor.singular:
         return None
     n = factor.n
@@ -133,12 +136,16 @@ def singularity(factor: Factorization, what: str, instead: str) -> str | None:
 
 
 def kind(rcond: float) -> Kind:
-    """Equivalent where rounding of the elimination, of the order of eps/rcond, is at most LOSSLESS; else one-way."""
+    """Return equivalent where rounding of the elimination, of the order of eps/rcond, is at most LOSSLESS; else
+    one-way.
+    """
     return Kind.EQUIVALENT if LOSSLESS * rcond >= EPS else Kind.ONE_WAY
 
 
 def reservation(rcond: float, what: str) -> str:
-    """How much rounding may change a target that `what`, of this reciprocal condition number, was eliminated from."""
+    """Return how much rounding may change a target that `what`, of this reciprocal condition number, was eliminated
+    from.
+    """
     condition, lost = (f"{1 / rcond:.1e}", f"{EPS / rcond:.0e}") if rcond > 0 else ("infinite", "all")
     return (
         f"the condition number of {what} is {condition}, so that rounding may change the target by {lost} of its size, "
@@ -147,14 +154,14 @@ def reservation(rcond: float, what: str) -> str:
 
 
 def _sides(left: Dense, factor: Factorization, right: Dense) -> tuple[Dense, Dense]:
-    """Two factors of left A⁻¹ right: A is solved with from the side that has fewer vectors."""
+    """Return two factors of left A⁻¹ right: A is solved with from the side that has fewer vectors."""
     if left.shape[0] < right.shape[1]:
         return factor.solve(left.T, transpose=True).T, right
     return left, factor.solve(right)
 
 
 def _transposed(M: Dense) -> tuple[Dense, bool]:
-    """Mᵀ as BLAS takes it without a copy: an array by columns, and whether it is to be transposed."""
+    """Return mᵀ as BLAS takes it without a copy: an array by columns, and whether it is to be transposed."""
     return (M, True) if M.flags.f_contiguous else (M.T, False)
 
 
@@ -166,7 +173,9 @@ def _dense_product(left: Dense, factor: Factorization, right: Dense) -> Dense:
 
 
 def _dense_congruence(H: Dense, factor: Factorization) -> Dense:
-    """GᵀG with G = L⁻¹H where A = LLᵀ (NumPy computes one half of it); else the mean of the product and its mirror."""
+    """Compute GᵀG with G = L⁻¹H where A = LLᵀ (NumPy computes one half of it); else the mean of the product and its
+    mirror.
+    """
     if H.size == 0:
         return np.zeros((H.shape[1], H.shape[1]))
     try:
@@ -194,7 +203,7 @@ def _sparse_product(left: Sparse, factor: Factorization, right: Sparse) -> Matri
 
 
 def _canonical(M: Matrix) -> Sparse:
-    """Sorted and without duplicates, as the kernels need it."""
+    """Return M sorted and without duplicates, as the kernels need it."""
     csr = matrices.sparse(M)
     if not csr.has_canonical_format:
         csr = sp.csr_array(csr, copy=True)
@@ -203,7 +212,7 @@ def _canonical(M: Matrix) -> Sparse:
 
 
 def _small(factor: Factorization) -> NDArray[np.bool_]:
-    """Which unknowns are in small components."""
+    """Return which unknowns are in small components."""
     small = np.zeros(factor.n, dtype=bool)
     for block in factor.blocks:
         small[block.unknowns] = True
@@ -211,7 +220,7 @@ def _small(factor: Factorization) -> NDArray[np.bool_]:
 
 
 def _over_large(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
-    """The product by one factor of A, on the rows of `left` and columns of `right` that hold an entry."""
+    """Compute the product by one factor of A, on the rows of `left` and columns of `right` that hold an entry."""
     shape = (left.shape[0], right.shape[1])
     rows, columns = np.flatnonzero(np.diff(left.indptr)), np.unique(right.indices)
     if (rows.size, columns.size) != shape:
@@ -226,7 +235,7 @@ def _over_large(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
 
 
 def _by_bundles(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
-    """Some hundred columns of `right` at a time, as dense vectors."""
+    """Multiply some hundred columns of `right` at a time, as dense vectors."""
     into = right.tocsc()
     bundles = (into[:, start : start + BUNDLE].toarray() for start in range(0, right.shape[1], BUNDLE))
     pieces: list[Any] = [_sparse_unless_full(left @ factor.solve(bundle)) for bundle in bundles]

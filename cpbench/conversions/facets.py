@@ -1,32 +1,93 @@
-"""Polygons in place of Coulomb's disk, shared by the facet edges of `fc`.
+"""Polygons in place of friction disks, shared by the facet edges of `fc` and `rfc`.
 
 With vertices D = [d_1 … d_ν] of a polygon, a reaction is r_T = Dβ, β ≥ 0, eᵀβ ≤ μ r_N, and the law of a contact is
-(47)-(48), in unknowns x = (r_N, β, λ):
+(47)-(48), in unknowns x = (r_N, β, λ), with rolling friction x = (r_N, β, λ, γ, κ) and a moment m = Dγ:
 
     0 ≤ r_N ⟂ u_N ≥ 0,   0 ≤ β ⟂ λe + Dᵀu_T ≥ 0,   0 ≤ λ ⟂ μ r_N − eᵀβ ≥ 0,
+                         0 ≤ γ ⟂ κe + Dᵀω ≥ 0,     0 ≤ κ ⟂ μ_r r_N − eᵀγ ≥ 0,
 
-an LCP with M = EᵀWE + K, q = Eᵀq, where r = Ex and K holds e, μ and −eᵀ. The unknowns of a contact are consecutive.
-In two dimensions D = [1, −1] is the disk itself.
+an LCP with M = EᵀWE + K, q = Eᵀq, where r = Ex and K holds e, μ, μ_r and −eᵀ. The unknowns of a contact are
+consecutive. In the plane D = [1, −1] is the interval itself, so that nothing is approximated.
 """
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
-from cpbench.conversions.base import Size
+from cpbench.conversions.base import Conversion, Size
 from cpbench.conversions.congruence import Congruence
 from cpbench.conversions.operators import ContactOperator
 from cpbench.formulations.base import Trace
-from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Dense, Vector
+
+INTERVAL = np.array([[1.0, -1.0]])
+"""The two directions of the plane."""
+
+
+class PolygonEdge(Conversion):
+    """Base of the edges to this LCP. Trace: `W`, `q`, `mu`, with rolling friction `mu_r`, for `push`."""
+
+    target: ClassVar[str] = "lcp"
+
+    @property
+    @abstractmethod
+    def vertices(self) -> Dense:
+        """D, shape (k, ν): k = 1 in the plane, else 2."""
+
+    def apply(self, problem: LocalContact) -> tuple[LCP, Trace]:
+        self.require(problem)
+        bounds = _friction(problem)
+        form = congruence(self.vertices, len(bounds))
+        M = form.assemble(problem.W, coefficients(*bounds.values()))
+        q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
+        return LCP(M=M, q=q), {"W": problem.W, "q": problem.q, **bounds}
+
+    def operator(self, problem: LocalContact) -> ContactOperator:
+        """Return M of the LCP, never assembled; raises NotApplicable with the obstacle."""
+        self.require(problem)
+        bounds = _friction(problem)
+        return congruence(self.vertices, len(bounds)).operator(problem.W, coefficients(*bounds.values()))
+
+    def predict(self, problem: LocalContact) -> Size:
+        return congruence(self.vertices, len(_friction(problem))).size(problem.W)
+
+    def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
+        # no problem is at hand here: the trace tells rolling friction, which has a second disk, from friction alone
+        D, disks = self.vertices, 2 if "mu_r" in trace else 1
+        k, count = D.shape
+        x = point.z.reshape(-1, 1 + disks * (count + 1))
+        weights = x[:, 1:].reshape(len(x), disks, count + 1)[:, :, :-1]
+        return FCPoint(r=np.column_stack([x[:, 0], (weights @ D.T).reshape(len(x), disks * k)]).ravel())
+
+    def push(self, point: FCPoint, trace: Trace) -> LCPPoint:
+        """Project forces and moments on their polygons; λ and κ are the least that the velocities allow."""
+        D, disks = self.vertices, [trace[name] for name in ("mu", "mu_r") if name in trace]
+        k = D.shape[0]
+        normal, tangential, velocity = split(point, trace, 1 + k * len(disks))
+        columns: list[Dense | Vector] = [normal]
+        for disk, coefficient in enumerate(disks):
+            own = slice(k * disk, k * (disk + 1))
+            columns.append(coordinates(tangential[:, own], D, coefficient * normal))
+            columns.append(np.maximum((-velocity[:, 1:][:, own] @ D).max(axis=1, initial=0.0), 0.0))
+        return LCPPoint(z=np.column_stack(columns).ravel())
+
+
+def _friction(problem: LocalContact) -> dict[str, Vector]:
+    """Return the coefficients of the disks of a contact by name, shape (nc,) each."""
+    rolling = {"mu_r": problem.mu_r} if isinstance(problem, RollingFrictionContact) else {}
+    return {"mu": problem.mu, **rolling}
 
 
 def directions(facets: int, angle: float) -> Dense:
-    """Unit vectors at angle + 2πi/ν [rad], shape (2, ν), ν even; to every one its opposite, exactly."""
+    """Return unit vectors at angle + 2πi/ν [rad], shape (2, ν), ν even; to every one its opposite, exactly."""
     share = facets // 4 if facets % 4 == 0 else facets // 2
     theta = angle + 2.0 * math.pi / facets * np.arange(share)
     first = np.stack([np.cos(theta), np.sin(theta)])
@@ -36,7 +97,7 @@ def directions(facets: int, angle: float) -> Dense:
 
 
 def obstacle(problem: FrictionContact, facets: int, angle: float) -> str | None:
-    """Why a polygon of `facets` sides cannot stand for the disk of this problem, else None."""
+    """Return why a polygon of `facets` sides cannot stand for the disk of this problem, else None."""
     wrong = wrong_knobs(facets, angle)
     if wrong is None and problem.dimension != 3:
         return f"the problem is {problem.dimension}-dimensional, where Coulomb's law is an LCP exactly; use fc-lcp-2d"
@@ -44,7 +105,7 @@ def obstacle(problem: FrictionContact, facets: int, angle: float) -> str | None:
 
 
 def wrong_knobs(facets: int, angle: float) -> str | None:
-    """Why there is no such polygon, else None."""
+    """Return why there is no such polygon, else None."""
     if facets < 4 or facets % 2:
         return f"facets = {facets}: directions come in opposite pairs, use an even number of at least 4"
     if not math.isfinite(angle):
@@ -52,71 +113,41 @@ def wrong_knobs(facets: int, angle: float) -> str | None:
     return None
 
 
-def congruence(D: Dense) -> Congruence:
-    """M of (47)-(48) with the vertices D, shape (d − 1, ν), its coefficients at a contact 1 and μ."""
-    d, count = D.shape[0] + 1, D.shape[1]
-    embed = np.zeros((d, count + 2))
+def congruence(D: Dense, disks: int = 1) -> Congruence:
+    """Return M of the LCP with the vertices D, shape (k, ν); coefficients at a contact: 1, μ and, of 2 disks, μ_r."""
+    k, count = D.shape
+    width = 1 + disks * (count + 1)
+    embed = np.zeros((1 + disks * k, width))
     embed[0, 0] = 1.0
-    embed[1:, 1:-1] = D
-    coupling, friction = np.zeros((count + 2, count + 2)), np.zeros((count + 2, count + 2))
-    coupling[1:-1, -1], coupling[-1, 1:-1] = 1.0, -1.0
-    friction[-1, 0] = 1.0
-    return Congruence(embed, embed, np.stack([coupling, friction]))
-
-
-def to_lcp(problem: FrictionContact, D: Dense) -> tuple[LCP, Trace]:
-    """The LCP of (47)-(48) with the vertices D, shape (d − 1, ν), and the trace of its `push`: W, q, mu."""
-    form = congruence(D)
-    M = form.assemble(problem.W, coefficients(problem.mu))
-    q = (problem.q.reshape(-1, form.d) @ form.left).ravel()
-    return LCP(M=M, q=q), {"W": problem.W, "q": problem.q, "mu": problem.mu}
-
-
-def operator(problem: FrictionContact, D: Dense) -> ContactOperator:
-    """M of `to_lcp`, never assembled."""
-    return congruence(D).operator(problem.W, coefficients(problem.mu))
-
-
-def predict(problem: FrictionContact, D: Dense) -> Size:
-    """What `to_lcp` will make, at most."""
-    return congruence(D).size(problem.W)
+    own, *bounds = np.zeros((1 + disks, width, width))
+    for disk, bound in enumerate(bounds):
+        first = 1 + disk * (count + 1)
+        forces, multiplier = slice(first, first + count), first + count
+        embed[1 + disk * k : 1 + (disk + 1) * k, forces] = D
+        own[forces, multiplier], own[multiplier, forces] = 1.0, -1.0
+        bound[multiplier, 0] = 1.0
+    return Congruence(embed, embed, np.stack([own, *bounds]))
 
 
 def coefficients(*bounds: Vector) -> Dense:
-    """1 and the friction coefficients of every contact, as columns."""
+    """Return 1 and the friction coefficients of every contact, as columns."""
     return np.column_stack([np.ones(bounds[0].size), *bounds])
 
 
-def from_lcp(point: LCPPoint, D: Dense) -> FCPoint:
-    """r = Ex."""
-    x = point.z.reshape(-1, D.shape[1] + 2)
-    return FCPoint(r=np.column_stack([x[:, 0], x[:, 1:-1] @ D.T]).ravel())
-
-
-def into_lcp(beta: Dense, D: Dense, normal: Vector, velocity: Dense) -> LCPPoint:
-    """x = (r_N, β, λ) with the least λ that the velocities u_T allow, max_i(−d_iᵀu_T), and at least 0."""
-    lam = np.maximum((-velocity[:, 1:] @ D).max(axis=1, initial=0.0), 0.0)
-    return LCPPoint(z=np.column_stack([normal, beta, lam]).ravel())
-
-
-def push(point: FCPoint, trace: Trace, D: Dense) -> LCPPoint:
-    """x of a three-dimensional answer: r_T projected on the polygon with vertices μ r_N D, then `into_lcp`."""
-    normal, r_T, velocity = split(point, trace, 3)
-    return into_lcp(coordinates(r_T, D, trace["mu"] * normal), D, normal, velocity)
-
-
 def split(point: FCPoint, trace: Trace, d: int) -> tuple[Vector, Dense, Dense]:
-    """r_N ≥ 0, r_T and u of every contact."""
+    """Return r_N ≥ 0, r_T and u of every contact."""
     u = trace["W"] @ point.r + trace["q"]
     R = point.r.reshape(-1, d)
     return np.maximum(R[:, 0], 0.0), R[:, 1:], u.reshape(-1, d)
 
 
 def coordinates(x: Dense, D: Dense, bound: Vector | None = None) -> Dense:
-    """β ≥ 0 of every row of x with Dβ = x, on the two neighbouring vertices that enclose it; shape (nc, ν).
+    """Return β ≥ 0 of every row of x with Dβ = x, on the two neighbouring vertices that enclose it; shape (nc, ν).
 
     With `bound`, x is first projected on the polygon with vertices bound·D: then eᵀβ ≤ bound.
     """
+    if D.shape[0] == 1:
+        return np.clip(x @ D, 0.0, np.inf if bound is None else bound[:, None])
     count = D.shape[1]
     step = 2.0 * math.pi / count
     turned = np.arctan2(x[:, 1], x[:, 0]) - math.atan2(D[1, 0], D[0, 0])

@@ -55,7 +55,7 @@ class FCtoConeQPTresca(Conversion):
 
 
 def _alone(problem: FrictionContact) -> Vector:
-    """μ_c times the normal reaction that stops contact c without the others; 0 where W_NN is not positive."""
+    """Return μ_c times the normal reaction that stops contact c without the others; 0 where W_NN is not positive."""
     normal = problem.diagonal_blocks[:, 0, 0]
     closing = np.maximum(-problem.q[:: problem.dimension], 0.0)
     return problem.mu * np.divide(closing, normal, out=np.zeros_like(closing), where=normal > 0)

@@ -12,30 +12,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from cpbench.conversions import facets
-from cpbench.conversions.base import Conversion, Size, conversions
-from cpbench.conversions.operators import ContactOperator
-from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.contact import FCPoint
+from cpbench.conversions.base import conversions
+from cpbench.conversions.facets import INTERVAL, PolygonEdge
+from cpbench.formulations.base import Kind
 from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP, LCPPoint
-
-_DIRECTIONS = np.array([[1.0, -1.0]])
+from cpbench.matrices import Dense
 
 
 @conversions.register("fc-lcp-2d")
 @dataclass(frozen=True)
-class FCtoLCP2D(Conversion):
+class FCtoLCP2D(PolygonEdge):
     """Plane contact, exactly. Trace: `W`, `q`, `mu`, for the multipliers of `push`."""
 
     name = "fc-lcp-2d"
     source = "fc"
-    target = "lcp"
     equation = "(47)-(48)"
     kind = Kind.EQUIVALENT
     cost = 2.0
+
+    @property
+    def vertices(self) -> Dense:
+        """[1, −1]."""
+        return INTERVAL
 
     def obstacle(self, problem: FrictionContact) -> str | None:
         if problem.dimension == 2:
@@ -44,24 +42,3 @@ class FCtoLCP2D(Conversion):
             f"the problem is {problem.dimension}-dimensional, where the cone has no facets; "
             "use fc-lcp-inner or fc-lcp-outer, which approximate it"
         )
-
-    def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
-        self.require(problem)
-        return facets.to_lcp(problem, _DIRECTIONS)
-
-    def operator(self, problem: FrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
-        self.require(problem)
-        return facets.operator(problem, _DIRECTIONS)
-
-    def predict(self, problem: FrictionContact) -> Size:
-        return facets.predict(problem, _DIRECTIONS)
-
-    def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
-        return facets.from_lcp(point, _DIRECTIONS)
-
-    def push(self, point: FCPoint, trace: Trace) -> LCPPoint:
-        normal, tangential, velocity = facets.split(point, trace, 2)
-        bound = (trace["mu"] * normal)[:, None]
-        beta = np.minimum(np.maximum(tangential @ _DIRECTIONS, 0.0), bound)
-        return facets.into_lcp(beta, _DIRECTIONS, normal, velocity)

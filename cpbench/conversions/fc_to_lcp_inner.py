@@ -13,23 +13,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions import facets as polygon
-from cpbench.conversions.base import Conversion, Size, conversions
-from cpbench.conversions.operators import ContactOperator
-from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.contact import FCPoint
+from cpbench.conversions.base import conversions
+from cpbench.conversions.facets import PolygonEdge
+from cpbench.formulations.base import Kind
 from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Dense
 
 
 @conversions.register("fc-lcp-inner")
 @dataclass(frozen=True)
-class FCtoLCPInner(Conversion):
+class FCtoLCPInner(PolygonEdge):
     """`facets` vertices on the circle, the first at `angle` [rad]. Trace: `W`, `q`, `mu`, for `push`."""
 
     name = "fc-lcp-inner"
     source = "fc"
-    target = "lcp"
     equation = "(47)-(48)"
     kind = Kind.APPROXIMATE
     cost = 4.0
@@ -44,21 +41,3 @@ class FCtoLCPInner(Conversion):
 
     def obstacle(self, problem: FrictionContact) -> str | None:
         return polygon.obstacle(problem, self.facets, self.angle)
-
-    def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
-        self.require(problem)
-        return polygon.to_lcp(problem, self.vertices)
-
-    def operator(self, problem: FrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
-        self.require(problem)
-        return polygon.operator(problem, self.vertices)
-
-    def predict(self, problem: FrictionContact) -> Size:
-        return polygon.predict(problem, self.vertices)
-
-    def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
-        return polygon.from_lcp(point, self.vertices)
-
-    def push(self, point: FCPoint, trace: Trace) -> LCPPoint:
-        return polygon.push(point, trace, self.vertices)

@@ -14,23 +14,20 @@ import math
 from dataclasses import dataclass
 
 from cpbench.conversions import facets as polygon
-from cpbench.conversions.base import Conversion, Size, conversions
-from cpbench.conversions.operators import ContactOperator
-from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.contact import FCPoint
+from cpbench.conversions.base import conversions
+from cpbench.conversions.facets import PolygonEdge
+from cpbench.formulations.base import Kind
 from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Dense
 
 
 @conversions.register("fc-lcp-outer")
 @dataclass(frozen=True)
-class FCtoLCPOuter(Conversion):
+class FCtoLCPOuter(PolygonEdge):
     """`facets` sides, the first touching the circle at `angle` [rad]. Trace: `W`, `q`, `mu`, for `push`."""
 
     name = "fc-lcp-outer"
     source = "fc"
-    target = "lcp"
     equation = "(42)-(48)"
     kind = Kind.APPROXIMATE
     cost = 4.0
@@ -46,21 +43,3 @@ class FCtoLCPOuter(Conversion):
 
     def obstacle(self, problem: FrictionContact) -> str | None:
         return polygon.obstacle(problem, self.facets, self.angle)
-
-    def apply(self, problem: FrictionContact) -> tuple[LCP, Trace]:
-        self.require(problem)
-        return polygon.to_lcp(problem, self.vertices)
-
-    def operator(self, problem: FrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
-        self.require(problem)
-        return polygon.operator(problem, self.vertices)
-
-    def predict(self, problem: FrictionContact) -> Size:
-        return polygon.predict(problem, self.vertices)
-
-    def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
-        return polygon.from_lcp(point, self.vertices)
-
-    def push(self, point: FCPoint, trace: Trace) -> LCPPoint:
-        return polygon.push(point, trace, self.vertices)

@@ -35,7 +35,7 @@ from cpbench.conversions import contact_maps
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.contact_maps import Units
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder
+from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
@@ -70,12 +70,13 @@ class FCtoMiCP(Conversion):
         return None if self.form in FORMS else f"form = '{self.form}' is none of (49); use {' or '.join(FORMS)}"
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """Three digits more: the middle row is a product, small where x_N is whatever y_T may be."""
+        """Ask for three digits more: the middle row is a product, small where x_N is whatever y_T may be."""
         return 1e-3 * tolerance
 
     def apply(self, problem: FrictionContact) -> tuple[MiCP, Trace]:
-        """The start is what a few projections come to (`contact_maps.approached`), at 0 nothing can be told from the
-        derivative: it is singular there."""
+        """Convert, with the result of a few projections as start (`contact_maps.approached`): at 0 the derivative is
+        singular.
+        """
         self.require(problem)
         nc, d = problem.nc, problem.dimension
         chosen = _units(problem)
@@ -109,7 +110,7 @@ class FCtoMiCP(Conversion):
         )
 
     def singular(self, point: MiCPPoint, trace: Trace) -> NDArray[np.intp]:
-        """Contacts at which the rows are singular in this answer: friction, but nothing to carry it."""
+        """Return contacts at which the rows are singular in this answer: friction, but nothing to carry it."""
         x, y = _states(self.lift(point, trace), trace)
         still = np.asarray(trace["mu"]) > 0
         for part, matters in ((x, True), (y, self._regular)):
@@ -119,14 +120,14 @@ class FCtoMiCP(Conversion):
 
 
 def _states(point: FCPoint, trace: Trace) -> tuple[Dense, Dense]:
-    """x and y, a row a contact."""
+    """Return x and y, a row a contact."""
     chosen, nc = Units.of_trace(trace), np.asarray(trace["mu"]).size
     y = chosen.unit * (trace["W"] @ point.r + trace["q"]) / chosen.size**2
     return contact_maps.by_contact(chosen.own(point), nc), contact_maps.by_contact(y, nc)
 
 
 def _units(problem: FrictionContact) -> Units:
-    """As `contact_maps.units`, with μ among the tangential ones where it is positive."""
+    """Return units as `contact_maps.units`, with μ among the tangential ones where it is positive."""
     chosen = contact_maps.units(problem)
     factor = np.ones((problem.nc, problem.dimension))
     factor[:, 1:] = np.where(problem.mu > 0, problem.mu, 1.0)[:, None]
@@ -135,7 +136,7 @@ def _units(problem: FrictionContact) -> Units:
 
 def _map(problem: FrictionContact, chosen: Units, regular: bool) -> Map:
     nc, d = problem.nc, problem.dimension
-    record = Recorder((d + 1) * nc)
+    record = MapRecorder((d + 1) * nc)
     Z = record.z.reshape(nc, d + 1)
     x, xi = Z[:, :d], Z[:, d]
     y = contact_maps.velocities(problem, chosen, x.ravel())

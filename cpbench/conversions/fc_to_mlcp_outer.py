@@ -59,7 +59,7 @@ class FCtoMLCPOuter(Conversion):
         return MLCP(A=A, B=B, C=C, D=D, a=u[:, 1:].ravel(), b=b.ravel()), {"W": W, "q": q, "mu": mu}
 
     def operator(self, problem: FrictionContact) -> dict[str, ContactOperator]:
-        """A, B, C and D of the MLCP, never assembled."""
+        """Return A, B, C and D of the MLCP, never assembled."""
         self.require(problem)
         every = polygon.coefficients(problem.mu)
         return {name: form.operator(problem.W, every) for name, form in self.congruences.items()}

@@ -35,7 +35,7 @@ class FCtoQVI(Conversion):
     cost = 3.0
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """A digit more, as `fc-cp`."""
+        """Ask for a digit more, as `fc-cp`."""
         return 0.1 * tolerance
 
     def apply(self, problem: FrictionContact) -> tuple[QVI, Trace]:

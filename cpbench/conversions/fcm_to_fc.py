@@ -107,7 +107,7 @@ class FCMtoFC(Conversion):
 
 
 def _rcond(problem: MixedFrictionContact) -> float:
-    """Of R, or of the part of a singular R that R⁺ inverts (1-norm)."""
+    """Return the reciprocal condition number of R, or of the part of a singular R that R⁺ inverts (1-norm)."""
     if not problem.factorization.singular:
         return problem.factorization.rcond
     sizes = [float(np.abs(part).sum(axis=0).max()) for part in (matrices.dense(problem.R), problem.pseudo_inverse)]
@@ -115,7 +115,7 @@ def _rcond(problem: MixedFrictionContact) -> float:
 
 
 def _free(problem: MixedFrictionContact) -> float:
-    """Share of V that acts on the null space of R, 0 where R is nonsingular."""
+    """Return the share of V that acts on the null space of R, 0 where R is nonsingular."""
     top = matrices.max_abs(problem.V)
     if not problem.factorization.singular or top == 0.0:
         return 0.0

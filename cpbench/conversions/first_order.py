@@ -6,13 +6,17 @@ Cz − d, g). Beside z with its own set, inequalities have multipliers ≥ 0 and
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 
 from cpbench import matrices
 from cpbench.conversions import maps, qualification
+from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder, product
-from cpbench.formulations.base import Kind, Trace
+from cpbench.expressions.recording import MapRecorder, product
+from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
@@ -21,10 +25,10 @@ from cpbench.matrices import Vector
 # ------------------------------------------------------------------------------------------- programs
 
 
-def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
-    """F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
+def program_conditions(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
+    """Return F, lb, ub, start, and what lifting needs: sizes, bounds, and the rows of F that say ν."""
     n, m, k = problem.start.size, problem.g.rows, problem.h.rows
-    record = Recorder(n + m + k)
+    record = MapRecorder(n + m + k)
     z, lam, mu = np.split(record.z, [n, n + m])
     slope = record.transposed(problem.f, z, np.ones(problem.f.rows))
     slope = slope - record.transposed(problem.g, z, lam) - record.transposed(problem.h, z, mu)
@@ -37,7 +41,7 @@ def of_program(problem: NLP) -> tuple[Map, Vector, Vector, Vector, Trace]:
 
 
 def program_point(x: Vector, trace: Trace) -> NLPPoint:
-    """z, λ, μ, and ν: the force on z where a bound takes it, 0 where z is free to follow it.
+    """Return z, λ, μ, and ν: the force on z where a bound takes it, 0 where z is free to follow it.
 
     Of the force and the distance to the bound that it presses against, the smaller counts as 0.
     """
@@ -53,38 +57,52 @@ def program_vector(point: NLPPoint) -> Vector:
     return np.concatenate([point.z, point.lam, point.mu])
 
 
-def program_kind(problem: NLP) -> Kind:
-    """Equivalent, one-way or necessary; see `unsettled` for the programs of which none can be said."""
-    if not problem.convex:
-        return Kind.NECESSARY
-    return Kind.ONE_WAY if qualification.of_program(problem) else Kind.EQUIVALENT
+@dataclass(frozen=True)
+class ProgramConditions(Conversion):
+    """Base of the edges from a program to its conditions. `qualified`: 1 says that its minima have multipliers.
 
+    Trace: `n`, `m`, `lb`, `ub`, and `force`, the map that gives ν.
+    """
 
-def program_reservation(problem: NLP) -> str:
-    if not problem.convex:
-        return "the program is not said to be convex, so that a stationary point need not be a minimum"
-    return f"no constraint qualification is known: {qualification.of_program(problem)}"
+    source: ClassVar[str] = "nlp"
+    kind: ClassVar[Kind] = Kind.NECESSARY
+    best_kind = Kind.EQUIVALENT
+    between: ClassVar[tuple[Kind, ...]] = (Kind.ONE_WAY,)
+    cost: ClassVar[float] = 2.0
 
+    qualified: int = 0
 
-def unsettled(problem: NLP, name: str) -> str | None:
-    """That nothing can be said of an edge: a minimum may have no multipliers, and a point with multipliers may be no
-    minimum; else None."""
-    why = "" if problem.convex else qualification.of_program(problem)
-    if not why:
-        return None
-    return f"{why}, so that a minimum may have no multipliers; where it has, use {name}[qualified=1]"
+    def exactness(self, problem: Problem) -> Kind:
+        assert isinstance(problem, NLP)
+        if not problem.convex:
+            return Kind.NECESSARY
+        return Kind.ONE_WAY if qualification.of_program(problem) else Kind.EQUIVALENT
+
+    def reservation(self, problem: NLP) -> str:
+        if not problem.convex:
+            return "the program is not said to be convex, so that a stationary point need not be a minimum"
+        return f"no constraint qualification is known: {qualification.of_program(problem)}"
+
+    def obstacle(self, problem: NLP) -> str | None:
+        """Return why the KKT system is neither necessary nor sufficient here: a minimum may have no multipliers, and
+        a point with multipliers may be no minimum; else None.
+        """
+        why = "" if problem.convex or self.qualified else qualification.of_program(problem)
+        if not why:
+            return None
+        return f"{why}, so that a minimum may have no multipliers; where it has, use {self.name}[qualified=1]"
 
 
 # -------------------------------------------------------------------------------------- inequalities
 
 
-def of_inequality(problem: VI) -> tuple[Map, Vector, Vector]:
-    """F, and the bounds of the multipliers (λ, μ, ν), of which none is bounded from above."""
+def inequality_conditions(problem: VI) -> tuple[Map, Vector, Vector]:
+    """Return F, and the bounds of the multipliers (λ, μ, ν), of which none is bounded from above."""
     m, k, p = problem.b.size, problem.d.size, problem.g.rows
     if not m + k + p:
         return problem.F, np.zeros(0), np.zeros(0)
     n = problem.start.size
-    record = Recorder(n + m + k + p)
+    record = MapRecorder(n + m + k + p)
     z, lam, mu, nu = np.split(record.z, np.cumsum([n, m, k]))
     A, C = matrices.sparse(problem.A), matrices.sparse(problem.C)
     force = record(problem.F, z) - product(A.T, lam) - product(C.T, mu) - record.transposed(problem.g, z, nu)

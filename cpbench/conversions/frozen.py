@@ -15,12 +15,12 @@ from cpbench.matrices import Matrix, Vector
 
 
 def per_contact(values: tuple[float, ...], nc: int) -> Vector:
-    """The frozen numbers as a vector, zeros when there are none."""
+    """Return the frozen numbers as a vector, zeros when there are none."""
     return np.array(values, dtype=float) if values else np.zeros(nc)
 
 
 def wrong_count(what: str, values: tuple[float, ...], problem: ContactProblem) -> str | None:
-    """The obstacle of frozen numbers that do not fit the problem."""
+    """Return the obstacle of frozen numbers that do not fit the problem."""
     if not values:
         return None
     if len(values) != problem.nc:
@@ -31,19 +31,19 @@ def wrong_count(what: str, values: tuple[float, ...], problem: ContactProblem) -
 
 
 def asymmetric(what: str, M: Matrix, instead: str) -> str | None:
-    """The obstacle of a matrix that is no Hessian."""
+    """Return the obstacle of a matrix that is no Hessian."""
     if matrices.is_symmetric(M):
         return None
     return f"{what} is not symmetric, asymmetry = {matrices.asymmetry(M):.1e}; {instead}"
 
 
 def shifted(q: Vector, d: int, slip: Vector) -> Vector:
-    """q + s e_N."""
+    """Return q + s e_N."""
     result = q.copy()
     result[::d] += slip
     return result
 
 
 def velocity(problem: DelassusContact, slip: Vector) -> Vector:
-    """q + s e_N of a local problem."""
+    """Return q + s e_N of a local problem."""
     return shifted(problem.q, problem.dimension, slip)

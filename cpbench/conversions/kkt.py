@@ -23,7 +23,7 @@ from cpbench.matrices import Matrix, Vector
 
 
 @dataclass(frozen=True)
-class Rows:
+class ConstraintRows:
     """E z ≥ e and F z = g of a problem with bounds, and `sizes`, what `split` needs to undo them."""
 
     E: Matrix
@@ -33,13 +33,13 @@ class Rows:
     sizes: Trace
 
 
-def rows(problem: QP | AVI, like: Matrix) -> Rows:
-    """All constraints as rows, stored as `like`."""
+def rows(problem: QP | AVI, like: Matrix) -> ConstraintRows:
+    """Return all constraints as rows, stored as `like`."""
     lb, ub, n = problem.lb, problem.ub, problem.lb.size
     fixed = np.flatnonzero(lb == ub)
     lower = np.flatnonzero(np.isfinite(lb) & (lb < ub))
     upper = np.flatnonzero(np.isfinite(ub) & (lb < ub))
-    return Rows(
+    return ConstraintRows(
         E=_stack(problem.A, _unit_rows(lower, n, like), -_unit_rows(upper, n, like)),
         e=np.concatenate([problem.b, lb[lower], -ub[upper]]),
         F=_stack(problem.C, _unit_rows(fixed, n, like)),
@@ -49,7 +49,7 @@ def rows(problem: QP | AVI, like: Matrix) -> Rows:
 
 
 def split(inequality: Vector, equality: Vector, sizes: Trace) -> tuple[Vector, Vector, Vector]:
-    """λ of A, μ of C and ν of the bounds, from the multipliers of E and F."""
+    """Return λ of A, μ of C and ν of the bounds, from the multipliers of E and F."""
     m, k, lower = sizes["m"], sizes["k"], sizes["lower"]
     nu = np.zeros(sizes["n"])
     nu[lower] += inequality[m : m + lower.size]
@@ -59,18 +59,18 @@ def split(inequality: Vector, equality: Vector, sizes: Trace) -> tuple[Vector, V
 
 
 def join(lam: Vector, mu: Vector, nu: Vector, sizes: Trace) -> tuple[Vector, Vector]:
-    """The multipliers of E and F, from λ, μ and ν."""
+    """Return the multipliers of E and F, from λ, μ and ν."""
     below, above = np.maximum(nu[sizes["lower"]], 0.0), np.maximum(-nu[sizes["upper"]], 0.0)
     return np.concatenate([lam, below, above]), np.concatenate([mu, nu[sizes["fixed"]]])
 
 
 def polyhedron(problem: QP | AVI) -> dict[str, Any]:
-    """The fields that say what the set is: rows and bounds."""
+    """Return the fields that define the set: rows and bounds."""
     return {name: getattr(problem, name) for name in ("A", "b", "C", "d", "lb", "ub")}
 
 
 def pressing(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
-    """ν = Mz + q − Aᵀλ − Cᵀμ where a bound takes it, 0 where z is free to follow: there it is an error of z.
+    """Return ν = Mz + q − Aᵀλ − Cᵀμ where a bound takes it, 0 where z is free to follow: there it is an error of z.
 
     Of the force and the distance to the bound that it presses against, both without units, the smaller counts as 0: the
     force over the terms that it is the sum of, and the distance by what it changes in some row, over that row's terms.
@@ -89,15 +89,15 @@ def pressing(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
 
 
 def _largest_in_columns(matrix: Matrix, sizes: Vector) -> Vector:
-    """Largest |entry| of each column, each over the size of its row; ∞ where only that is 0."""
+    """Return the largest |entry| of each column, each over the size of its row; ∞ where only that is 0."""
     found = np.zeros(matrix.shape[1])
     entries = sp.coo_array(matrix)
     np.fmax.at(found, entries.coords[1], abs(entries.data) / sizes[entries.coords[0]])
     return found
 
 
-def conditions(M: Matrix, q: Vector, constraints: Rows) -> MLCP:
-    """u = (z, μ) free, v = λ:  Mz + q − Fᵀμ − Eᵀλ = 0,  Fz − g = 0,  0 ≤ λ ⟂ Ez − e ≥ 0."""
+def conditions(M: Matrix, q: Vector, constraints: ConstraintRows) -> MLCP:
+    """Build u = (z, μ) free, v = λ: Mz + q − Fᵀμ − Eᵀλ = 0, Fz − g = 0, 0 ≤ λ ⟂ Ez − e ≥ 0."""
     E, F, e, g = constraints.E, constraints.F, constraints.e, constraints.g
     return MLCP(
         A=matrices.block([[M, -matrices.transpose(F)], [F, matrices.zeros(g.size, g.size, M)]]),
@@ -110,7 +110,7 @@ def conditions(M: Matrix, q: Vector, constraints: Rows) -> MLCP:
 
 
 def _unit_rows(which: NDArray[np.int64], n: int, like: Matrix) -> Matrix:
-    """The rows `which` of the identity."""
+    """Return the rows `which` of the identity."""
     ones = (np.ones(which.size), (np.arange(which.size), which))
     unit = sp.csr_array(ones, shape=(which.size, n))
     return unit if matrices.is_sparse(like) else matrices.dense(unit)

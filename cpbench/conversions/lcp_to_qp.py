@@ -44,7 +44,7 @@ class LCPtoQP(Conversion):
         return None
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """Three digits more: a duality gap δ may leave a natural residual min(zᵢ, wᵢ) between δ and √δ.
+        """Ask for three digits more: a duality gap δ may leave a natural residual min(zᵢ, wᵢ) between δ and √δ.
 
         A guarantee would take ε², which methods of first order do not reach; three digits cost no measurable time.
         """

@@ -43,7 +43,7 @@ class LCPtoQPNonsymmetric(Conversion):
         return indefinite(problem.M, "M")
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """ε²: a gap δ = Σ zᵢwᵢ may be one product √δ·√δ, whose natural residual min(zᵢ, wᵢ) is √δ."""
+        """Ask for ε²: a gap δ = Σ zᵢwᵢ may be one product √δ·√δ, whose natural residual min(zᵢ, wᵢ) is √δ."""
         return min(tolerance, tolerance * tolerance)
 
     def apply(self, problem: LCP) -> tuple[QP, Trace]:

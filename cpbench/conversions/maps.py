@@ -12,13 +12,13 @@ from cpbench.matrices import Matrix, Vector
 
 
 def affine(M: Matrix, q: Vector) -> Map:
-    """z ↦ Mz + q; zeros that M stores are left out."""
+    """Return z ↦ Mz + q; zeros that M stores are left out."""
     build = Builder(M.shape[1])
     return build.finish(affine_rows(build, M, q))
 
 
 def affine_rows(build: Builder, M: Matrix, q: Vector) -> Iterable[int]:
-    """The numbers of (Mz + q)ᵢ, row by row, in a map that is being built; z are its first unknowns."""
+    """Return the numbers of (Mz + q)ᵢ, row by row, in a map that is being built; z are its first unknowns."""
     M = matrices.sparse(M)
     columns, values, ends = M.indices.tolist(), M.data.tolist(), M.indptr.tolist()
     for i, constant in enumerate(q.tolist()):
@@ -35,7 +35,7 @@ def affine_rows(build: Builder, M: Matrix, q: Vector) -> Iterable[int]:
 
 
 def too_large(*parts: Matrix) -> str | None:
-    """That a map of these matrices would have more operations than a map may have; else None."""
+    """Return the message that a map of these matrices would have too many operations; else None."""
     operations = sum(3 * matrices.nnz(M) for M in parts)
     if operations <= LARGEST:
         return None
@@ -45,17 +45,17 @@ def too_large(*parts: Matrix) -> str | None:
 
 
 def curved(F: Map, name: str) -> str | None:
-    """That F is not affine, with the number of its nonlinear terms; else None."""
+    """Return the message that F is not affine, with the number of its nonlinear terms; else None."""
     if F.compiled.affine:
         return None
     return f"{name} is not affine: it has {F.compiled.C.shape[1]} nonlinear terms"
 
 
 def kept(F: Map) -> Trace:
-    """F as numbers and arrays, for a trace."""
+    """Return F as numbers and arrays, for a trace."""
     return {"inputs": F.inputs, **F.arrays()}
 
 
 def restored(trace: Trace) -> Map:
-    """What `kept` was given."""
+    """Return the map that `kept` was given."""
     return Map(**trace)

@@ -32,5 +32,5 @@ class MiCPtoEquationEP(MiCPtoEquation):
         return a * b - 0.5 * negative * negative
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """ε²: a product of ε² may be that of two numbers of size ε."""
+        """Ask for ε²: a product of ε² may be that of two numbers of size ε."""
         return min(tolerance, tolerance**2)

@@ -30,6 +30,7 @@ class MiCPtoEquationFB(MiCPtoEquation):
         return symbolic_fischer_burmeister(a, b)
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """Tseng's bounds, used twice where a variable has two bounds. They hold where 0 is in the box: the scale of Φ
-        is its size at 0, wherever the box is."""
+        """Apply Tseng's bounds, twice where a variable has two bounds. They hold where 0 is in the box: the scale of Φ
+        is its size at 0, wherever the box is.
+        """
         return TSENG**2 * tolerance

@@ -15,7 +15,7 @@ import numpy as np
 from cpbench.cones import project_box
 from cpbench.conversions import maps
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions.recording import Recorder, maximum, minimum
+from cpbench.expressions.recording import MapRecorder, maximum, minimum
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.micp import MiCP, MiCPPoint
@@ -34,7 +34,7 @@ class MiCPtoEquationNormal(Conversion):
     cost = 2.3
 
     def apply(self, problem: MiCP) -> tuple[Equation, Trace]:
-        record = Recorder(problem.start.size)
+        record = MapRecorder(problem.start.size)
         x, z = record.z, record.z.copy()
         for bounds, clip in ((problem.lb, maximum), (problem.ub, minimum)):
             at = np.flatnonzero(np.isfinite(bounds))

@@ -39,5 +39,5 @@ class MiCPtoEquationPenalized(MiCPtoEquation):
         return self.share * symbolic_fischer_burmeister(a, b) + (1.0 - self.share) * penalty
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """As of Fischer and Burmeister's φ, of which this is at least λ times as large."""
+        """Ask for as much as Fischer and Burmeister's φ, of which this is at least λ times as large."""
         return (TSENG * self.share) ** 2 * tolerance

@@ -49,7 +49,7 @@ class MLCPtoLCPSchur(Conversion):
         return elimination.size(problem.D, problem.factorization, problem.C, matrices.nnz(problem.B))
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """More, for the terms that cancel on the way back (see `shift`)."""
+        """Ask for more, for the terms that cancel on the way back (see `shift`)."""
         return tolerance / trace["shift"]
 
     def apply(self, problem: MLCP) -> tuple[LCP, Trace]:

@@ -59,7 +59,8 @@ class MLCPtoLCPSplit(Conversion):
 
 
 def semidefinite_transform(problem: MLCP) -> Sparse | None:
-    """A monomial P for which [[PA, PC], [D, B]] is positive semidefinite; None when none is needed or none is found.
+    """Return a monomial P for which [[PA, PC], [D, B]] is positive semidefinite; None when none is needed or none is
+    found.
 
     Row i of the equalities may stand at place j when it is a multiple p of −(Dᵀ)_j (or of (Dᵀ)_j) on v. Where
     several may, those are taken that give PA the largest diagonal: a semidefinite matrix has no negative one.
@@ -76,7 +77,7 @@ def semidefinite_transform(problem: MLCP) -> Sparse | None:
 
 
 def _match(A: Sparse, C: Sparse, wanted: Sparse) -> Sparse | None:
-    """P with PC = wanted, row by row, from groups of parallel rows; None when the rows cannot be paired."""
+    """Find P with PC = wanted, row by row, from groups of parallel rows; None when the rows cannot be paired."""
     groups = _parallel_rows(C), _parallel_rows(wanted)
     if {k: len(v) for k, v in groups[0].items()} != {k: len(v) for k, v in groups[1].items()}:
         return None
@@ -102,7 +103,7 @@ def _match(A: Sparse, C: Sparse, wanted: Sparse) -> Sparse | None:
 def _free_scales(
     A: Sparse, block: Dense, rows: NDArray[Any], places: NDArray[Any], scale: Vector, source: NDArray[Any]
 ) -> tuple[Dense, Dense]:
-    """Scales and scores of the pairs (row, place) of rows that v does not enter.
+    """Return scales and scores of the pairs (row, place) of rows that v does not enter.
 
     A nonzero diagonal entry becomes positive; a zero one in a semidefinite matrix has a skew row and column. Over
     the places filled before, the row should be what stands in its own column there, or minus it (`alignment` 1).
@@ -125,7 +126,7 @@ _ZERO = (b"", b"")
 
 
 def _parallel_rows(M: Sparse) -> dict[tuple[bytes, bytes], list[int]]:
-    """Rows by direction: pattern, and values over the first one to ten digits."""
+    """Group rows by direction: pattern, and values over the first one to ten digits."""
     groups: dict[tuple[bytes, bytes], list[int]] = defaultdict(list)
     for i, (columns, values) in enumerate(_rows(M)):
         direction = np.round(values / values[0], 10) + 0.0 if values.size else values
@@ -134,13 +135,13 @@ def _parallel_rows(M: Sparse) -> dict[tuple[bytes, bytes], list[int]]:
 
 
 def _leading(M: Sparse, rows: NDArray[Any]) -> Vector:
-    """First nonzero entry of each of the rows."""
+    """Return the first nonzero entry of each of the rows."""
     parts = list(_rows(sp.csr_array(M[rows])))
     return np.array([values[0] for _, values in parts])
 
 
 def _rows(M: Matrix) -> Iterator[tuple[NDArray[Any], Vector]]:
-    """Columns and values of the nonzero entries, row by row."""
+    """Yield columns and values of the nonzero entries, row by row."""
     M = sp.csr_array(M, copy=True)
     M.sum_duplicates()
     M.eliminate_zeros()

@@ -11,41 +11,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions import first_order
-from cpbench.conversions.base import Conversion, conversions
-from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.conversions.base import conversions
+from cpbench.conversions.first_order import ProgramConditions
+from cpbench.formulations.base import Trace
 from cpbench.formulations.ge import GE, GEPoint
 from cpbench.formulations.nlp import NLP, NLPPoint
 
 
 @conversions.register("nlp-ge")
 @dataclass(frozen=True)
-class NLPtoGE(Conversion):
+class NLPtoGE(ProgramConditions):
     """Stationarity as an inclusion. `qualified`: 1 says that the minima have multipliers. Trace: as of nlp-micp."""
 
     name = "nlp-ge"
-    source = "nlp"
     target = "ge"
     equation = "(29), (30)"
-    kind = Kind.NECESSARY
-    best_kind = Kind.EQUIVALENT
-    between = (Kind.ONE_WAY,)
-    cost = 2.0
-
-    qualified: int = 0
-
-    def exactness(self, problem: Problem) -> Kind:
-        assert isinstance(problem, NLP)
-        return first_order.program_kind(problem)
-
-    def reservation(self, problem: NLP) -> str:
-        return first_order.program_reservation(problem)
-
-    def obstacle(self, problem: NLP) -> str | None:
-        return None if self.qualified else first_order.unsettled(problem, self.name)
 
     def apply(self, problem: NLP) -> tuple[GE, Trace]:
         self.require(problem)
-        F, lb, ub, start, trace = first_order.of_program(problem)
+        F, lb, ub, start, trace = first_order.program_conditions(problem)
         return GE(F=F, lb=lb, ub=ub, start=start), trace
 
     def lift(self, point: GEPoint, trace: Trace) -> NLPPoint:

@@ -13,44 +13,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions import first_order
-from cpbench.conversions.base import Conversion, conversions
-from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.conversions.base import conversions
+from cpbench.conversions.first_order import ProgramConditions
+from cpbench.formulations.base import Trace
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.nlp import NLP, NLPPoint
 
 
 @conversions.register("nlp-micp")
 @dataclass(frozen=True)
-class NLPtoMiCP(Conversion):
+class NLPtoMiCP(ProgramConditions):
     """Stationarity and complementarity of a program. `qualified`: 1 says that its minima have multipliers.
 
     Trace: `n`, `m`, `lb`, `ub`, and `force`, the map that says ν.
     """
 
     name = "nlp-micp"
-    source = "nlp"
     target = "micp"
     equation = "(12)"
-    kind = Kind.NECESSARY
-    best_kind = Kind.EQUIVALENT
-    between = (Kind.ONE_WAY,)
-    cost = 2.0
-
-    qualified: int = 0
-
-    def exactness(self, problem: Problem) -> Kind:
-        assert isinstance(problem, NLP)
-        return first_order.program_kind(problem)
-
-    def reservation(self, problem: NLP) -> str:
-        return first_order.program_reservation(problem)
-
-    def obstacle(self, problem: NLP) -> str | None:
-        return None if self.qualified else first_order.unsettled(problem, self.name)
 
     def apply(self, problem: NLP) -> tuple[MiCP, Trace]:
         self.require(problem)
-        F, lb, ub, start, trace = first_order.of_program(problem)
+        F, lb, ub, start, trace = first_order.program_conditions(problem)
         return MiCP(F=F, lb=lb, ub=ub, start=start), trace
 
     def lift(self, point: MiCPPoint, trace: Trace) -> NLPPoint:

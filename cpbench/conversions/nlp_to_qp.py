@@ -64,7 +64,7 @@ class NLPtoQP(Conversion):
 
 
 def is_quadratic(f: Map) -> bool:
-    """Whether the Hessian of f is written without z."""
+    """Return whether the Hessian of f is written without z."""
     entries, _, _ = second_derivative(f)
     used = np.concatenate([entries.left, entries.right, entries.outputs])
     return not ((used >= 0) & (used < f.inputs)).any()

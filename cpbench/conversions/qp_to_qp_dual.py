@@ -61,7 +61,7 @@ class QPtoDual(Conversion):
         return elimination.size(G, problem.factorization, matrices.transpose(G))
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """More, for the terms that cancel on the way back (see `shift`)."""
+        """Ask for more, for the terms that cancel on the way back (see `shift`)."""
         return tolerance / trace["shift"]
 
     def apply(self, problem: QP) -> tuple[QP, Trace]:

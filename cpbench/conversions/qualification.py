@@ -45,16 +45,16 @@ class Constraints:
 
     @cached_property
     def curved(self) -> NDArray[np.bool_]:
-        """Which rows of g are not affine."""
+        """Rows of g that are not affine."""
         return _curved(self.g)
 
     @property
     def count(self) -> int:
-        """How many rows of g and h are not affine."""
+        """Number of rows of g and h that are not affine."""
         return int(self.curved.sum() + _curved(self.h).sum())
 
     def no_slater(self) -> str:
-        """Why the start is no point of Slater's, with the number; empty where it is one."""
+        """Return why the start is no point of Slater's, with the number; empty where it is one."""
         if not self.h.compiled.affine:
             return "h is not affine"
         z = self.start
@@ -77,7 +77,7 @@ def _curved(F: Map) -> NDArray[np.bool_]:
 
 
 def of_program(problem: NLP) -> str:
-    """Why no qualification of a program is known, with the number; empty where one is."""
+    """Return why no qualification of a program is known, with the number; empty where one is."""
     rows = Constraints.of_program(problem)
     if not rows.count:
         return ""
@@ -87,7 +87,7 @@ def of_program(problem: NLP) -> str:
 
 
 def of_set(problem: VI) -> str:
-    """The same of the set of a VI whose g is concave."""
+    """Return the same for the set of a VI whose g is concave."""
     if not problem.g.rows:
         return ""
     h = Map.empty(problem.start.size)
@@ -102,7 +102,7 @@ def of_set(problem: VI) -> str:
 
 
 def of_cone(problem: ConeQP) -> str:
-    """Why no qualification of {x : Ax + b ∈ K}, K a cone, is known; empty where one is, or x ∈ K itself.
+    """Return why no qualification of {x : Ax + b ∈ K}, K a cone, is known; empty where one is, or x ∈ K itself.
 
     Looked at are x = 0 and least-squares solutions of Ax + b = t e, e inside K, which hit it where A has full row rank.
     """

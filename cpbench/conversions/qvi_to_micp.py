@@ -17,7 +17,7 @@ import numpy as np
 from cpbench.conversions import maps, simple_sets
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder
+from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.qvi import QVI, QVIPoint
@@ -77,9 +77,9 @@ class QVItoMiCP(Conversion):
 
 
 def _conditions(problem: QVI) -> Map:
-    """F(z, λ, κ, ν) of the target."""
+    """Return F(z, λ, κ, ν) of the target."""
     n, low, up, p = problem.start.size, problem.lower.rows, problem.upper.rows, problem.g.rows
-    record = Recorder(n + low + up + p)
+    record = MapRecorder(n + low + up + p)
     z, lam, kappa, nu = np.split(record.z, np.cumsum([n, low, up]))
     force, rows = record(problem.F, z), []
     if low:

@@ -34,7 +34,7 @@ class RelayToLCP(Conversion):
         return bounds.obstacle(problem.M, problem.q, problem.lb, problem.ub)
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """More, for the terms that cancel on the way back (see `shift`)."""
+        """Ask for more, for the terms that cancel on the way back (see `shift`)."""
         return tolerance / trace["shift"]
 
     def apply(self, problem: Relay) -> tuple[LCP, Trace]:

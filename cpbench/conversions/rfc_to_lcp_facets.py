@@ -13,24 +13,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions import facets as polygon
-from cpbench.conversions import rolling_facets
-from cpbench.conversions.base import Conversion, Size, conversions
-from cpbench.conversions.operators import ContactOperator
-from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.conversions.base import conversions
+from cpbench.conversions.facets import PolygonEdge
+from cpbench.formulations.base import Kind
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Dense
 
 
 @conversions.register("rfc-lcp-facets")
 @dataclass(frozen=True)
-class RFCtoLCPFacets(Conversion):
+class RFCtoLCPFacets(PolygonEdge):
     """`facets` vertices on both circles, the first at `angle` [rad]. Trace: `W`, `q`, `mu`, `mu_r`, for `push`."""
 
     name = "rfc-lcp-facets"
     source = "rfc"
-    target = "lcp"
     equation = "(47)-(48), rolling"
     kind = Kind.APPROXIMATE
     cost = 4.0
@@ -48,21 +44,3 @@ class RFCtoLCPFacets(Conversion):
         if wrong is None and problem.dimension != 5:
             return f"a contact has {problem.dimension} rows, where the law is an LCP exactly; use rfc-lcp-2d"
         return wrong
-
-    def apply(self, problem: RollingFrictionContact) -> tuple[LCP, Trace]:
-        self.require(problem)
-        return rolling_facets.to_lcp(problem, self.vertices)
-
-    def operator(self, problem: RollingFrictionContact) -> ContactOperator:
-        """M of the LCP, never assembled."""
-        self.require(problem)
-        return rolling_facets.operator(problem, self.vertices)
-
-    def predict(self, problem: RollingFrictionContact) -> Size:
-        return rolling_facets.congruence(self.vertices).size(problem.W)
-
-    def lift(self, point: LCPPoint, trace: Trace) -> FCPoint:
-        return rolling_facets.from_lcp(point, self.vertices)
-
-    def push(self, point: FCPoint, trace: Trace) -> LCPPoint:
-        return rolling_facets.push(point, trace, self.vertices)

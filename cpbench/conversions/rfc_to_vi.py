@@ -10,43 +10,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cpbench.conversions import contact_maps
-from cpbench.conversions.base import Conversion, conversions
-from cpbench.conversions.contact_maps import Units
-from cpbench.formulations.base import Kind, Trace
-from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.formulations.variational import VIPoint
-from cpbench.formulations.vi import VI
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.conversions.base import conversions
+from cpbench.conversions.contact_cones import ToVI
 
 
 @conversions.register("rfc-vi")
 @dataclass(frozen=True)
-class RFCtoVI(Conversion):
+class RFCtoVI(ToVI):
     """The law of Acary and Bourrier over the product of the rolling cones. Trace: `unit`, `size`."""
 
     name = "rfc-vi"
     source = "rfc"
-    target = "vi"
-    equation = "(22)"
-    kind = Kind.EQUIVALENT
-    cost = 3.0
-
-    def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """A digit more, as `fc-cp`."""
-        return 0.1 * tolerance
-
-    def apply(self, problem: RollingFrictionContact) -> tuple[VI, Trace]:
-        chosen = contact_maps.units(problem)
-        mu_r = contact_maps.rolling_coefficient(problem, chosen)
-        K = ProductCone.of((Cone.ROLLING, problem.nc, problem.dimension, problem.mu, mu_r))
-        F = contact_maps.shifted(problem, chosen)
-        return VI(F=F, **cone_fields(K)), chosen.trace  # pyright: ignore[reportArgumentType]
-
-    def lift(self, point: VIPoint, trace: Trace) -> FCPoint:
-        return Units.of_trace(trace).reactions(point.z)
-
-    def push(self, point: FCPoint, trace: Trace) -> VIPoint:
-        return VIPoint(z=Units.of_trace(trace).own(point))

@@ -1,4 +1,4 @@
-"""What a moved origin does to the accuracy: z = x + c, where c is a far bound or a solve with the constants.
+"""Effect of a moved origin on the accuracy: z = x + c, where c is a far bound or a solve with the constants.
 
 Source rows Mz + q, target rows Mx + (q + Mc). An error of ε in a target row is one of its terms, |M||x| + |q + Mc|, and
 at most |M||z| + |q| + 2|Mc|. The source has |M||z| + |q| to measure it by: where |q| is far below |Mc|, the terms
@@ -16,7 +16,7 @@ MOST = 1e4
 
 
 def amplification(moved: Vector, constants: Vector) -> float:
-    """1 + 2|Mc|/|q| in the row where it is least, MOST at most; 1 where no row has a constant.
+    """Return 1 + 2|Mc|/|q| in the row where it is least, MOST at most; 1 where no row has a constant.
 
     The row with the largest constant sets the size of the solution, and with it the terms of all others.
 

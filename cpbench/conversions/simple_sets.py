@@ -11,7 +11,7 @@ from cpbench.product_cones import Cone, ProductCone
 
 
 def no_box(problem: SimpleSetProblem, instead: str) -> str | None:
-    """That a factor of K is no box, with its kind; else None."""
+    """Return the message that a factor of K is no box, with its kind; else None."""
     if problem.only_box:
         return None
     kind = problem.K.kind
@@ -20,7 +20,7 @@ def no_box(problem: SimpleSetProblem, instead: str) -> str | None:
 
 
 def no_cone(problem: SimpleSetProblem) -> str | None:
-    """That S is no cone, with the bound or the factor that makes it none; else None."""
+    """Return the message that S is no cone, with the bound or the factor that makes it none; else None."""
     kind = problem.K.kind
     round_ = np.flatnonzero(np.isin(kind, (Cone.CYLINDER, Cone.BALL)))
     if round_.size:
@@ -37,7 +37,7 @@ def no_cone(problem: SimpleSetProblem) -> str | None:
 
 
 def as_cone(problem: SimpleSetProblem) -> ProductCone:
-    """S, which is a cone, as a product: components of free factors that have the bounds 0 become {0} and ℝ₊."""
+    """Return S, which is a cone, as a product: components of free factors that have the bounds 0 become {0} and ℝ₊."""
     K, parts = problem.K, []
     bounded = np.where(problem.ub == 0.0, Cone.ZERO, np.where(problem.lb == 0.0, Cone.NONNEGATIVE, Cone.FREE))
     at = 0

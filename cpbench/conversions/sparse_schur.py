@@ -41,7 +41,7 @@ DENSE_BYTES = 2**30
 
 
 def product(left: Sparse, factor: Factorization, right: Sparse) -> Matrix | None:
-    """left A⁻¹ right, None where bundles of dense right-hand sides cost less."""
+    """Compute left A⁻¹ right, None where bundles of dense right-hand sides cost less."""
     n, columns = factor.n, min(left.shape[0], right.shape[1])
     bundles = columns * (SECONDS["bundle"] * factor.entries + SECONDS["unknown"] * n)
     dense = np.inf
@@ -71,7 +71,7 @@ class _Plan:
 
     @staticmethod
     def of(factor: Factorization, left: Sparse, right: Sparse, limit: int) -> _Plan | None:
-        """None where L would have more than `limit` entries, or A is structurally singular."""
+        """Plan the elimination; None where L would have more than `limit` entries, or A is structurally singular."""
         kernel, A, n = load(KERNELS), matrices.sparse(factor.A), factor.n
         matching = np.arange(n, dtype=np.int32)
         if not A.diagonal().all():
@@ -101,7 +101,7 @@ class _Plan:
 
 
 def _by_reach(left: Sparse, factor: Factorization, right: Sparse, plan: _Plan) -> Matrix | None:
-    """None where pivots near the diagonal do not solve accurately."""
+    """Multiply by reach; None where pivots near the diagonal do not solve accurately."""
     A, order, columns = matrices.sparse(factor.A), plan.order, plan.matching[plan.order]
     if factor.scales is not None:
         rows_scale, columns_scale = factor.scales
@@ -134,7 +134,7 @@ def _by_rows(columns: tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]], sh
 
 
 def _multiply(kernel: Any, Y: Sparse, X: Sparse) -> Matrix:
-    """YᵀX: dense, in two parts, where it may fill up."""
+    """Compute YᵀX: dense, in two parts, where it may fill up."""
     shape = (Y.shape[1], X.shape[1])
     in_x, in_y = np.diff(X.indptr), np.diff(Y.indptr)
     if float(in_x.astype(float) @ in_y) < 0.25 * shape[0] * shape[1]:

@@ -43,7 +43,7 @@ class VItoGE(Conversion):
         return f"no constraint qualification of X is known: {_unqualified(problem)}"
 
     def apply(self, problem: VI) -> tuple[GE, Trace]:
-        F, least, most = first_order.of_inequality(problem)
+        F, least, most = first_order.inequality_conditions(problem)
         fields = {name: getattr(problem, name) for name in ("cone_kind", "cone_size", "cone_mu", "cone_mu_r")}
         if fields["cone_kind"].size:  # the multipliers are one more free factor, with their bounds
             last = {"cone_kind": float(Cone.FREE), "cone_size": float(least.size)}

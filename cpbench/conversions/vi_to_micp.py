@@ -46,7 +46,7 @@ class VItoMiCP(Conversion):
 
     def apply(self, problem: VI) -> tuple[MiCP, Trace]:
         self.require(problem)
-        F, least, most = first_order.of_inequality(problem)
+        F, least, most = first_order.inequality_conditions(problem)
         lb, ub = problem.box
         target = MiCP(
             F=F,

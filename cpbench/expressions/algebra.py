@@ -30,7 +30,7 @@ class Algebra:
         return number
 
     def known(self, number: int) -> float | None:
-        """The value of a constant, None of what is none."""
+        """Return the value of a constant, None for anything else."""
         return self._value.get(number)
 
     def finish(self, outputs: list[int]) -> Map:
@@ -53,7 +53,7 @@ class Algebra:
         return number
 
     def _folded(self, operator: Operator, a: int, b: int) -> int | None:
-        """The constant that an operation of constants is; None where it is not finite, which no constant may be."""
+        """Fold an operation on constants into a constant; None where it is not finite, which no constant may be."""
         arguments = [self._value[a]] if b < 0 else [self._value[a], self._value[b]]
         with np.errstate(all="ignore"):
             result = float(NUMPY[operator](*arguments))
@@ -111,7 +111,7 @@ class Algebra:
         return self.apply(NEG, a)
 
     def values(self, F: Map, inputs: list[int]) -> list[int]:
-        """The numbers of all values of a map of these inputs, as that map numbers them."""
+        """Return the numbers of all values of a map of these inputs, as that map numbers them."""
         number = [*inputs, *(self.constant(c) for c in F.constants.tolist())]
         operators = {int(o): o for o in Operator}
         for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):

@@ -62,7 +62,7 @@ class Batches:
 
 
 def _depths(F: Map) -> Any:
-    """Of every operation: 1 + the largest of its arguments'."""
+    """Return the depth of every operation: 1 + the largest of its arguments'."""
     first = F.inputs + F.constants.size
     depth = [0] * (first + F.operations + 1)  # the last one is for the argument that is not there
     for k, (a, b) in enumerate(zip(F.left.tolist(), F.right.tolist(), strict=True), first):
@@ -71,14 +71,14 @@ def _depths(F: Map) -> Any:
 
 
 def _run(index: Any) -> Any:
-    """A slice where the numbers follow each other, which costs no copy."""
+    """Return a slice where the numbers follow each other, which costs no copy."""
     if index.size and (np.diff(index) == 1).all():
         return slice(int(index[0]), int(index[-1]) + 1)
     return index
 
 
 def _sliced(index: Any) -> Any:
-    """`_run`, and one number where all are the same, which goes with every other argument."""
+    """Return `_run`, or one number where all are the same, which goes with every other argument."""
     if index.size and (index == index[0]).all():
         return slice(int(index[0]), int(index[0]) + 1)
     return _run(index)

@@ -23,13 +23,13 @@ _OPERATORS: Mapping[int, Operator] = {int(operator): operator for operator in Op
 
 
 def derivative(F: Map) -> tuple[Map, Index, Index]:
-    """The map to the entries of F′ as a CSR, row by row, and its `indices` and `indptr`."""
+    """Return the map to the entries of F′ as a CSR, row by row, and its `indices` and `indptr`."""
     to = Algebra(F.inputs)
     return _entries(to, jacobian(to, F, list(range(F.inputs))))
 
 
 def second_derivative(F: Map) -> tuple[Map, Index, Index]:
-    """The map from (z, w) to the entries of ∇² wᵀF(z), as `derivative`; symmetric to the last bit."""
+    """Return the map from (z, w) to the entries of ∇² wᵀF(z), as `derivative`; symmetric to the last bit."""
     n = F.inputs
     first = Algebra(n + F.rows)
     slopes = gradient(first, F, list(range(n)), list(range(n, n + F.rows)))
@@ -45,12 +45,14 @@ def second_derivative(F: Map) -> tuple[Map, Index, Index]:
 
 
 def gradient(to: Algebra, F: Map, inputs: list[int], weights: list[int]) -> Row:
-    """The entries of F′ᵀw as operations of `to`, z and w being the values of the numbers `inputs` and `weights`."""
+    """Return the entries of F′ᵀw as operations of `to`; z and w are the values of the numbers `inputs` and
+    `weights`.
+    """
     return _Differentiated(to, F, inputs).backward(dict(_summed(to, F.outputs.tolist(), weights)))
 
 
 def jacobian(to: Algebra, F: Map, inputs: list[int]) -> list[Row]:
-    """The rows of F′ as operations of `to`, z being the values of the numbers `inputs`."""
+    """Return the rows of F′ as operations of `to`; z are the values of the numbers `inputs`."""
     work = _Differentiated(to, F, inputs)
     if _forward_is_shorter(F):
         return work.forward()
@@ -97,7 +99,7 @@ class _Differentiated:
         return [slopes[end] for end in self._F.outputs.tolist()]
 
     def backward(self, adjoint: Row) -> Row:
-        """The derivatives of a sum of values, whose weights are `adjoint`."""
+        """Return the derivatives of a sum of values, whose weights are `adjoint`."""
         to, first, moves = self._to, self._first, self._moves
         waiting = [-value for value in adjoint]
         heapq.heapify(waiting)
@@ -124,7 +126,7 @@ class _Differentiated:
 
 
 def _moves(F: Map) -> list[bool]:
-    """Of every value whether it hangs on an unknown."""
+    """Return for every value whether it depends on an unknown."""
     moves = [True] * F.inputs + [False] * F.constants.size
     for a, b in zip(F.left.tolist(), F.right.tolist(), strict=True):
         moves.append(moves[a] or (b >= 0 and moves[b]))
@@ -132,7 +134,7 @@ def _moves(F: Map) -> list[bool]:
 
 
 def _forward_is_shorter(F: Map) -> bool:
-    """Both are counted in turns until one of them is done."""
+    """Return whether forward mode is shorter; both are counted in turns until one of them is done."""
     forward, backward = _forward_steps(F), _backward_steps(F)
     here = there = 0
     while True:

@@ -35,7 +35,7 @@ class Compiled:
 
     @property
     def affine(self) -> bool:
-        """Whether there is no nonlinear term."""
+        """True if there is no nonlinear term."""
         return not self._terms
 
     def value(self, z: Vector) -> Vector:
@@ -72,7 +72,7 @@ class Compiled:
 
 
 def _pattern(indices: Index, indptr: Index, shape: tuple[int, int]) -> Sparse:
-    """The pattern of a derivative, each entry holding its number plus one."""
+    """Return the pattern of a derivative, each entry holding its number plus one."""
     return sp.csr_array((np.arange(1.0, indices.size + 1.0), indices, indptr), shape=shape)
 
 
@@ -108,7 +108,7 @@ def _shaped(data: Vector, pattern: Sparse) -> Sparse:
 
 
 def _places(at: Sparse, rows: Any, columns: Any) -> Any:
-    """Where entries (row, column) stand among the entries of a pattern, whose columns are sorted in every row."""
+    """Return the positions of entries (row, column) in a pattern whose columns are sorted in every row."""
     n = max(at.shape[1], 1)
     keys = np.repeat(np.arange(at.shape[0]), np.diff(at.indptr)) * n + at.indices
     return np.searchsorted(keys, rows * n + columns)
@@ -122,7 +122,7 @@ def _spread(at: Sparse, M: Sparse) -> Vector:
 
 
 def _weights(at: Sparse, C: Sparse, own: Sparse) -> Sparse:
-    """The matrix that takes entries of φ′ to their sums in the entries of the pattern."""
+    """Return the matrix that takes entries of φ′ to their sums in the entries of the pattern."""
     coo = C.tocoo()
     lengths = np.diff(own.indptr)[coo.col]
     which = np.repeat(np.arange(coo.nnz), lengths)
@@ -146,7 +146,7 @@ class _Hessian:
 
 
 def _split(F: Map) -> tuple[Sparse, Vector, Sparse, list[int]]:
-    """M, q, C and the numbers of the nonlinear terms."""
+    """Return M, q, C and the numbers of the nonlinear terms."""
     first = F.inputs + F.constants.size
     heads, left, right = F.heads.tolist(), F.left.tolist(), F.right.tolist()
     constants = F.constants.tolist()
@@ -178,7 +178,7 @@ def _split(F: Map) -> tuple[Sparse, Vector, Sparse, list[int]]:
 
 
 def _assembled(entries: list[tuple[float, int, int]], shape: tuple[int, int]) -> Sparse:
-    """The matrix of (value, row, column); entries of one place add up, and those that cancel are none."""
+    """Assemble the matrix of (value, row, column); entries of one place add up, and those that cancel are dropped."""
     table = np.array(entries, dtype=float).reshape(-1, 3)
     where = (table[:, 1].astype(np.int64), table[:, 2].astype(np.int64))
     result = sp.csr_array((table[:, 0], where), shape=shape)
@@ -187,7 +187,7 @@ def _assembled(entries: list[tuple[float, int, int]], shape: tuple[int, int]) ->
 
 
 def _summands(head: int, a: int, b: int, inputs: int, constants: list[float]) -> list[tuple[int, float]] | None:
-    """(value, factor) of what an operation adds up, None where it is no sum with constant factors."""
+    """Return (value, factor) of the terms that an operation adds up, None where it is no sum with constant factors."""
     first = inputs + len(constants)
     if head == Operator.ADD:
         return [(a, 1.0), (b, 1.0)]

@@ -30,8 +30,9 @@ def _operators() -> dict[int, Operator]:
 
 
 def read(variables: Any, outputs: Any, parameters: Mapping[str, float]) -> Map:
-    """The map from the column `variables` (symbols) to the column `outputs`, or a list of its rows, in which the other
-    symbols are those named in `parameters`; raises ProblemError."""
+    """Return the map from the column `variables` (symbols) to the column `outputs`, or a list of its rows, in which the
+    other symbols are those named in `parameters`; raises ProblemError.
+    """
     import casadi as ca
 
     try:

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from cpbench.errors import FormatError, ProblemError
 from cpbench.expressions.map import Builder, Map
 from cpbench.expressions.mof_json import Fields, parse, shown, shown_number
-from cpbench.expressions.mof_terms import Terms
+from cpbench.expressions.mof_terms import MofTerms
 from cpbench.expressions.operators import Operator
 
 
@@ -65,11 +65,13 @@ class Functions:
         self.parametric = bool(others)
 
     def map(self, functions: list[Function]) -> Map:
-        """The map with these rows."""
+        """Return the map with these rows."""
         return self.build.finish(self.value(function) for function in functions)
 
     def value(self, function: Function) -> int:
-        """A function in operations: products, then terms, each coefficient before its variables, then the constant."""
+        """Return a function in operations: products, then terms, each coefficient before its variables, then the
+        constant.
+        """
         if isinstance(function, Nonlinear):
             return function.value
         apply = self.build.apply
@@ -87,7 +89,7 @@ class Functions:
         return total
 
     def _added(self, total: int, coefficient: float, what: int) -> int:
-        """total + coefficient·what; total −1: nothing yet."""
+        """Return total + coefficient·what; total −1: nothing yet."""
         apply, size = self.build.apply, abs(coefficient)
         if total < 0 and coefficient != -1.0:
             return what if coefficient == 1.0 else apply(Operator.MUL, self.build.constant(coefficient), what)
@@ -97,7 +99,7 @@ class Functions:
         return apply(Operator.SUB if coefficient < 0 else Operator.ADD, total, term)
 
     def bare(self, function: Function) -> int | None:
-        """The variable that a function is, None where it is more."""
+        """Return the variable that a function consists of, None where it is more."""
         if isinstance(function, Nonlinear):
             return function.value if function.value < self._inputs else None
         affine = function.affine if isinstance(function, Quadratic) and not function.products else function
@@ -108,14 +110,14 @@ class Functions:
     # --------------------------------------------------------------------------------------- reading
 
     def scalar(self, function: Any, where: str) -> Function:
-        """The one value of a function; raises FormatError."""
+        """Return the one value of a function; raises FormatError."""
         rows = self.rows(function, where)
         if len(rows) != 1:
             raise self._fields.refused(where, f"has {len(rows)} values, expected one")
         return rows[0]
 
     def rows(self, function: Any, where: str) -> list[Function]:
-        """The values of a scalar or a vector function; raises FormatError."""
+        """Return the values of a scalar or a vector function; raises FormatError."""
         fields = self._fields
         kind = fields.get(function, "type", str, where)
         if kind == "Variable":
@@ -138,12 +140,12 @@ class Functions:
                 rows[row].products.append(self._product(inner, f"{where}/quadratic_terms/{k}"))
             return [*rows]
         if kind == "ScalarNonlinearFunction":
-            terms = Terms(fields, self._column, self.build, function, where)
+            terms = MofTerms(fields, self._column, self.build, function, where)
             if "root" not in function:
                 raise fields.refused(f"{where}/root", "is missing, expected a term")
             return [Nonlinear(terms.value(function["root"], f"{where}/root"))]
         if kind == "VectorNonlinearFunction":
-            terms = Terms(fields, self._column, self.build, function, where)
+            terms = MofTerms(fields, self._column, self.build, function, where)
             return [Nonlinear(terms.value(t, f"{where}/rows/{k}")) for k, t in fields.items(function, "rows", where)]
         raise fields.refused(
             where, f"is a {shown(kind)}, expected a variable, or an Affine, Quadratic or NonlinearFunction"
@@ -175,7 +177,7 @@ class Functions:
         return rows
 
     def _indexed(self, term: Any, rows: int, where: str) -> tuple[int, Any]:
-        """Row and scalar term of a vector's term."""
+        """Return the row and scalar term of a vector's term."""
         index = self._fields.get(term, "output_index", int, where)
         if not 1 <= index <= rows:
             raise self._fields.refused(where, f"has output_index {shown_number(index)}, expected 1 to {rows}")
@@ -188,7 +190,7 @@ class Functions:
 
 
 def parameter_of(constraint: Any) -> str | None:
-    """The variable that a constraint says to be a parameter, None where it says another thing."""
+    """Return the variable that a constraint declares to be a parameter, None where it is another constraint."""
     function, set_ = (constraint.get(key) if isinstance(constraint, dict) else None for key in ("function", "set"))
     if not (isinstance(function, dict) and isinstance(set_, dict)):
         return None
@@ -197,7 +199,7 @@ def parameter_of(constraint: Any) -> str | None:
 
 
 def parameters(fields: Fields, model: Any) -> dict[str, float]:
-    """Of a model, with their values; raises FormatError."""
+    """Return the parameters of a model, with their values; raises FormatError."""
     found: dict[str, float] = {}
     for k, constraint in fields.items(model, "constraints"):
         name = parameter_of(constraint)
@@ -210,7 +212,7 @@ def parameters(fields: Fields, model: Any) -> dict[str, float]:
 
 
 def maps(text: bytes, source: str | Path, inputs: Mapping[str, int | None]) -> dict[str, Map]:
-    """The maps in a model that `to_mof.model` made: those of `inputs`, which says how many variables each takes.
+    """Return the maps in a model that `to_mof.model` made: those of `inputs`, which says how many variables each takes.
 
     None: all there are. A map that the model has not is left out. Raises FormatError.
     """

@@ -20,8 +20,9 @@ _TURNED = {"StrictGreaterThan": "LT", "GreaterThan": "LE"}
 
 
 def read(variables: Sequence[Any], outputs: Sequence[Any], parameters: Mapping[str, float]) -> Map:
-    """The map from symbols to expressions in them and in the symbols named in `parameters`; raises ProblemError on a
-    function or symbol that a map has not."""
+    """Return the map from symbols to expressions in them and in the symbols named in `parameters`; raises ProblemError
+    on a function or symbol that a map has not.
+    """
     return _Reader(variables, parameters).map(outputs)
 
 
@@ -88,17 +89,17 @@ class _Reader:
         return apply(Operator.POW, value, self._value(exponent))
 
     def _piecewise(self, pieces: list[Any]) -> int:
-        """The first piece whose condition holds; NaN has no place in a map: the last condition must be True."""
+        """Return the first piece whose condition holds; NaN has no place in a map: the last condition must be True."""
         apply = self._build.apply
         value, condition = pieces[0].args
         if condition == True:  # noqa: E712 - SymPy's own truth
             return self._value(value)
         if len(pieces) == 1:
             raise ProblemError("map", "has a Piecewise whose last condition is not True")
-        told = self._value(condition)
+        holds = self._value(condition)
         rest = self._piecewise(pieces[1:])
-        here = apply(Operator.CHOOSE, told, self._value(value))
-        return apply(Operator.ADD, here, apply(Operator.CHOOSE, apply(Operator.NOT, told), rest))
+        here = apply(Operator.CHOOSE, holds, self._value(value))
+        return apply(Operator.ADD, here, apply(Operator.CHOOSE, apply(Operator.NOT, holds), rest))
 
     def _sign(self, value: int) -> int:
         apply, constant = self._build.apply, self._build.constant

@@ -19,7 +19,8 @@ _ONE_SIDED = frozenset({Operator.ADD, Operator.MUL, Operator.AND, Operator.OR})
 
 
 def formulas(F: Map, names: Sequence[str], longest: int) -> list[str]:
-    """Of every row, in the names of the unknowns and of parameters; what is longer than `longest` characters is `…`.
+    """Return the formulas of all rows, in the names of the unknowns and of parameters; what is longer than `longest`
+    characters is `…`.
 
     >>> import casadi as ca
     >>> x, y = ca.SX.sym("x"), ca.SX.sym("y")

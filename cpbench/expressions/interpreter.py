@@ -16,13 +16,13 @@ _MODULE = "cpbench.expressions.kernels.interpreter"
 
 
 def evaluator(F: Map) -> Callable[[Vector], Vector]:
-    """z ↦ F(z), by what is faster."""
+    """Return z ↦ F(z), by the faster of the two ways."""
     batches = Batches(F)
     return batches if batches.worthwhile else Interpreted(F)
 
 
 def load() -> Any:
-    """The compiled loop: a worker has it before anything is timed."""
+    """Load the compiled loop: a worker has it before anything is timed."""
     return kernel_cache.compiled(kernel_cache.load(_MODULE).run)
 
 

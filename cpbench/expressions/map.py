@@ -105,7 +105,9 @@ class Map:
         return int(self.heads.size)
 
     def arrays(self) -> dict[str, Vector | Index]:
-        """The list itself, without `inputs`, in the order in which the constructor takes it. Not the names."""
+        """Return the list of operations without `inputs`, in the order in which the constructor takes it, and without
+        the names.
+        """
         return {name: getattr(self, name) for name in ("constants", "heads", "left", "right", "outputs")}
 
     @cached_property
@@ -131,7 +133,7 @@ class Map:
         return {name: float(self.constants[place]) for name, place in self.named.items()}
 
     def with_parameters(self, values: Mapping[str, float]) -> Map:
-        """The map in which these parameters have other values; names that it has not are passed over."""
+        """Return the map in which these parameters have other values; names that it has not are passed over."""
         constants = self.constants.copy()
         for name in self.named.keys() & values.keys():
             constants[self.named[name]] = values[name]
@@ -141,25 +143,25 @@ class Map:
 
     @cached_property
     def compiled(self) -> Compiled:
-        """What evaluates it and its derivatives; built when first asked for."""
+        """Evaluator of the map and its derivatives; built at first use."""
         from cpbench.expressions.evaluation import Compiled
 
         return Compiled(self)
 
     def __call__(self, z: Vector) -> Vector:
-        """F(z), shape (m,); NaN and ∞ where it is not defined."""
+        """Evaluate F(z), shape (m,); NaN and ∞ where it is not defined."""
         return self.compiled.value(z)
 
     def jacobian(self, z: Vector) -> Sparse:
-        """F′(z), (m, n), by algorithmic differentiation. Its pattern is the same for every z."""
+        """Evaluate F′(z), (m, n), by algorithmic differentiation. Its pattern is the same for every z."""
         return self.compiled.jacobian(z)
 
     def hessian(self, z: Vector, weights: Vector) -> Sparse:
-        """∇² Σ weightsᵢ Fᵢ (z), (n, n), symmetric."""
+        """Evaluate ∇² Σ weightsᵢ Fᵢ (z), (n, n), symmetric."""
         return self.compiled.hessian(z, weights)
 
     def evaluate(self, z: Vector) -> Vector:
-        """F(z) one operation after the other by NumPy: slow, and shares nothing with `__call__`."""
+        """Evaluate F(z) one operation after the other by NumPy: slow, and shares nothing with `__call__`."""
         values: list[Any] = [*np.asarray(z, dtype=float), *self.constants]
         with np.errstate(all="ignore"):
             for head, a, b in zip(self.heads.tolist(), self.left.tolist(), self.right.tolist(), strict=True):
@@ -171,14 +173,15 @@ class Map:
 
     @classmethod
     def empty(cls, inputs: int) -> Map:
-        """The map to ℝ⁰."""
+        """Return the map to ℝ⁰."""
         none: Any = []
         return cls(inputs, none, none, none, none, none)
 
     @classmethod
     def from_casadi(cls, variables: Any, outputs: Any, parameters: Mapping[str, float] | None = None) -> Map:
-        """Of CasADi SX expressions, or of MX ones that expand to SX; `parameters` are the other symbols by name, with
-        their values. Raises ProblemError on an operator or a symbol that a map has not."""
+        """Build a map of CasADi SX expressions, or of MX ones that expand to SX; `parameters` are the other symbols by
+        name, with their values. Raises ProblemError on an operator or a symbol that a map has not.
+        """
         from cpbench.expressions.from_casadi import read
 
         return read(variables, outputs, parameters or {})
@@ -187,14 +190,15 @@ class Map:
     def from_sympy(
         cls, variables: Sequence[Any], outputs: Sequence[Any], parameters: Mapping[str, float] | None = None
     ) -> Map:
-        """Of SymPy expressions in the symbols `variables`, and `parameters` by name; raises ProblemError as
-        `from_casadi`."""
+        """Build a map of SymPy expressions in the symbols `variables`, and `parameters` by name; raises ProblemError as
+        `from_casadi`.
+        """
         from cpbench.expressions.from_sympy import read
 
         return read(variables, outputs, parameters or {})
 
     def only(self, values: Sequence[int]) -> Map:
-        """The map to the values of these numbers."""
+        """Return the map to the values of these numbers."""
         nodes = list(zip(self.heads.tolist(), self.left.tolist(), self.right.tolist(), strict=True))
         build, first = Builder(self.inputs), self.inputs + self.constants.size
         wanted = np.zeros(first + self.operations, dtype=bool)
@@ -209,7 +213,7 @@ class Map:
         return build.finish(number[v] for v in values)
 
     def sx(self, z: Any) -> Any:
-        """F of a CasADi SX column z, as an SX column: to build further maps from."""
+        """Return F of a CasADi SX column z, as an SX column: to build further maps from."""
         from cpbench.expressions.to_casadi import express
 
         return express(self, z)
@@ -226,14 +230,16 @@ class Builder:
         self._named: dict[str, int] = {}
 
     def constant(self, value: float) -> int:
-        """Raises ProblemError unless it is finite."""
+        """Raise ProblemError unless it is finite."""
         value = float(value)
         if not np.isfinite(value):
             raise ProblemError("map", f"has the constant {value}, expected a finite number")
         return self._number(np.float64(value).tobytes(), value)
 
     def parameter(self, name: str, value: float) -> int:
-        """A constant with a name; raises ProblemError unless it is finite, or where unknowns are called so in files."""
+        """Add a constant with a name; raises ProblemError unless it is finite, or where unknowns are called so in
+        files.
+        """
         value = float(value)
         if not np.isfinite(value):
             raise ProblemError("map", f"has the parameter {name} = {value}, expected a finite number")
@@ -243,7 +249,7 @@ class Builder:
         return self._named[name]
 
     def apply(self, operator: Operator, left: int, right: int = -1) -> int:
-        """The number of the operation on values that exist."""
+        """Add an operation on values that exist and return its number."""
         node = (int(operator), left, right)
         return self._number(node, node)
 
@@ -257,7 +263,7 @@ class Builder:
         return found
 
     def finish(self, outputs: Iterable[int]) -> Map:
-        """The map to the values with these numbers, canonical."""
+        """Return the map to the values with these numbers, canonical."""
         ends = list(outputs)
         constants, operations = self._walk(ends)
         place = {old: self._inputs + new for new, old in enumerate((*constants, *operations))}
@@ -277,7 +283,7 @@ class Builder:
         )
 
     def _walk(self, ends: Sequence[int]) -> tuple[list[int], list[int]]:
-        """Constants and operations that `ends` need, arguments before their users, left before right."""
+        """Return constants and operations that `ends` need, arguments before their users, left before right."""
         first, nodes = self._inputs, self._nodes
         seen = bytearray(len(nodes))
         constants: list[int] = []

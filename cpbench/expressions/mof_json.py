@@ -18,12 +18,12 @@ _SHOWN = 40
 
 
 def memory(text: bytes) -> int:
-    """About how many bytes the parsed text takes, by its brackets and commas."""
+    """Estimate how many bytes the parsed text takes, by its brackets and commas."""
     return _OBJECT * text.count(b"{") + _LIST * text.count(b"[") + _ENTRY * text.count(b",")
 
 
 def parse(text: bytes, source: str | Path) -> dict[str, Any]:
-    """The JSON object of a text; `source` is what messages name. Raises FormatError."""
+    """Parse the JSON object of a text; `source` is what messages name. Raises FormatError."""
     size = memory(text)
     if size > LARGEST:
         raise FormatError(
@@ -41,7 +41,7 @@ def parse(text: bytes, source: str | Path) -> dict[str, Any]:
 
 
 def as_float(value: float) -> float:
-    """A number of a JSON file, whose whole numbers have no end."""
+    """Return a number of a JSON file, whose whole numbers have no end."""
     try:
         return float(value)
     except OverflowError:
@@ -49,7 +49,7 @@ def as_float(value: float) -> float:
 
 
 def shown(value: Any) -> str:
-    """Something of a file in a message: short, and printable whatever it is."""
+    """Shorten a part of a file for a message, printable whatever it is."""
     text = str(value)
     return ascii(text)[1:-1] if len(text) <= _SHOWN else f"{ascii(text[:_SHOWN])[1:-1]}..."
 
@@ -66,8 +66,8 @@ class Fields:
     def get(self, parent: Any, key: str, kind: type[Any], where: str) -> Any:
         value = parent.get(key) if isinstance(parent, dict) else None
         if not isinstance(value, kind) or isinstance(value, bool):
-            said = "is missing" if value is None else f"is a {type(value).__name__}"
-            raise self.refused(f"{where}/{key}", f"{said}, expected a {kind.__name__}")
+            defect = "is missing" if value is None else f"is a {type(value).__name__}"
+            raise self.refused(f"{where}/{key}", f"{defect}, expected a {kind.__name__}")
         return value
 
     def items(self, parent: Any, key: str, where: str = "") -> Iterator[tuple[int, Any]]:
@@ -75,15 +75,15 @@ class Fields:
 
     def finite(self, value: Any, where: str) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(as_float(value)):
-            said = "is missing" if value is None else f"is '{shown_number(value)}'"
-            raise self.refused(where, f"{said}, expected a finite number")
+            defect = "is missing" if value is None else f"is '{shown_number(value)}'"
+            raise self.refused(where, f"{defect}, expected a finite number")
         return float(value)
 
     def number(self, parent: Any, key: str, where: str) -> float:
         return self.finite(parent.get(key) if isinstance(parent, dict) else None, f"{where}/{key}")
 
     def names(self, model: Any) -> list[str]:
-        """Of the variables, each once."""
+        """Return the names of the variables, each once."""
         names = [self.get(v, "name", str, f"variables/{k}") for k, v in self.items(model, "variables")]
         seen: set[str] = set()
         for name in names:
@@ -93,7 +93,7 @@ class Fields:
         return names
 
     def variable(self, column: Mapping[str, int], name: Any, where: str) -> int:
-        """The number of a variable."""
+        """Return the number of a variable."""
         found = column.get(name) if isinstance(name, str) else None
         if found is None:
             raise self.refused(where, f"names the variable '{shown_number(name)}', which is none of variables")
@@ -101,7 +101,7 @@ class Fields:
 
 
 def shown_number(value: Any) -> str:
-    """As `shown`; a whole number of thousands of digits by its size, which Python would refuse to write."""
+    """Do as `shown`; give a whole number of thousands of digits by its size, which Python would refuse to write."""
     if isinstance(value, int) and value.bit_length() > 200:
         return f"a whole number of {value.bit_length()} bits"
     return shown(value)

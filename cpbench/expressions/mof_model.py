@@ -37,7 +37,7 @@ SETS = f"{', '.join(_SIDES)} and Complements"
 
 
 @dataclass(frozen=True)
-class Row:
+class ModelRow:
     """function ≥ side, or ≤ side where it is `below`; in an equation `below` says nothing."""
 
     function: Function
@@ -47,7 +47,7 @@ class Row:
 
 @dataclass
 class Model:
-    """What a text says, in the order of its variables.
+    """Contents of a text, in the order of its variables.
 
     Attributes
     ----------
@@ -67,14 +67,14 @@ class Model:
     functions: Functions
     sense: str = "feasibility"
     objective: Function | None = None
-    above: list[Row] = field(default_factory=list)
-    equal: list[Row] = field(default_factory=list)
+    above: list[ModelRow] = field(default_factory=list)
+    equal: list[ModelRow] = field(default_factory=list)
     pairs: dict[int, Function] = field(default_factory=dict)
     complementary: bool = False
 
     @property
     def affine(self) -> bool:
-        """Whether everything but the objective is. Not where there are parameters, which no matrix keeps."""
+        """True if everything but the objective is affine. False where there are parameters, which no matrix keeps."""
         if self.functions.parametric:
             return False
         rows = (row.function for row in (*self.above, *self.equal))
@@ -84,7 +84,9 @@ class Model:
         return FormatError(self.source, where, cause)
 
     def beside(self) -> list[Function]:
-        """The functions of a complementarity problem, each beside its variable; raises FormatError where it is none."""
+        """Return the functions of a complementarity problem, each beside its variable; raises FormatError for another
+        model.
+        """
         if self.sense != "feasibility":
             raise self.refused("objective", f"is {self.sense} beside Complements, expected feasibility")
         rows = len(self.above) + len(self.equal)
@@ -97,7 +99,7 @@ class Model:
 
 
 def read_model(text: bytes | str, source: str | Path) -> Model:
-    """The model in a text; `source` is what messages name. Raises FormatError."""
+    """Read the model in a text; `source` is what messages name. Raises FormatError."""
     raw = text.encode("utf-8", "replace") if isinstance(text, str) else text
     return _Reader(source, parse(raw, source)).model
 
@@ -162,13 +164,13 @@ class _Reader:
                     raise fields.refused(where, "bounds a parameter")
                 self._bound(row.columns[0], least, most)
             elif least == most:
-                self.model.equal.append(Row(row, least))
+                self.model.equal.append(ModelRow(row, least))
             else:
-                self.model.above += [Row(row, least)] if least > -math.inf else []
-                self.model.above += [Row(row, most, below=True)] if most < math.inf else []
+                self.model.above += [ModelRow(row, least)] if least > -math.inf else []
+                self.model.above += [ModelRow(row, most, below=True)] if most < math.inf else []
 
     def _side(self, set_: Any, side: str | float, rows: int, where: str) -> Sequence[float]:
-        """A side of a set, for each of its rows."""
+        """Return a side of a set, for each of its rows."""
         fields = self._fields
         if not isinstance(side, str):
             return [side] * rows
@@ -187,7 +189,7 @@ class _Reader:
             ub[column] = high
 
     def _complement(self, rows: list[Function], where: str) -> None:
-        """Functions, then as many variables."""
+        """Add functions, followed by as many variables."""
         model, fields = self.model, self._fields
         model.complementary = True
         if len(rows) % 2:
@@ -203,7 +205,9 @@ class _Reader:
 
 
 def _has_maps(model: dict[str, Any]) -> bool:
-    """Whether a model becomes a problem with maps if it has parameters: it has Complements, or a nonlinear function."""
+    """Return whether a model becomes a problem with maps if it has parameters: it has Complements or a nonlinear
+    function.
+    """
     objective, constraints = model.get("objective"), model.get("constraints")
     parts = [objective, *(constraints if isinstance(constraints, list) else [])]
     kinds = [
@@ -216,6 +220,8 @@ def _has_maps(model: dict[str, Any]) -> bool:
 
 
 def _text(model: dict[str, Any], key: str) -> str:
-    """A text of the model, "" where there is none; what no file could be written with is replaced."""
+    """Return a text of the model, "" where there is none; characters that no file could be written with are
+    replaced.
+    """
     value = model.get(key, "")
     return value.encode("utf-8", "replace").decode() if isinstance(value, str) else ""

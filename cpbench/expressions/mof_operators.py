@@ -33,52 +33,52 @@ WRITTEN: Mapping[Operator, str] = {o: name for table in (UNARY, BINARY, MANY) fo
 
 
 @dataclass(frozen=True)
-class Value:
+class OperandValue:
     """A value of a map that is being built, with arithmetic."""
 
     build: Builder
     number: int
 
-    def of(self, operator: Operator, *others: Value) -> Value:
-        """operator(self, others)."""
-        return Value(self.build, self.build.apply(operator, self.number, *(other.number for other in others)))
+    def of(self, operator: Operator, *others: OperandValue) -> OperandValue:
+        """Apply an operator to a value and others."""
+        return OperandValue(self.build, self.build.apply(operator, self.number, *(other.number for other in others)))
 
-    def _constant(self, value: float) -> Value:
-        return Value(self.build, self.build.constant(value))
+    def _constant(self, value: float) -> OperandValue:
+        return OperandValue(self.build, self.build.constant(value))
 
-    def __add__(self, other: Value) -> Value:
+    def __add__(self, other: OperandValue) -> OperandValue:
         return self.of(Operator.ADD, other)
 
-    def __sub__(self, other: Value) -> Value:
+    def __sub__(self, other: OperandValue) -> OperandValue:
         return self.of(Operator.SUB, other)
 
-    def __mul__(self, other: Value | float) -> Value:
-        return self.of(Operator.MUL, other if isinstance(other, Value) else self._constant(other))
+    def __mul__(self, other: OperandValue | float) -> OperandValue:
+        return self.of(Operator.MUL, other if isinstance(other, OperandValue) else self._constant(other))
 
-    def __truediv__(self, other: float) -> Value:
+    def __truediv__(self, other: float) -> OperandValue:
         return self.of(Operator.DIV, self._constant(other))
 
-    def __rtruediv__(self, other: float) -> Value:
+    def __rtruediv__(self, other: float) -> OperandValue:
         return self._constant(other).of(Operator.DIV, self)
 
-    def __rpow__(self, other: float) -> Value:
+    def __rpow__(self, other: float) -> OperandValue:
         return self._constant(other).of(Operator.POW, self)
 
-    def __pow__(self, other: float) -> Value:
+    def __pow__(self, other: float) -> OperandValue:
         return self.of(Operator.POW, self._constant(other))
 
     def is_constant(self, value: float) -> bool:
         return self.number == self.build.constant(value)
 
-    def signed(self, size: Value) -> Value:
-        """`size` with the sign of this, 0 where this is 0."""
+    def signed(self, size: OperandValue) -> OperandValue:
+        """Return `size` with the sign of this, 0 where this is 0."""
         zero = self._constant(0.0)
         above, below = zero.of(Operator.LT, self), self.of(Operator.LT, zero)
         return above.of(Operator.CHOOSE, size) - below.of(Operator.CHOOSE, size)
 
 
-def _choice(condition: Value, yes: Value, no: Value) -> Value:
-    """ifelse, in as few operations as there are; what NOT and CHOOSE are written as becomes these again."""
+def _choice(condition: OperandValue, yes: OperandValue, no: OperandValue) -> OperandValue:
+    """Return ifelse in as few operations as there are; what NOT and CHOOSE are written as becomes these again."""
     if no.is_constant(0.0):
         return condition.of(Operator.CHOOSE, yes)
     otherwise = condition.of(Operator.NOT)
@@ -94,14 +94,16 @@ _ARCS = {"asec": Operator.ACOS, "acsc": Operator.ASIN, "acot": Operator.ATAN}
 _AREAS = {"asech": Operator.ACOSH, "acsch": Operator.ASINH, "acoth": Operator.ATANH}
 
 
-def _named(table: Mapping[str, Operator], suffix: str, formula: Callable[[Value, Operator], Value]) -> dict[str, Any]:
-    """`formula` of an argument and an operator, for every name of a table."""
+def _named(
+    table: Mapping[str, Operator], suffix: str, formula: Callable[[OperandValue, Operator], OperandValue]
+) -> dict[str, Any]:
+    """Return `formula` of an argument and an operator, for every name of a table."""
     return {f"{name}{suffix}": (1, lambda x, o=o: formula(x, o)) for name, o in table.items()}
 
 
 _SINES = {name: UNARY[name] for name in ("sin", "cos", "tan")}
 _ARCSINES = {name: UNARY[name] for name in ("asin", "acos", "atan")}
-FORMULAS: Mapping[str, tuple[int, Callable[..., Value]]] = {
+FORMULAS: Mapping[str, tuple[int, Callable[..., OperandValue]]] = {
     "ifelse": (3, _choice),
     ">": (2, lambda a, b: b.of(Operator.LT, a)),
     ">=": (2, lambda a, b: b.of(Operator.LE, a)),
@@ -126,7 +128,7 @@ KNOWN = frozenset((*UNARY, *BINARY, *MANY, *FORMULAS))
 
 
 def combine(build: Builder, head: str, arguments: list[int]) -> int | None:
-    """The value of an operation, None where it is none with so many arguments."""
+    """Return the value of an operation, None where no operation has so many arguments."""
     count = len(arguments)
     if count == 1 and head in UNARY:
         return build.apply(UNARY[head], arguments[0])
@@ -138,5 +140,5 @@ def combine(build: Builder, head: str, arguments: list[int]) -> int | None:
             total = build.apply(MANY[head], total, argument)
         return total
     if head in FORMULAS and count == FORMULAS[head][0]:
-        return FORMULAS[head][1](*(Value(build, a) for a in arguments)).number
+        return FORMULAS[head][1](*(OperandValue(build, a) for a in arguments)).number
     return None

@@ -29,7 +29,7 @@ class _Frame:
     values: list[int] = field(default_factory=list)
 
 
-class Terms:
+class MofTerms:
     """The terms of one nonlinear function."""
 
     def __init__(self, fields: Fields, column: Mapping[str, int], build: Builder, function: Any, where: str) -> None:
@@ -40,7 +40,7 @@ class Terms:
         self._stack: list[_Frame] = []
 
     def value(self, term: Any, where: str) -> int:
-        """The number of a term's value; raises FormatError."""
+        """Return the number of a term's value; raises FormatError."""
         self._top, stack = where, self._stack
         try:
             found = self._enter(term)
@@ -59,7 +59,7 @@ class Terms:
         return found
 
     def _next(self, frame: _Frame) -> int:
-        """The value of a frame, −1 when an argument has to be found first."""
+        """Return the value of a frame, −1 when an argument has to be evaluated first."""
         column = self._column
         for k in range(frame.at, len(frame.arguments)):
             argument = frame.arguments[k]
@@ -81,7 +81,7 @@ class Terms:
         return found
 
     def _enter(self, term: Any) -> int:
-        """The value of a term, −1 when it has arguments, which now wait on the stack."""
+        """Return the value of a term, −1 when it has arguments, which now wait on the stack."""
         if isinstance(term, str):
             found = self._column.get(term)
             return found if found is not None else self._variable(term)

@@ -18,7 +18,9 @@ Factor: TypeAlias = Callable[[Algebra, int], int]
 
 
 def partials(to: Algebra, operator: Operator, a: int, b: int, value: int) -> tuple[Factor | None, Factor | None]:
-    """By the first and the second argument, of the numbers a and b; None where it is 0. `value` is the operation's."""
+    """Return the derivatives by the first and the second argument, of the numbers a and b; None where it is 0. `value`
+    is the operation's.
+    """
     if operator in _UNARY:
         return _times(_UNARY[operator](to, a, value)), None
     if operator in _BINARY:
@@ -39,7 +41,7 @@ def _negative(to: Algebra, x: int) -> int:
 
 
 def _where(condition: int) -> Factor:
-    """A choice, not a product: where it is false, what is chosen may be no number."""
+    """Choose, and do not multiply: where the condition is false, the factor may be no number."""
     return lambda to, x: to.apply(Operator.CHOOSE, condition, x)
 
 

@@ -19,7 +19,7 @@ Column: TypeAlias = Any
 """An array of symbols and numbers (dtype object), or one of them."""
 
 
-class Recorder:
+class MapRecorder:
     """A map in the making. z : the column of its unknowns."""
 
     def __init__(self, inputs: int) -> None:
@@ -27,17 +27,17 @@ class Recorder:
         self.z: Column = self._column(range(inputs))
 
     def __call__(self, F: Map, z: Column) -> Column:
-        """F(z)."""
+        """Evaluate F(z)."""
         values = self._to.values(F, self._numbers(z))
         return self._column(values[end] for end in F.outputs.tolist())
 
     def transposed(self, F: Map, z: Column, weights: Column) -> Column:
-        """F′(z)ᵀ weights."""
+        """Evaluate F′(z)ᵀ weights."""
         found = gradient(self._to, F, self._numbers(z), self._numbers(weights))
         return self._column(found.get(k, self._to.zero) for k in range(F.inputs))
 
     def map(self, *outputs: Column) -> Map:
-        """The map from z to the outputs, one after the other, each row by row."""
+        """Return the map from z to the outputs, one after the other, each row by row."""
         return self._to.finish([number for output in outputs for number in self._numbers(np.ravel(output))])
 
     def _column(self, numbers: Any) -> Column:
@@ -51,17 +51,17 @@ class Recorder:
 
 
 def recorded(inputs: int, formula: Callable[[Column], Column]) -> Map:
-    """The map that a formula of its column of unknowns says.
+    """Record the map that a formula of its column of unknowns computes.
 
     >>> recorded(2, lambda z: np.array([[2.0, 0.0], [0.0, 1.0]]) @ z + np.exp(z))(np.array([0.0, 0.0])).tolist()
     [1.0, 1.0]
     """
-    record = Recorder(inputs)
+    record = MapRecorder(inputs)
     return record.map(formula(record.z))
 
 
 def product(M: Matrix, z: Column) -> Column:
-    """Mz, of what is stored in M only."""
+    """Multiply Mz, of what is stored in M only."""
     S = matrices.sparse(M)
     result = np.full(S.shape[0], 0.0 * z[0] if len(z) else 0.0, dtype=object)
     columns, data, ends = S.indices.tolist(), S.data.tolist(), S.indptr.tolist()
@@ -93,7 +93,7 @@ where = _applied(Operator.CHOOSE)
 
 
 def either(condition: Column, one: Column, other: Column) -> Column:
-    """`one` where the condition is true, else `other`."""
+    """Return `one` where the condition is true, else `other`."""
     return where(condition, one) + where(_not(condition), other)
 
 

@@ -29,7 +29,7 @@ class Symbol:
         return value if isinstance(value, Symbol) else Symbol(self.build, self.build.constant(value))
 
     def _with(self, operator: Operator, other: Any) -> Any:
-        """What a column is left to: NumPy goes through it."""
+        """Leave an operation to the column: NumPy goes through it."""
         return NotImplemented if isinstance(other, np.ndarray) else self.apply(operator, other)
 
     def __add__(self, other: Any) -> Any:
@@ -60,7 +60,7 @@ class Symbol:
         return self.apply(Operator.NEG)
 
     def __pow__(self, exponent: float) -> Symbol:
-        """Whole powers from 2 on are products, which round alike everywhere and are defined below 0."""
+        """Raise to a power; whole ones from 2 on are products, which round alike everywhere and are defined below 0."""
         if exponent != int(exponent) or exponent < 2:
             return self.apply(Operator.POW, exponent)
         half = self if exponent < 4 else self ** (exponent // 2)

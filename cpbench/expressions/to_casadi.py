@@ -10,7 +10,7 @@ from cpbench.expressions.operators import Operator
 
 
 def express(F: Map, z: Any) -> Any:
-    """F(z) as an SX column; z an SX column of n rows."""
+    """Evaluate F(z) as an SX column; z an SX column of n rows."""
     import casadi as ca
 
     values: list[Any] = [*ca.vertsplit(z), *(ca.SX(c) for c in F.constants.tolist())] if F.inputs else []

@@ -26,13 +26,13 @@ Term = Any
 
 
 def vector(F: Map, names: Sequence[str]) -> dict[str, Any]:
-    """F as one VectorNonlinearFunction of the variables `names`."""
+    """Write F as one VectorNonlinearFunction of the variables `names`."""
     rows, nodes = _Writer(F, names).written(range(F.operations), F.outputs.tolist())
     return {"type": "VectorNonlinearFunction", "rows": rows, "node_list": nodes}
 
 
 def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
-    """F as one function a row: affine or quadratic where that reads back as the same operations, else nonlinear.
+    """Write F as one function a row: affine or quadratic where that reads back as the same operations, else nonlinear.
 
     None where rows share so much that this would be far longer than F is.
     """
@@ -54,8 +54,9 @@ def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
 
 
 def model(maps: Mapping[str, Map], names: Sequence[str]) -> dict[str, Any]:
-    """A model that does nothing but hold maps: each is a constraint of its name in Reals. A map of fewer inputs than
-    there are names takes the last ones; one without rows is left out."""
+    """Write a model that only holds maps: each is a constraint of its name in Reals. A map of fewer inputs than there
+    are names takes the last ones; one without rows is left out.
+    """
     parameters = {name: value for F in maps.values() for name, value in F.parameters.items()}
     return {
         "version": VERSION,
@@ -77,7 +78,7 @@ def model(maps: Mapping[str, Map], names: Sequence[str]) -> dict[str, Any]:
 
 
 def parameter(name: str, value: float) -> dict[str, Any]:
-    """The constraint that a parameter is; JuMP takes its variable for one by that."""
+    """Write the constraint that a parameter is; JuMP takes its variable for one by that."""
     return {"function": {"type": "Variable", "name": name}, "set": {"type": "Parameter", "value": value}}
 
 
@@ -113,7 +114,7 @@ class _Writer:
         self._depth = [0] * (self._first + F.operations + 1)  # the last one is for the argument that is not there
 
     def written(self, members: Iterable[int], ends: Iterable[int]) -> tuple[list[Term], list[Term]]:
-        """Rows and node_list: `members` are the operations they need, in their order."""
+        """Return rows and node_list: `members` are the operations they need, in their order."""
         terms, depth, nodes = self._terms, self._depth, list[Term]()
         for k in members:
             head, a, b = self._operations[k]
@@ -138,7 +139,7 @@ class _Writer:
         return {"type": WRITTEN.get(head, "ifelse"), "args": arguments}, max(depth[a], depth[b]) + 1
 
     def needed(self, end: int) -> list[int]:
-        """The operations that a value needs, in their order."""
+        """Return the operations that a value needs, in their order."""
         seen: set[int] = set()
         stack = [end - self._first]
         while stack:
@@ -163,7 +164,9 @@ class _Plain:
             self._number.append(build.apply(Operator(head), self._number[a], self._number[b] if b >= 0 else -1))
 
     def function(self, end: int) -> Affine | Quadratic | None:
-        """The row with this value, None where it is neither, or another order of operations."""
+        """Return the row with this value, None where it is neither affine nor quadratic, or in another order of
+        operations.
+        """
         products: list[tuple[int, int, float]] = []
         affine = Affine([], [], 0.0)
         for sign, value in reversed(self._summands(end)):
@@ -190,7 +193,7 @@ class _Plain:
         return self._operations[value - first] if value >= first else (-1, -1, -1)
 
     def _summands(self, value: int) -> list[tuple[float, int]]:
-        """(sign, value), the last one first."""
+        """Return (sign, value), the last one first."""
         found: list[tuple[float, int]] = []
         while True:
             head, a, b = self._operation(value)
@@ -202,7 +205,9 @@ class _Plain:
         return [*found, (-1.0, a) if head == Operator.NEG else (1.0, value)]
 
     def _factor(self, value: int) -> tuple[float, int | None]:
-        """(c, x) of c·x, x the number of a variable or of a product of two; −1: the number c itself; None: no such."""
+        """Return (c, x) of c·x, x the number of a variable or of a product of two; −1: the number c itself; None:
+        neither.
+        """
         inputs, constants = self._F.inputs, self._F.constants
         head, a, b = self._operation(value)
         if value in self._named or a in self._named:

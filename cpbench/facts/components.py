@@ -48,7 +48,7 @@ class Components:
         return float((height * width * np.minimum(height, width)).sum())
 
     def blocks(self) -> Iterator[Dense]:
-        """Stacks (k, rows, cols) of the components of one shape; those without a row or a column are left out."""
+        """Yield stacks (k, rows, cols) of the components of one shape; those without a row or a column are left out."""
         row, col = self.entries.row, self.entries.col
         component = self.row_label[row]
         row, col = _place(self.row_label, self.height)[row], _place(self.col_label, self.width)[col]
@@ -64,7 +64,7 @@ class Components:
 
 
 def _place(labels: NDArray[Any], sizes: NDArray[Any]) -> NDArray[np.int64]:
-    """Position of every index among those of its label."""
+    """Return the position of every index among those of its label."""
     order = np.argsort(labels, kind="stable")
     start = np.concatenate([[0], np.cumsum(sizes)])[:-1]
     place = np.empty(labels.size, dtype=np.int64)
@@ -73,7 +73,7 @@ def _place(labels: NDArray[Any], sizes: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def eigenvalues(S: Matrix) -> Vector | None:
-    """All eigenvalues of a symmetric matrix, component by component; None where that costs too much."""
+    """Return all eigenvalues of a symmetric matrix, component by component; None where that costs too much."""
     if not matrices.is_sparse(S):
         return cast(Vector, np.linalg.eigvalsh(S)) if S.shape[0] <= EIGEN_LIMIT else None
     parts = Components(S, symmetric=True)
@@ -83,7 +83,7 @@ def eigenvalues(S: Matrix) -> Vector | None:
 
 
 def singular_values(M: Matrix) -> Vector | None:
-    """The singular values of the components of M; None where that costs too much."""
+    """Return the singular values of the components of M; None where that costs too much."""
     rows, cols = M.shape
     if not matrices.is_sparse(M):
         small = float(rows) * cols * min(rows, cols) <= EIGEN_LIMIT**3

@@ -25,7 +25,7 @@ FACES_LIMIT = 12
 
 
 def copositivity(M: Matrix, name: str, known: Fact) -> tuple[Fact, Fact]:
-    """The facts `copositive` and `copositive-plus` of a square M whose definiteness is `known`.
+    """Decide the facts `copositive` and `copositive-plus` of a square M whose definiteness is `known`.
 
     Units of the unknowns change neither, so that M is taken as S = `unit_diagonal(M)`. The number is the least value
     of xᵀSx found on the simplex, held against PSD_TOLERANCE.
@@ -38,7 +38,7 @@ def copositivity(M: Matrix, name: str, known: Fact) -> tuple[Fact, Fact]:
 
 
 def simplex_minima(S: Dense) -> tuple[Dense, Vector]:
-    """Points X (k, n) of the simplex and their values xᵀSx, among them every isolated minimum of a face."""
+    """Find points X (k, n) of the simplex and their values xᵀSx, among them every isolated minimum of a face."""
     n = S.shape[0]
     points: list[Dense] = []
     for size in range(1, n + 1):
@@ -122,7 +122,7 @@ def _plus(S: Matrix, name: str, known: Fact, copositive: Fact, minima: tuple[Den
 
 
 def _worst_edge(S: Matrix, diagonal: Vector) -> tuple[int, int, float]:
-    """Rows i, j and value of the least xᵀSx on an edge of the simplex with a negative entry s_ij inside it."""
+    """Find rows i, j and value of the least xᵀSx on an edge of the simplex with a negative entry s_ij inside it."""
     coo = matrices.sparse(S).tocoo()
     below = (coo.data < 0) & (coo.row < coo.col)
     row, col, off = coo.row[below], coo.col[below], coo.data[below]
@@ -137,7 +137,9 @@ def _worst_edge(S: Matrix, diagonal: Vector) -> tuple[int, int, float]:
 
 
 def _without_nonnegative_rows(S: Matrix) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Rows left when rows without negative entries are dropped again and again: x ≥ 0 gains nothing from them."""
+    """Return the rows left when rows without negative entries are dropped again and again: x ≥ 0 gains nothing from
+    them.
+    """
     coo = matrices.sparse(S).tocoo()
     negative = coo.data < 0
     row, col = coo.row[negative], coo.col[negative]

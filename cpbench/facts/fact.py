@@ -8,7 +8,7 @@ from typing import Any
 
 
 class How(StrEnum):
-    """How a fact was found; what it is worth."""
+    """Evidence for a fact."""
 
     EXACT = "exact"
     """By its definition, or by a witness that anyone can check; rounding of single operations apart."""
@@ -44,21 +44,21 @@ class Fact:
         return f"{self.name} of {self.matrix}" if self.matrix else self.name
 
     @property
-    def said(self) -> str:
+    def words(self) -> str:
         """The value in words."""
         return {None: "not decided", True: "yes", False: "no"}[self.value] if _is_truth(self.value) else f"{self.value}"
 
     def __str__(self) -> str:
-        """`P-matrix of M: yes (exact, least ratio of minors 0.2)`."""
+        """Format as `P-matrix of M: yes (exact, least ratio of minors 0.2)`."""
         measured = f"{self.evidence} {self.number:.3g}".strip() if self.number is not None else self.evidence
         if self.tolerance is not None:
             measured += f", tolerance {self.tolerance:.1e}"
         how = [] if self.how is How.UNDECIDED else [str(self.how)]
         remark = ", ".join([*how, *([measured] if measured else [])])
-        return f"{self.subject}: {self.said}" + (f" ({remark})" if remark else "")
+        return f"{self.subject}: {self.words}" + (f" ({remark})" if remark else "")
 
     def record(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """Return plain values, for JSON."""
         return {**asdict(self), "how": str(self.how)}
 
 
@@ -67,5 +67,5 @@ def _is_truth(value: object) -> bool:
 
 
 def undecided(name: str, matrix: str, why: str, number: float | None = None) -> Fact:
-    """The fact that something was not decided, and why."""
+    """State that something was not decided, and why."""
     return Fact(name, matrix, None, How.UNDECIDED, number, evidence=why)

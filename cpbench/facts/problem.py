@@ -21,7 +21,7 @@ _OTHER_SETS = frozenset({("mlcp", "A"), ("qp", "Q"), ("coneqp", "Q"), ("soclcp",
 
 
 def of(problem: Problem) -> tuple[Fact, ...]:
-    """All facts of a problem, matrix by matrix in the order of its definition."""
+    """Return all facts of a problem, matrix by matrix in the order of its definition."""
     found: list[Fact] = []
     contact = isinstance(problem, ContactProblem)
     for f in fields(problem):
@@ -40,7 +40,9 @@ def of(problem: Problem) -> tuple[Fact, ...]:
 
 
 def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool = True) -> list[Fact]:
-    """Rank, and for a square matrix symmetry and definiteness; with `classes` also Z, M, P, copositive(-plus)."""
+    """Decide rank, and for a square matrix symmetry and definiteness; with `classes` also Z, M, P,
+    copositive(-plus).
+    """
     if square is None:
         square = M.shape[0] == M.shape[1]
     if not square:
@@ -73,7 +75,7 @@ def _contact(problem: ContactProblem, ranks: dict[str, Fact]) -> list[Fact]:
 
 
 def _diagonal_blocks(problem: DelassusContact) -> list[Fact]:
-    """W_cc of every contact, on which block methods (NSGS) rest: symmetric? least eigenvalue?"""
+    """Examine W_cc of every contact, on which block methods (NSGS) rest: symmetric? least eigenvalue?"""
     blocks, name = problem.diagonal_blocks, "W_cc"
     if not len(blocks):
         return []

@@ -30,7 +30,7 @@ EPS = float(np.finfo(float).eps)
 
 
 def z_matrix(M: Matrix, name: str) -> Fact:
-    """Whether no entry off the diagonal is positive."""
+    """Decide whether no entry off the diagonal is positive."""
     off = _off_diagonal(M)
     largest = float(off.data.max(initial=0.0))
     if largest > 0:
@@ -39,7 +39,7 @@ def z_matrix(M: Matrix, name: str) -> Fact:
 
 
 def m_matrix(M: Matrix, name: str, p: Fact | None = None) -> Fact:
-    """Whether M is a nonsingular M-matrix: Z, and x > 0 with Mx > 0, which is looked for as x = M⁻¹e.
+    """Decide whether M is a nonsingular M-matrix: Z, and x > 0 with Mx > 0, which is looked for as x = M⁻¹e.
 
     Where rounding forbids that, `p` (whether it is a P-matrix) decides: a Z-matrix is P exactly when it is M.
     """
@@ -54,7 +54,7 @@ def m_matrix(M: Matrix, name: str, p: Fact | None = None) -> Fact:
 
 
 def p_matrix(M: Matrix, name: str, definiteness: Fact) -> Fact:
-    """Whether all principal minors are positive; `definiteness` is that of the same matrix.
+    """Decide whether all principal minors are positive; `definiteness` is that of the same matrix.
 
     Decided by all minors of the irreducible diagonal blocks where they are small enough; else by what suffices
     (positive definite, H-matrix with positive diagonal, and for a Z-matrix: M-matrix) or by a minor of order 1 or 2.
@@ -94,7 +94,7 @@ def p_matrix(M: Matrix, name: str, definiteness: Fact) -> Fact:
 
 
 def exact_minor(M: Matrix, rows: list[int]) -> Fraction:
-    """The principal minor of these rows in rational arithmetic, of the numbers as stored."""
+    """Compute the principal minor of these rows in rational arithmetic, of the numbers as stored."""
     part = sp.csr_array(M)[rows][:, rows].toarray() if matrices.is_sparse(M) else matrices.dense(M)[np.ix_(rows, rows)]
     A = [[Fraction(float(x)) for x in line] for line in part]
     result = Fraction(1)
@@ -114,7 +114,7 @@ def exact_minor(M: Matrix, rows: list[int]) -> Fraction:
 
 
 def _off_diagonal(M: Matrix) -> Any:
-    """The entries off the diagonal, CSR."""
+    """Return the entries off the diagonal, CSR."""
     csr = sp.csr_array(M, copy=True)
     csr = csr - sp.diags_array(np.asarray(csr.diagonal()), format="csr")
     csr.eliminate_zeros()
@@ -122,7 +122,7 @@ def _off_diagonal(M: Matrix) -> Any:
 
 
 def _semipositive(Z: Matrix, label: str, name: str) -> Fact:
-    """Whether the Z-matrix `Z` is a nonsingular M-matrix: by x = e (diagonal dominance), else by x = Z⁻¹e."""
+    """Decide whether the Z-matrix `Z` is a nonsingular M-matrix: by x = e (diagonal dominance), else by x = Z⁻¹e."""
     n = Z.shape[0]
     if n == 0:
         return Fact(label, name, True, How.EXACT, evidence="no rows")
@@ -162,7 +162,7 @@ def _solve(Z: Matrix, b: Vector) -> Vector | None:
 
 
 def _bad_pair(M: Matrix, diagonal: Vector) -> list[int] | None:
-    """Rows of a principal minor of order 2 that is not positive; only pairs with both entries stored can fail."""
+    """Find rows of a principal minor of order 2 that is not positive; only pairs with both entries stored can fail."""
     off = _off_diagonal(M)
     product = sp.coo_array(off * sp.csr_array(off.T))
     row, col = product.row, product.col
@@ -177,7 +177,9 @@ def _bad_pair(M: Matrix, diagonal: Vector) -> list[int] | None:
 
 
 def _irreducible_blocks(M: Matrix) -> list[NDArray[Any]]:
-    """Rows of the diagonal blocks of a block triangular form (strong components); a minor is a product of theirs."""
+    """Return the rows of the diagonal blocks of a block triangular form (strong components); a minor is a product of
+    theirs.
+    """
     csr = sp.csr_array(M, copy=True)
     csr.eliminate_zeros()
     count, labels = csgraph.connected_components(csr, directed=True, connection="strong")
@@ -203,8 +205,8 @@ def _by_minors(M: Matrix, name: str, blocks: list[NDArray[Any]]) -> Fact:
 
 
 def least_ratio(A: Dense) -> tuple[float, list[int] | None]:
-    """Least ratio det A[α ∪ k]/det A[α], k > α, over all α, and the rows α ∪ k of the first that rounding does not
-    tell from nonpositive. The diagonal of A must be positive; it is scaled to 1.
+    """Find the least ratio det A[α ∪ k]/det A[α], k > α, over all α, and the rows α ∪ k of the first that rounding does
+    not tell from nonpositive. The diagonal of A must be positive; it is scaled to 1.
 
     Level k holds A/A[α] for all 2ᵏ subsets α of the first k rows, restricted to the rows from k on: its first
     entry is the ratio for k; dropping row k or eliminating it makes level k + 1.
@@ -241,5 +243,5 @@ def _failed(name: str, rows: list[int], value: float) -> Fact:
 
 
 def _rows(rows: list[int]) -> str:
-    """Rows counted from 1, as in the mathematics."""
+    """Return rows counted from 1, as in the mathematics."""
     return f"row {rows[0] + 1}" if len(rows) == 1 else "rows " + ", ".join(str(i + 1) for i in rows)

@@ -34,14 +34,14 @@ SCALED = "after scaling to unit diagonal"
 
 
 def symmetry(M: Matrix, name: str) -> Fact:
-    """`matrices.asymmetry` against SYMMETRY_TOLERANCE; M square."""
+    """Compare `matrices.asymmetry` with SYMMETRY_TOLERANCE; M square."""
     skew = matrices.asymmetry(M)
     evidence = "largest |M_ij−M_ji| over max(√|M_ii M_jj|, |M_ij|, |M_ji|) ="
     return Fact("symmetry", name, skew <= SYMMETRY_TOLERANCE, How.EXACT, skew, SYMMETRY_TOLERANCE, evidence)
 
 
 def definiteness(M: Matrix, name: str) -> Fact:
-    """Definiteness of (M + Mᵀ)/2, M square, by S = `matrices.unit_diagonal(M)`, of which all numbers are.
+    """Decide the definiteness of (M + Mᵀ)/2, M square, by S = `matrices.unit_diagonal(M)`, of which all numbers are.
 
     `positive definite` beyond rounding (n·ε·‖S‖); `positive semidefinite` when the least eigenvalue is above
     −PSD_TOLERANCE, the rule of `matrices.is_psd`; else `indefinite` or `negative semidefinite`.
@@ -92,7 +92,7 @@ def definiteness(M: Matrix, name: str) -> Fact:
 
 
 def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
-    """Number of singular values above rounding; `known` is the definiteness of a square M, which may settle it."""
+    """Count singular values above rounding; `known` is the definiteness of a square M, which may settle it."""
     rows, cols = M.shape
     label, full = "rank", min(M.shape)
     if full == 0 or matrices.max_abs(M) == 0.0:
@@ -139,7 +139,7 @@ def _word(least: float, largest: float, rounding: float, tolerance: float) -> st
 
 
 def affordable(S: Matrix) -> bool:
-    """Whether S is factored: by size when dense, by the bandwidth of reverse Cuthill–McKee when sparse."""
+    """Return whether S is factored: by size when dense, by the bandwidth of reverse Cuthill–McKee when sparse."""
     n = S.shape[0]
     if not matrices.is_sparse(S):
         return n <= CHOLESKY_LIMIT
@@ -160,7 +160,7 @@ def _symmetric_lu(S: Matrix, shift: float) -> Any | None:
 
 
 def _positive_factor(S: Matrix, shift: float) -> Callable[[Vector], Vector] | None:
-    """x ↦ (S + shift·I)⁻¹x where S + shift·I is positive definite, else None."""
+    """Return x ↦ (S + shift·I)⁻¹x where S + shift·I is positive definite, else None."""
     if matrices.is_sparse(S):
         lu = _symmetric_lu(S, shift)
         return lu.solve if lu is not None and is_definite(lu) else None
@@ -172,7 +172,7 @@ def _positive_factor(S: Matrix, shift: float) -> Callable[[Vector], Vector] | No
 
 
 def _inverse_iteration(S: Matrix, solve: Callable[[Vector], Vector]) -> float:
-    """A Rayleigh quotient near the least eigenvalue, never below it."""
+    """Return a Rayleigh quotient near the least eigenvalue, never below it."""
     x = np.random.default_rng(0).standard_normal(S.shape[0])
     for _ in range(20):
         y = solve(x / np.linalg.norm(x))
@@ -183,7 +183,9 @@ def _inverse_iteration(S: Matrix, solve: Callable[[Vector], Vector]) -> float:
 
 
 def _lanczos(S: Matrix) -> float | None:
-    """Least Ritz value of as many Lanczos steps as the bounds allow, a bound from above; None for fewer than 10."""
+    """Return the least Ritz value of as many Lanczos steps as the bounds allow, a bound from above; None for fewer
+    than 10.
+    """
     n = S.shape[0]
     steps = int(min(100, n, PRODUCT_WORK / max(matrices.nnz(S), 1), 3e7 / n))
     if steps < min(10, n):
@@ -205,7 +207,7 @@ def _lanczos(S: Matrix) -> float | None:
 
 
 def _gram(M: Matrix, known: Fact | None) -> tuple[Any, str, float] | None:
-    """A sparse semidefinite matrix of M's rank that is cheap to factor, its name, and the relative threshold."""
+    """Return a sparse semidefinite matrix of M's rank that is cheap to factor, its name, and the relative threshold."""
     if not matrices.is_sparse(M):
         return None
     semidefinite = known is not None and known.value == "positive semidefinite" and matrices.is_symmetric(M)

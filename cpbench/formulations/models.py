@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from cpbench.expressions.from_mof import Affine, Function, Functions, Nonlinear, Quadratic
-from cpbench.expressions.mof_model import Model, Row, read_model
+from cpbench.expressions.mof_model import Model, ModelRow, read_model
 from cpbench.expressions.operators import Operator
 
 SOURCE = "MathOptFormat"
@@ -47,7 +47,7 @@ def complementarity(model: Model) -> dict[str, Any]:
     return {"F": F, "lb": model.lb, "ub": model.ub, "start": model.start}
 
 
-def _slack(functions: Functions, row: Row) -> Function:
+def _slack(functions: Functions, row: ModelRow) -> Function:
     """function − side, or side − function."""
     function, side = row.function, row.side
     if isinstance(function, Nonlinear):

@@ -25,7 +25,7 @@ def build() -> list[Instance]:
 
 
 def braess() -> Instance:
-    """Braess' network with its bridge: 6 units over three routes, 2 each, at cost 92 (83 without the bridge).
+    """Build Braess' network with its bridge: 6 units over three routes, 2 each, at cost 92 (83 without the bridge).
 
     Links cost 10x, 50 + x, 50 + x, 10x, and the bridge 10 + x; z are the flows of the routes, μ their common cost.
     """
@@ -43,7 +43,7 @@ def braess() -> Instance:
 
 
 def nearest_in_simplex() -> Instance:
-    """The point of {z ≥ 0, Σz = 1} nearest to p: z = max(p − τ, 0) with Σz = 1."""
+    """Build the point of {z ≥ 0, Σz = 1} nearest to p: z = max(p − τ, 0) with Σz = 1."""
     p = np.array([0.75, 0.625, 0.5, 0.375, 0.25, 0.125, 0.0, -1.0])
     tau = 0.3125  # four are above: 2.25 − 4τ = 1
     z = np.maximum(p - tau, 0.0)
@@ -52,7 +52,9 @@ def nearest_in_simplex() -> Instance:
 
 
 def _planted(name: str, rng: np.random.Generator, n: int, m: int, k: int) -> Instance:
-    """Every second row holds; unknowns at a bound, between, without bounds, and at a bound without force."""
+    """Plant a solution: every second row holds; unknowns at a bound, between, without bounds, at a bound without
+    force.
+    """
     G, S = dyadic(rng, (n, n), -1, 1), dyadic(rng, (n, n), -1, 1)
     M = G @ G.T + np.eye(n) + np.triu(S, 1) - np.triu(S, 1).T
     A, C = dyadic(rng, (m, n), -1, 1), dyadic(rng, (k, n), -1, 1)

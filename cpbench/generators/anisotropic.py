@@ -25,7 +25,7 @@ def build() -> list[Instance]:
 
 
 def block(mu_1: float, mu_2: float) -> Instance:
-    """A block of 1 kg pressed with 5 that slides with u = (3/μ₁, 4/μ₂): it opposes with r_T = −(3μ₁, 4μ₂)."""
+    """Build a block of 1 kg pressed with 5 that slides with u = (3/μ₁, 4/μ₂): it opposes with r_T = −(3μ₁, 4μ₂)."""
     r = np.array([5.0, -3.0 * mu_1, -4.0 * mu_2])
     u = np.array([0.0, 3.0 / mu_1, 4.0 / mu_2])
     ratio = round(mu_1 / mu_2)
@@ -34,7 +34,9 @@ def block(mu_1: float, mu_2: float) -> Instance:
 
 
 def _planted(name: str, nc: int) -> Instance:
-    """Contacts in all states with coefficients 2⁻³ … 1; r = Sr′ and u = S⁻¹u′ of isotropic contacts with μ = 1."""
+    """Plant contacts in all states with coefficients 2⁻³ … 1; r = Sr′ and u = S⁻¹u′ of isotropic contacts with μ =
+    1.
+    """
     rng = generator(41)
     W = delassus(rng, nc, 8, 3, 1)
     states = [("stick", "slide", "open", "graze")[c % 4] for c in range(nc)]

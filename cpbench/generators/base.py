@@ -54,7 +54,7 @@ class Collection:
     builtin: bool = True
 
     def instances(self) -> list[Instance]:
-        """The instances, with family, source, licence and citation in their info."""
+        """Build the instances, with family, source, licence and citation in their info."""
         return [self._signed(instance) for instance in self.build()]
 
     def _signed(self, instance: Instance) -> Instance:
@@ -75,7 +75,7 @@ generators: Registry[Collection] = Registry("generator", "cpbench.generators")
 def collection(
     name: str, node: str, summary: str, citation: str, *, builtin: bool = True
 ) -> Callable[[Callable[[], list[Instance]]], Any]:
-    """Decorator: register a function that builds instances as a collection."""
+    """Register a function that builds instances as a collection (a decorator)."""
 
     def register(build: Callable[[], list[Instance]]) -> Callable[[], list[Instance]]:
         generators.add(name, Collection(name, node, summary, citation, build, builtin))
@@ -85,15 +85,15 @@ def collection(
 
 
 def generator(seed: int) -> np.random.Generator:
-    """The generator every family draws from: PCG64, whose integers are the same everywhere."""
+    """Create the generator every family draws from: PCG64, whose integers are the same everywhere."""
     return np.random.Generator(np.random.PCG64(seed))
 
 
 def dyadic(rng: np.random.Generator, shape: int | tuple[int, ...], low: int, high: int, denominator: int = 8) -> Dense:
-    """Random multiples of 1/denominator (a power of two) in [low, high]."""
+    """Draw multiples of 1/denominator (a power of two) in [low, high]."""
     return rng.integers(low * denominator, high * denominator + 1, shape) / denominator
 
 
 def snapped(x: Any) -> Any:
-    """`x` on the grid of multiples of 2⁻⁴⁰: the last bits of sin, exp and log differ between C libraries."""
+    """Round `x` to multiples of 2⁻⁴⁰: the last bits of sin, exp and log differ between C libraries."""
     return np.round(np.asarray(x) * 2.0**40) / 2.0**40

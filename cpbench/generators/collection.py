@@ -20,7 +20,9 @@ UNKNOWN = ("nothing", "infeasible")
 
 
 def builtin_folder() -> Path:
-    """The shipped problems: inside an installed package, beside it in a checkout. Raises CpbenchError without them."""
+    """Return the folder of the shipped problems, inside an installed package or beside it in a checkout; raises
+    CpbenchError.
+    """
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "problems", package.parent / "problems"):
         if any(folder.glob("*/*.h5")):
@@ -42,21 +44,22 @@ def address_text(address: str) -> str:
 
 
 def quick_problems(folder: Path) -> list[str]:
-    """Addresses of the small problems of every formulation whose solution is known: `builtin/NODE/COLLECTION.h5::NAME`.
+    """Return the addresses of the small problems of every formulation whose solution is known:
+    `builtin/NODE/COLLECTION.h5::NAME`.
 
     FEW of a formulation, from its collections in turn: of each the largest first that has no dimension above SMALL.
     """
     found: dict[str, list[list[str]]] = {}
     for sheet in sorted(folder.glob("*/*.toml")):
-        told = tomllib.loads(sheet.read_text("utf-8"))
+        described = tomllib.loads(sheet.read_text("utf-8"))
         sizes = {
             str(problem["name"]): max(size for size in problem.values() if isinstance(size, int))
-            for problem in told["problem"]
+            for problem in described["problem"]
             if problem["known"] not in UNKNOWN
         }
         small = sorted((name for name in sizes if sizes[name] <= SMALL), key=lambda name: (-sizes[name], name))
-        pack = f"builtin/{told['node']}/{sheet.stem}.h5"
-        found.setdefault(str(told["node"]), []).append([f"{pack}::{name}" for name in small])
+        pack = f"builtin/{described['node']}/{sheet.stem}.h5"
+        found.setdefault(str(described["node"]), []).append([f"{pack}::{name}" for name in small])
     return [
         address
         for collections in found.values()
@@ -90,7 +93,7 @@ def write_collections(folder: str | Path, names: Sequence[str] = ()) -> Iterator
 
 
 def _sheet(collection: Collection, instances: list[Instance]) -> str:
-    """What the collection is, and a table an instance: sizes, fingerprint, what is known, properties."""
+    """Describe a collection, with a table for each instance: sizes, fingerprint, known solution, properties."""
     first = instances[0].problem.info
     lines = [
         f"name = {_quoted(collection.name)}",

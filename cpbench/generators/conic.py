@@ -43,21 +43,21 @@ def build_coneqp() -> list[Instance]:
 
 
 def nearest_in_cone() -> Instance:
-    """The point of {x_N ≥ ‖x_T‖} nearest to (0, 3, 4): half of ‖(3, 4)‖ along (1, 3/5, 4/5)."""
+    """Find the point of {x_N ≥ ‖x_T‖} nearest to (0, 3, 4): half of ‖(3, 4)‖ along (1, 3/5, 4/5)."""
     K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 1.0))
     problem = SOCLCP(M=np.eye(3), q=[0.0, -3.0, -4.0], **cone_fields(K), name="nearest-in-cone")
     return Instance(problem, SOCLCPPoint(x=[2.5, 1.5, 2.0]), "closed form", properties={"class": "SPD"})
 
 
 def least_in_ball() -> Instance:
-    """min 3x₁ + 4x₂ over ‖x‖ ≤ 5: x = −(3, 4), as s = (5, x) in the cone."""
+    """Minimise 3x₁ + 4x₂ over ‖x‖ ≤ 5: x = −(3, 4), as s = (5, x) in the cone."""
     K, A = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 1.0)), np.array([[0.0, 0], [1, 0], [0, 1]])
     problem = ConeQP.over(np.zeros((2, 2)), np.array([3.0, 4.0]), K, A, np.array([5.0, 0, 0]))
     return _named(problem, "least-in-ball", ConeQPPoint(x=[-3.0, -4.0], y=[5.0, 3.0, 4.0]), "closed form")
 
 
 def enclosing_ball() -> Instance:
-    """The smallest disk around (−4, 0), (4, 0), (0, 3), (1, −2): unknowns (x, radius); the first two are on it."""
+    """Find the smallest disk around (−4, 0), (4, 0), (0, 3), (1, −2): unknowns (x, radius); the first two are on it."""
     points = np.array([[-4.0, 0], [4, 0], [0, 3], [1, -2]])
     K = ProductCone.of((Cone.SECOND_ORDER, 4, 3, 1.0))
     A = np.tile(np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), (4, 1))
@@ -94,7 +94,7 @@ def _monotone(rng: np.random.Generator, n: int) -> Dense:
 
 
 def _factors(rng: np.random.Generator, *, cylinders: bool) -> tuple[ProductCone, Vector, Vector]:
-    """K, s ∈ K and y with −y ∈ N_K(s): inside, at the tip, on the boundary, and with neither."""
+    """Draw K, s ∈ K and y with −y ∈ N_K(s): inside, at the tip, on the boundary, and with neither."""
     runs: list[tuple[Any, ...]] = [(Cone.FREE, 1, 2), (Cone.ZERO, 1, 2), (Cone.NONNEGATIVE, 1, 4)]
     pairs = [(dyadic(rng, 2, -2, 2), np.zeros(2)), (np.zeros(2), dyadic(rng, 2, -2, 2))]
     pairs.append((np.array([1.5, 0.0, 0.25, 0.0]), np.array([0.0, 2.0, 0.0, 0.0])))

@@ -39,7 +39,7 @@ def build_high() -> list[Instance]:
 
 
 def box_stack(levels: int) -> Instance:
-    """Unit cubes of 1 kg, each on four corner contacts: 4·levels contacts, 6·levels freedoms, rank deficient.
+    """Stack unit cubes of 1 kg, each on four corner contacts: 4·levels contacts, 6·levels freedoms, rank deficient.
 
     At rest v = 0, and the corners of level k carry a quarter of the impulse of the boxes from k upwards. The
     angular velocity is scaled so that the inertia matrix is a power of two.
@@ -65,14 +65,14 @@ def box_stack(levels: int) -> Instance:
 
 
 def _corner(x: float, y: float, z: float) -> Dense:
-    """Wrench of a unit impulse at (x, y, z) from the centre along the normal e_z and the tangents e_x, e_y."""
+    """Return wrench of a unit impulse at (x, y, z) from the centre along the normal e_z and the tangents e_x, e_y."""
     arm = np.array([x, y, z])
     axes = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     return np.vstack([axes.T, np.cross(arm, axes).T])
 
 
 def _planted(name: str, bodies: int, nc: int) -> Instance:
-    """Bodies with full 6×6 inertia blocks, contacts between random pairs, all states; v is planted too."""
+    """Plant bodies with full 6×6 inertia blocks and contacts between random pairs in all states; v is planted too."""
     rng = generator(100 + bodies)
     n = 6 * bodies
     blocks = [_inertia(rng) for _ in range(bodies)]

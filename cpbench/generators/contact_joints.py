@@ -29,7 +29,8 @@ def build_local() -> list[Instance]:
 
 
 def rod() -> Instance:
-    """A rod of 1 kg and 2 m at rest, one end on a pivot, the other on the ground: each carries half of the weight.
+    """Build a rod of 1 kg and 2 m at rest, one end on a pivot, the other on the ground: each carries half of the
+    weight.
 
     Unknowns (v_x, v_y, ω) of its centre, inertia 1/4 kg m². Pivot and ground both hold it sideways: hyperstatic.
     """
@@ -43,7 +44,7 @@ def rod() -> Instance:
 
 
 def train(blocks: int, *, doubled: bool) -> Instance:
-    """Blocks of 1 kg in a row on the ground, coupled, the first pulled with 3μ of all their weight.
+    """Build blocks of 1 kg in a row on the ground, coupled, the first pulled with 3μ of all their weight.
 
     All move with v = 2μg h; coupling k pulls the blocks behind it with three times their friction. `doubled` gives
     every coupling twice, so that the forces in them are not unique (each takes half).
@@ -71,7 +72,7 @@ def train(blocks: int, *, doubled: bool) -> Instance:
 
 
 def condensed(instance: Instance) -> Instance:
-    """The local mixed form of a global problem whose masses are powers of two, so that all of it is exact."""
+    """Return the local mixed form of a global problem whose masses are powers of two, so that all of it is exact."""
     p = instance.problem
     assert isinstance(p, GlobalFrictionContact)
     assert isinstance(instance.solution, GFCPoint)
@@ -92,7 +93,7 @@ def condensed(instance: Instance) -> Instance:
 
 
 def _planted(name: str, bodies: int, nc: int, joints: int) -> Instance:
-    """Bodies with full 6×6 inertia blocks, contacts in all states, joints between neighbours that move."""
+    """Plant bodies with full 6×6 inertia blocks, contacts in all states, joints between neighbours that move."""
     rng = generator(200 + bodies)
     n = 6 * bodies
     M = np.zeros((n, n))
@@ -118,7 +119,7 @@ def _planted(name: str, bodies: int, nc: int, joints: int) -> Instance:
 
 
 def _between(rng: np.random.Generator, bodies: int, count: int, columns: int) -> Dense:
-    """Columns that act on a body and, the other way, on its neighbour."""
+    """Return columns that act on a body and, the other way, on its neighbour."""
     result = np.zeros((6 * bodies, columns * count))
     for c in range(count):
         for body, sign in ((c % bodies, 1.0), ((c + 1) % bodies, -1.0)):

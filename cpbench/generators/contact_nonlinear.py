@@ -36,7 +36,7 @@ CITATION = "planted by cpbench; the schemes are those of Moreau 1988 and Acary a
 
 @collection("contact-nonlinear", "nfc", SUMMARY, CITATION)
 def build() -> list[Instance]:
-    """One body to twenty."""
+    """Build chains of one to twenty bodies."""
     return [
         *(balls(n) for n in (1, 4, 16)),
         *(spinning(n) for n in (2, 8, 20)),
@@ -46,12 +46,12 @@ def build() -> list[Instance]:
 
 @collection("contact-nonlinear-large", "nfc", SUMMARY, CITATION, builtin=False)
 def build_large() -> list[Instance]:
-    """A hundred bodies and long chains."""
+    """Build a hundred bodies and long chains."""
     return [balls(100), spinning(100), pendulum(30)]
 
 
 def balls(n: int) -> Instance:
-    """n balls: each on the floor, and every other one against the next."""
+    """Build n balls: each on the floor, and every other one against the next."""
     rng = generator(81)
     pairs = [(b, -1) for b in range(n)] + [(b, b + 1) for b in range(0, n - 1, 2)]
     H = np.zeros((3 * n, 3 * len(pairs)))
@@ -74,7 +74,7 @@ def balls(n: int) -> Instance:
 
 
 def spinning(n: int) -> Instance:
-    """n rigid bodies of six freedoms in a ring, joined by n + n/2 contacts with arms."""
+    """Build n rigid bodies of six freedoms in a ring, joined by n + n/2 contacts with arms."""
     rng = generator(82)
     pairs = [(b, (b + 1) % n) for b in range(n)] + [(b, (b + n // 2) % n) for b in range(n // 2)]
     H = np.zeros((6 * n, 3 * len(pairs)))
@@ -101,7 +101,7 @@ def spinning(n: int) -> Instance:
 
 
 def pendulum(n: int) -> Instance:
-    """A chain of n links of length 1/2; every other mass from the end touches a wall on its right."""
+    """Build a chain of n links of length 1/2; every other mass from the end touches a wall on its right."""
     rng = generator(83)
     length, mass = 0.5, 2.0 ** rng.integers(-1, 2, n)
     q, before = dyadic(rng, n, -1, 1, 16), dyadic(rng, n, -4, 4, 4)
@@ -147,7 +147,7 @@ def _planted(
     properties: dict[str, Any],
     start: Vector | None = None,
 ) -> Instance:
-    """F(v) = N(v) − f with the loads and velocities of which `answer` and a drawn contact state are a solution."""
+    """Build F(v) = N(v) − f with loads and velocities that `answer` and a drawn contact state solve."""
     nc = H.shape[1] // d
     states = [STATES[int(rng.integers(3))] for _ in range(nc)]
     r, u = contact_states(rng, states, MU, d)

@@ -28,7 +28,9 @@ STATES = ("stick", "slide", "open", "graze")
     "contact-planted-3d", "fc", "three-dimensional contacts with planted reactions, Delassus form", "planted by cpbench"
 )
 def build_3d() -> list[Instance]:
-    """Full rank, hyperstatic, nonsymmetric, light beside heavy, frictionless, fast sliding, one contact each way."""
+    """Build contacts: full rank, hyperstatic, nonsymmetric, light beside heavy, frictionless, fast, one contact each
+    way.
+    """
     rng = generator(3)
     return [
         *(_one(state) for state in ("stick", "slide", "open")),
@@ -47,7 +49,7 @@ def build_3d() -> list[Instance]:
     "contact-planted-2d", "fc", "two-dimensional contacts with planted reactions, Delassus form", "planted by cpbench"
 )
 def build_2d() -> list[Instance]:
-    """Full rank, hyperstatic, with all four states of a contact."""
+    """Build contacts in the plane: full rank, hyperstatic, with all four states of a contact."""
     rng = generator(2)
     return [
         _scene("full-rank-2d-5", rng, nc=5, bodies=4, states=STATES[:3], dimension=2),
@@ -64,7 +66,7 @@ def build_2d() -> list[Instance]:
     builtin=False,
 )
 def build_large() -> list[Instance]:
-    """What tells solvers apart that need all of the matrix from those that take one contact at a time."""
+    """Build large problems, on which solvers of the whole matrix differ from those of one contact at a time."""
     rng = generator(4)
     return [
         _scene("full-rank-100", rng, nc=100, bodies=75, states=STATES[:3]),
@@ -75,7 +77,7 @@ def build_large() -> list[Instance]:
 
 
 def contact_states(rng: np.random.Generator, states: Sequence[str], mu: float, dimension: int) -> tuple[Dense, Dense]:
-    """r and u of contacts in the given states, shape (nc, d) each; complementary by construction."""
+    """Return r and u of contacts in the given states, shape (nc, d) each; complementary by construction."""
     nc, d = len(states), dimension
     r, u = np.zeros((nc, d)), np.zeros((nc, d))
     for c, state in enumerate(states):
@@ -94,7 +96,9 @@ def contact_states(rng: np.random.Generator, states: Sequence[str], mu: float, d
 
 
 def delassus(rng: np.random.Generator, nc: int, bodies: int, dimension: int, masses: int) -> Matrix:
-    """HᵀM⁻¹H in CSR: each contact joins two bodies of 6 (3 in the plane) freedoms, masses 2^-masses … 2^masses."""
+    """Return HᵀM⁻¹H in CSR: each contact joins two bodies of 6 (3 in the plane) freedoms, masses 2^-masses …
+    2^masses.
+    """
     freedoms = 6 if dimension == 3 else 3
     H = sp.lil_array((freedoms * bodies, dimension * nc))
     for c in range(nc):
@@ -134,7 +138,7 @@ def _scene(
 
 
 def planted(name: str, W: Matrix, r: Dense, u: Dense, mu: float, properties: dict[str, object]) -> Instance:
-    """The local problem with friction `mu` everywhere that r and u solve."""
+    """Plant r and u in the local problem with friction `mu` everywhere."""
     nc, d = r.shape
     flat: Vector = r.ravel()
     problem = FrictionContact(W=W, q=u.ravel() - W @ flat, mu=np.full(nc, mu), dimension=d, name=name)
@@ -142,14 +146,16 @@ def planted(name: str, W: Matrix, r: Dense, u: Dense, mu: float, properties: dic
 
 
 def _one(state: str) -> Instance:
-    """One contact with a full 3×3 block."""
+    """Build one contact with a full 3×3 block."""
     W = np.array([[2.0, 0.5, -0.25], [0.5, 1.5, 0.25], [-0.25, 0.25, 1.0]])
     r, u = contact_states(generator(1), [state], MU, 3)
     return planted(f"one-{state}", W, r, u, MU, {"rank": 3, "symmetric": True, "states": {state: 1}})
 
 
 def fast_sliding() -> Instance:
-    """One contact dragged at 5000 in the direction (3, 4)/5: a facet's direction error is small beside the speed."""
+    """Build one contact dragged at 5000 in the direction (3, 4)/5: a facet's direction error is small beside the
+    speed.
+    """
     r = np.array([[8.0, -3.0, -4.0]])
     u = np.array([[0.0, 3000.0, 4000.0]])
     return planted("one-fast", np.eye(3), r, u, MU, {"rank": 3, "symmetric": True, "states": {"slide": 1}})

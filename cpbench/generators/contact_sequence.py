@@ -70,7 +70,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Step:
+class SequenceStep:
     """One step: the problem in global form with a solution, and the spheres after it."""
 
     index: int
@@ -85,7 +85,7 @@ class Step:
 
 @collection("contact-sequence", "fc", SUMMARY + ", Delassus form", CITATION, builtin=False)
 def build_local() -> list[Instance]:
-    """u = Wr + q with W = HᵀM⁻¹H and q = HᵀM⁻¹f + w."""
+    """Build the steps as u = Wr + q with W = HᵀM⁻¹H and q = HᵀM⁻¹f + w."""
     found: list[Instance] = []
     for step in scene():
         inverse = sp.diags_array(1.0 / step.body.M)
@@ -98,7 +98,7 @@ def build_local() -> list[Instance]:
 
 @collection("contact-sequence-global", "gfc", SUMMARY, CITATION, builtin=False)
 def build_global() -> list[Instance]:
-    """Mv = Hr + f, u = Hᵀv + w."""
+    """Build the steps as Mv = Hr + f, u = Hᵀv + w."""
     found: list[Instance] = []
     for step in scene():
         problem = GlobalFrictionContact(
@@ -114,18 +114,18 @@ def build_global() -> list[Instance]:
     return found
 
 
-def _friction(step: Step) -> Vector:
+def _friction(step: SequenceStep) -> Vector:
     return np.full(len(step.contacts.id), MU)
 
 
-def _place(step: Step, earlier: list[Instance], name: str) -> dict[str, Any]:
+def _place(step: SequenceStep, earlier: list[Instance], name: str) -> dict[str, Any]:
     previous = earlier[-1].problem.fingerprint if earlier else ""
     sequence = Sequence(name=name, step=step.index, time=(SETTLING + step.index) * DT, dt=DT, previous=previous)
     return {"name": f"step-{step.index:03d}", "sequence": sequence, "contacts": step.contacts}
 
 
-def _properties(step: Step) -> dict[str, Any]:
-    """How many contacts push, and how many of these slide."""
+def _properties(step: SequenceStep) -> dict[str, Any]:
+    """Count the contacts that push, and those of these that slide."""
     R = step.r.reshape(-1, 3)
     pushing = R[:, 0] > 0
     sliding = pushing & (np.hypot(R[:, 1], R[:, 2]) >= MU * R[:, 0] * (1 - 1e-12))
@@ -133,13 +133,13 @@ def _properties(step: Step) -> dict[str, Any]:
 
 
 @cache
-def scene() -> tuple[Step, ...]:
-    """The kept steps, in order."""
+def scene() -> tuple[SequenceStep, ...]:
+    """Simulate the sequence and return its kept steps, in order."""
     return tuple(step for step in _run(_at_rest()) if step.index >= 0)
 
 
 def _at_rest() -> Body:
-    """18 spheres of three sizes in two layers, a little out of line."""
+    """Place 18 spheres of three sizes in two layers, a little out of line."""
     rng = generator(45)
     place = (-0.65, 0.0, 0.65)
     x = np.array([[a, b, c] for c in (-0.62, 0.05) for b in place for a in place])
@@ -150,7 +150,7 @@ def _at_rest() -> Body:
     return Body(x, np.zeros((len(x), 6)), radius, M)
 
 
-def _run(body: Body) -> Iterator[Step]:
+def _run(body: Body) -> Iterator[SequenceStep]:
     last: dict[int, float] = {}
     for index in range(-SETTLING, STEPS):
         contacts, gap = _contacts(body, SPIN * DT * (SETTLING + index))
@@ -167,11 +167,13 @@ def _run(body: Body) -> Iterator[Step]:
         last = dict(zip(contacts.id.tolist(), r[::3].tolist(), strict=True))
         moved = v.reshape(-1, 6)
         body = Body(body.x + DT * moved[:, :3], moved, body.radius, body.M)
-        yield Step(index, contacts, H, f, w, v, r, body)
+        yield SequenceStep(index, contacts, H, f, w, v, r, body)
 
 
 def _contacts(body: Body, angle: float) -> tuple[Contacts, Vector]:
-    """Pairs whose gap is below MARGIN, and their gaps. Normals point to the first body; wall k is body n + k."""
+    """Find the pairs whose gap is below MARGIN, and their gaps. Normals point to the first body; wall k is body n +
+    k.
+    """
     n, c, s = len(body.x), math.cos(angle), math.sin(angle)
     axes = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
     walls = np.concatenate([axes, -axes])  # inward normals, 1 m from the centre
@@ -201,7 +203,7 @@ def _contacts(body: Body, angle: float) -> tuple[Contacts, Vector]:
 
 
 def _frame(normal: Vector) -> Dense:
-    """The normal, and two tangents that start from the axis it is farthest from: they jump where that changes."""
+    """Return the normal and two tangents that start from the axis it is farthest from: they jump where that changes."""
     tangent = _cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     tangent = tangent / norm(tangent)
     return np.array([normal, tangent, _cross(normal, tangent)])
@@ -212,7 +214,7 @@ def _cross(a: Vector, b: Vector) -> Vector:
 
 
 def _kinematics(body: Body, contacts: Contacts) -> tuple[sp.csr_array, Vector]:
-    """H, and w of the walls alone: their velocity SPIN e_y × p at the contact point p, negative."""
+    """Return H, and w of the walls alone: their velocity SPIN e_y × p at the contact point p, negative."""
     n, nc = len(body.x), len(contacts.id)
     H, w = np.zeros((6 * n, 3 * nc)), np.zeros((nc, 3))
     for c, ((first, second), p, F) in enumerate(
@@ -227,7 +229,7 @@ def _kinematics(body: Body, contacts: Contacts) -> tuple[sp.csr_array, Vector]:
 
 
 def _solve(H: sp.csr_array, w: Vector, f: Vector, M: Vector, guess: Dense, tolerance: float) -> tuple[Vector, Vector]:
-    """r and u of a step, complementary to rounding; u is Hᵀv⁺ + w up to what GRID and the tolerance leave.
+    """Solve for r and u of a step, complementary to rounding; u is Hᵀv⁺ + w up to what GRID and the tolerance leave.
 
     r ← P_K(r − ρû(r)) with ρ ≤ 1/λ_max(W), De Saxcé and Feng's fixed point, with Nesterov's momentum, dropped where it
     points back.

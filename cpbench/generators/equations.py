@@ -20,7 +20,7 @@ from cpbench.generators.symbols import Symbol, total
     "Moré, Garbow, Hillstrom 1981, ACM Trans. Math. Softw. 7:17",
 )
 def build() -> list[Instance]:
-    """Rosenbrock, Freudenstein and Roth, Powell's singular function, Brown's almost linear one."""
+    """Build Rosenbrock's, Freudenstein and Roth's, Powell's singular and Brown's almost linear function."""
     return [
         _known("rosenbrock", lambda x: [10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]], (-1.2, 1), (1, 1), "regular"),
         freudenstein_roth(),
@@ -43,7 +43,9 @@ def _known(
 
 
 def freudenstein_roth() -> Instance:
-    """Root (5, 4); Newton's method with descent comes to a minimum of ‖F‖ near (11.4, −0.9), which is none."""
+    """Build the system of root (5, 4); Newton's method with descent ends at a minimum of ‖F‖ near (11.4, −0.9), no
+    root.
+    """
 
     def F(x: list[Symbol]) -> list[Symbol]:
         a, b = x
@@ -53,7 +55,7 @@ def freudenstein_roth() -> Instance:
 
 
 def powell_singular() -> Instance:
-    """Root 0, where the Jacobian has rank 2: Newton's method converges linearly."""
+    """Build the system of root 0, where the Jacobian has rank 2: Newton's method converges linearly."""
 
     def F(x: list[Symbol]) -> list[Symbol]:
         a, b, c, d = x
@@ -63,7 +65,7 @@ def powell_singular() -> Instance:
 
 
 def brown(n: int) -> Instance:
-    """n − 1 equations xᵢ + Σx = n + 1 and Πx = 1; one root is (1, …, 1)."""
+    """Build n − 1 equations xᵢ + Σx = n + 1 and Πx = 1; one root is (1, …, 1)."""
 
     def F(x: list[Symbol]) -> list[Symbol]:
         everything = total(x)

@@ -45,7 +45,7 @@ class _Monotone:
         self.d = dyadic(self.rng, n, 1, 8)
 
     def map(self, z: Vector, value: Vector) -> Map:
-        """F with F(z) = value, to the last digits of arctan."""
+        """Return F with F(z) = value, to the last digits of arctan."""
         q = value - self.M @ z - self.d * arctan(z)
         x = unknowns(self.n)
         linear = product(self.M, x)
@@ -54,24 +54,24 @@ class _Monotone:
 
 
 def complementarity(n: int) -> Instance:
-    """0 ≤ z ⟂ F(z) ≥ 0; a tenth of the components is degenerate, zᵢ = Fᵢ = 0."""
-    made = _Monotone(n, n)
-    size = dyadic(made.rng, n, 1, 8)
-    kind = made.rng.integers(0, 10, n)
+    """Build 0 ≤ z ⟂ F(z) ≥ 0; a tenth of the components is degenerate, zᵢ = Fᵢ = 0."""
+    drawn = _Monotone(n, n)
+    size = dyadic(drawn.rng, n, 1, 8)
+    kind = drawn.rng.integers(0, 10, n)
     z, w = np.where(kind < 5, size, 0.0), np.where(kind > 5, size, 0.0)
-    problem = NCP(F=made.map(z, w), name=f"harker-pang-{n}")
-    said = {"class": "strongly monotone", "degenerate": int((kind == 5).sum())}
-    return Instance(problem, NCPPoint(z=z), "planted to rounding", properties=said)
+    problem = NCP(F=drawn.map(z, w), name=f"harker-pang-{n}")
+    facts = {"class": "strongly monotone", "degenerate": int((kind == 5).sum())}
+    return Instance(problem, NCPPoint(z=z), "planted to rounding", properties=facts)
 
 
 def simplex(n: int) -> Instance:
-    """Over {z ≥ 0, Σz = d}, from the barycentre: F(z) = w + μ, 0 ≤ z ⟂ w ≥ 0."""
-    made = _Monotone(n, 1000 + n)
-    size = dyadic(made.rng, n, 1, 4)
-    used = made.rng.integers(0, 3, n) > 0
+    """Build the VI over {z ≥ 0, Σz = d}, from the barycentre: F(z) = w + μ, 0 ≤ z ⟂ w ≥ 0."""
+    drawn = _Monotone(n, 1000 + n)
+    size = dyadic(drawn.rng, n, 1, 4)
+    used = drawn.rng.integers(0, 3, n) > 0
     z, w = np.where(used, size, 0.0), np.where(used, 0.0, size)
     problem = VI(
-        F=made.map(z, w - 2.5), lb=np.zeros(n), C=np.ones((1, n)), d=np.array([z.sum()]),
+        F=drawn.map(z, w - 2.5), lb=np.zeros(n), C=np.ones((1, n)), d=np.array([z.sum()]),
         start=np.full(n, z.sum() / n), name=f"harker-pang-simplex-{n}",
     )  # fmt: skip
     point = VIPoint(z=z, mu=np.array([-2.5]))
@@ -79,12 +79,12 @@ def simplex(n: int) -> Instance:
 
 
 def box(n: int) -> Instance:
-    """Over [−2, 3]ⁿ: a third of the components at either bound."""
-    made = _Monotone(n, 2000 + n)
-    size = dyadic(made.rng, n, 1, 2)
-    side = made.rng.integers(-1, 2, n)
+    """Build the VI over [−2, 3]ⁿ: a third of the components at either bound."""
+    drawn = _Monotone(n, 2000 + n)
+    size = dyadic(drawn.rng, n, 1, 2)
+    side = drawn.rng.integers(-1, 2, n)
     z = np.select([side < 0, side > 0], [-2.0, 3.0], size - 1.5)
     problem = VI(
-        F=made.map(z, -side * size), lb=np.full(n, -2.0), ub=np.full(n, 3.0), name=f"harker-pang-box-{n}"
+        F=drawn.map(z, -side * size), lb=np.full(n, -2.0), ub=np.full(n, 3.0), name=f"harker-pang-box-{n}"
     )  # fmt: skip
     return Instance(problem, VIPoint(z=z), "planted to rounding", properties={"class": "strongly monotone"})

@@ -75,7 +75,7 @@ def _program(number: int, *parts: Any, **others: Any) -> None:
 
 
 def _instances(rows: str) -> list[Instance]:
-    """Those whose rows are nothing but bounds, or linear, or nonlinear."""
+    """Build the instances whose rows are only bounds, linear, or nonlinear."""
     problems = {number: program.problem(f"hs{number}") for number, program in sorted(_PROGRAMS.items())}
     return [_instance(problem, POINTS[number]) for number, problem in problems.items() if _rows(problem) == rows]
 
@@ -93,12 +93,12 @@ def _instance(problem: NLP, known: Known) -> Instance:
         nu=_filled(known.nu, n),
     )  # fmt: skip
     begin = NLPPoint(z=problem.start, lam=np.zeros(problem.g.rows), mu=np.zeros(problem.h.rows), nu=np.zeros(n))
-    said = {"class": "convex" if problem.convex else "not known to be convex", "objective": known.objective}
-    return Instance(problem, point, "published", properties=said, starts=(begin,))
+    facts = {"class": "convex" if problem.convex else "not known to be convex", "objective": known.objective}
+    return Instance(problem, point, "published", properties=facts, starts=(begin,))
 
 
 def _filled(values: Sequence[float], size: int) -> Any:
-    """No multiplier given: all are 0."""
+    """Fill in multipliers of 0 where none is given."""
     return np.array(values, dtype=float) if values else np.zeros(size)
 
 

@@ -17,7 +17,7 @@ from cpbench.matrices import Dense
     "1992; Munson (MCPLIB)",
 )
 def build() -> list[Instance]:
-    """Murty, Fathi, Csizmadia, Pang's isolated solution and its perturbation, munson1, a ray of solutions."""
+    """Build Murty, Fathi, Csizmadia, Pang's isolated solution and its perturbation, munson1, a ray of solutions."""
     return [
         *(murty(n) for n in (10, 100)),
         *(fathi(n) for n in (10, 40)),
@@ -34,20 +34,20 @@ def _murty_matrix(n: int) -> Dense:
 
 
 def murty(n: int) -> Instance:
-    """M = 2 tril(E) − I, q = −e, z = e₁. A P-matrix on which Murty's own rule takes 2ⁿ pivots."""
+    """Build M = 2 tril(E) − I, q = −e, z = e₁. A P-matrix on which Murty's own rule takes 2ⁿ pivots."""
     problem = LCP(M=_murty_matrix(n), q=-np.ones(n), name=f"murty-{n}")
     return Instance(problem, LCPPoint(z=np.eye(n)[0]), "published", properties={"class": "P", "symmetric": False})
 
 
 def fathi(n: int) -> Instance:
-    """M = LLᵀ with L Murty's matrix, q = −e, z = e₁. Symmetric positive definite; 2ⁿ pivots for Lemke's rule."""
+    """Build M = LLᵀ with L Murty's matrix, q = −e, z = e₁. Symmetric positive definite; 2ⁿ pivots for Lemke's rule."""
     L = _murty_matrix(n)
     problem = LCP(M=L @ L.T, q=-np.ones(n), name=f"fathi-{n}")
     return Instance(problem, LCPPoint(z=np.eye(n)[0]), "published", properties={"class": "SPD", "symmetric": True})
 
 
 def csizmadia(n: int) -> Instance:
-    """M = 2I − tril(E), z = (1, 0, 1, 0, …), q = (e − z) − Mz. A P-matrix whose inverse grows as 2ⁿ."""
+    """Build M = 2I − tril(E), z = (1, 0, 1, 0, …), q = (e − z) − Mz. A P-matrix whose inverse grows as 2ⁿ."""
     M = 2.0 * np.eye(n) - np.tril(np.ones((n, n)))
     z = np.arange(1, n + 1) % 2.0
     problem = LCP(M=M, q=(1.0 - z) - M @ z, name=f"csizmadia-{n}")
@@ -58,24 +58,26 @@ _ISOLATED = np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]])
 
 
 def isolated() -> Instance:
-    """An isolated solution that a small perturbation of q destroys (Cottle, Pang, Stone): z = (1, 0, 0)."""
+    """Build a problem whose isolated solution a small perturbation of q destroys (Cottle, Pang, Stone): z = (1, 0,
+    0).
+    """
     problem = LCP(M=_ISOLATED, q=[0.0, -1, 1], name="pang-isolated")
     return Instance(problem, LCPPoint(z=[1.0, 0, 0]), "published", properties={"class": "indefinite"})
 
 
 def isolated_perturbed() -> Instance:
-    """The same with q₁ = −10⁻⁴: w₁ = −z₂ − z₃ − 10⁻⁴ < 0 for every z ≥ 0. There is no solution."""
+    """Build the same with q₁ = −10⁻⁴: w₁ = −z₂ − z₃ − 10⁻⁴ < 0 for every z ≥ 0. There is no solution."""
     problem = LCP(M=_ISOLATED, q=[-1e-4, -1, 1], name="pang-isolated-perturbed")
     return Instance(problem, None, "infeasible", np.array([1.0, 0, 0]), {"class": "infeasible"})
 
 
 def munson1() -> Instance:
-    """Three variables of MCPLIB: z = (1, 0, 0)."""
+    """Build three variables of MCPLIB: z = (1, 0, 0)."""
     problem = LCP(M=np.array([[1.0, 2, 3], [0, 1, -1], [1, 1, 0]]), q=[-1.0, 1, 1], name="munson1")
     return Instance(problem, LCPPoint(z=[1.0, 0, 0]), "published", properties={"class": "nonsymmetric"})
 
 
 def unbounded_ray() -> Instance:
-    """M = [[1, −1], [−1, 1]], q = (1, −1): every (t, 1 + t), t ≥ 0, is a solution; (0, 1) is the least."""
+    """Build M = [[1, −1], [−1, 1]], q = (1, −1): every (t, 1 + t), t ≥ 0, is a solution; (0, 1) is the least."""
     problem = LCP(M=np.array([[1.0, -1], [-1, 1]]), q=[1.0, -1.0], name="ray-of-solutions")
     return Instance(problem, LCPPoint(z=[0.0, 1.0]), "closed form", properties={"class": "PSD singular"})

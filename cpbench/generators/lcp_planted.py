@@ -16,7 +16,7 @@ from cpbench.matrices import Dense, Vector
     "Harker and Pang 1990, Lectures in Applied Math. 26:265 (monotone family)",
 )
 def build() -> list[Instance]:
-    """SPD, singular PSD, Harker–Pang (monotone, nonsymmetric), H₊, degenerate, badly scaled."""
+    """Build SPD, singular PSD, Harker–Pang (monotone, nonsymmetric), H₊, degenerate and badly scaled matrices."""
     return [
         *(_instance(f"spd-{n}", _spd(n), n, {"class": "SPD", "symmetric": True}) for n in (20, 100, 200)),
         *(_instance(f"psd-{n}", _psd(n), n, {"class": "PSD singular", "symmetric": True}) for n in (20, 100)),
@@ -28,26 +28,28 @@ def build() -> list[Instance]:
 
 
 def _spd(n: int) -> Dense:
-    """AAᵀ + I, entries multiples of 1/64."""
+    """Return AAᵀ + I, entries multiples of 1/64."""
     A = dyadic(generator(n), (n, n), -1, 1)
     return A @ A.T + np.eye(n)
 
 
 def _psd(n: int) -> Dense:
-    """AAᵀ with A of n/2 columns: rank n/2."""
+    """Return AAᵀ with A of n/2 columns: rank n/2."""
     A = dyadic(generator(n + 1), (n, n // 2), -1, 1)
     return A @ A.T
 
 
 def _harker_pang(n: int) -> Dense:
-    """AAᵀ + B + D, B skew, D diagonal with entries in [0, 3/8]."""
+    """Return AAᵀ + B + D, B skew, D diagonal with entries in [0, 3/8]."""
     rng = generator(n + 2)
     A, B, D = dyadic(rng, (n, n), -5, 5), dyadic(rng, (n, n), -5, 5), dyadic(rng, n, 0, 3) / 8
     return A @ A.T + np.triu(B, 1) - np.triu(B, 1).T + np.diag(D)
 
 
 def _h_plus(n: int) -> Dense:
-    """Rows strictly diagonally dominant, positive diagonal, columns scaled by powers of two: a P-matrix, not PSD."""
+    """Draw strictly diagonally dominant rows, positive diagonal, columns scaled by powers of two: a P-matrix, not
+    PSD.
+    """
     rng = generator(n + 3)
     M = dyadic(rng, (n, n), -1, 1)
     np.fill_diagonal(M, 0.0)
@@ -56,7 +58,7 @@ def _h_plus(n: int) -> Dense:
 
 
 def _solution(n: int, *, degenerate: bool) -> tuple[Vector, Vector]:
-    """z, w ≥ 0 with zᵀw = 0; every fifth pair both zero when degenerate."""
+    """Draw z, w ≥ 0 with zᵀw = 0; every fifth pair both zero when degenerate."""
     rng = generator(n + 4)
     value = dyadic(rng, n, 0, 4) + 1.0 / 8
     active = rng.integers(0, 2, n) == 1
@@ -72,7 +74,7 @@ def _instance(name: str, M: Dense, n: int, properties: dict[str, object], *, deg
 
 
 def _scaled(n: int) -> Instance:
-    """SPD with rows and columns scaled by powers of two from 2⁻¹⁰ to 2¹⁰."""
+    """Build an SPD matrix with rows and columns scaled by powers of two from 2⁻¹⁰ to 2¹⁰."""
     s = 2.0 ** generator(n + 5).integers(-10, 11, n)
     M = _spd(n) * s[:, None] * s[None, :]
     z, w = _solution(n, degenerate=False)

@@ -59,7 +59,7 @@ class _Square:
         return float(self.edge[i, j])
 
     def laplacian(self, i: int, j: int) -> Symbol:
-        """−h²Δu, where u is 0 around."""
+        """Return −h²Δu, where u is 0 around."""
         around = [self(*at) for at in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1))]
         return 4.0 * self(i, j) - total(u for u in around if isinstance(u, Symbol))
 
@@ -68,19 +68,19 @@ class _Square:
 
 
 def membrane(n: int, load: float = 1.0) -> Instance:
-    """−Δu = load between (sin 9.2x · sin 9.3y)³ and (sin 9.2x · sin 9.3y)² + 0.2; starts at max(0, lb)."""
+    """Build −Δu = load between (sin 9.2x · sin 9.3y)³ and (sin 9.2x · sin 9.3y)² + 0.2; starts at max(0, lb)."""
     u = _Square(n)
     at = np.arange(1, n + 1) * u.h
     wave = np.multiply.outer(sine(9.2 * at), sine(9.3 * at)).ravel()
     lb, ub = wave * wave * wave, wave * wave + 0.2
     F = u.map([u.laplacian(i, j) - load * u.h**2 for i, j in u.inside])
     problem = MiCP(F=F, lb=lb, ub=ub, start=np.maximum(lb, 0.0), name=f"membrane-{n}x{n}")
-    said = {"class": "affine, SPD M-matrix", "symmetric": True, "bounds": "both"}
-    return Instance(problem, properties=said, starts=(problem.point_from_vector(problem.start),))
+    facts = {"class": "affine, SPD M-matrix", "symmetric": True, "bounds": "both"}
+    return Instance(problem, properties=facts, starts=(problem.point_from_vector(problem.start),))
 
 
 def bratu(n: int, load: float, roof: float) -> Instance:
-    """−Δu = load · eᵘ, 0 ≤ u ≤ roof. Without the roof there is no solution for loads above 6.808.
+    """Build −Δu = load · eᵘ, 0 ≤ u ≤ roof. Without the roof there is no solution for loads above 6.808.
 
     The symmetric Jacobian −Δ − load · eᵘ loses its definiteness as u grows: not monotone on the whole box.
     """
@@ -92,7 +92,7 @@ def bratu(n: int, load: float, roof: float) -> Instance:
 
 
 def minimal_surface(n: int) -> Instance:
-    """The gradient of the area over u = 1 − (2x − 1)² on two sides, 0 on the others, u ≥ 1 on the middle quarter.
+    """Build the gradient of the area over u = 1 − (2x − 1)² on two sides, 0 on the others, u ≥ 1 on the middle quarter.
 
     Two triangles a cell: the one of a point and its right and upper neighbours has the area ½h²·√(1 + |∇u|²).
     """
@@ -123,5 +123,5 @@ def minimal_surface(n: int) -> Instance:
     lb = np.multiply.outer(middle, middle).ravel()
     start = np.maximum(np.repeat(1.0 - (2.0 * axis[1:-1] - 1.0) ** 2, n), lb)
     problem = MiCP(F=F, lb=lb, ub=np.full(n * n, np.inf), start=start, name=f"minimal-surface-{n}x{n}")
-    said = {"class": "strictly convex, symmetric", "symmetric": True, "bounds": "lower"}
-    return Instance(problem, properties=said, starts=(problem.point_from_vector(start),))
+    facts = {"class": "strictly convex, symmetric", "symmetric": True, "bounds": "lower"}
+    return Instance(problem, properties=facts, starts=(problem.point_from_vector(start),))

@@ -11,7 +11,9 @@ from cpbench.matrices import Dense
 
 @collection("mlcp-planted", "mlcp", "mixed LCPs of known structure with a planted solution", "planted by cpbench")
 def build() -> list[Instance]:
-    """Positive definite, nonsymmetric, KKT-like with singular A, degenerate, more equalities than complementarities."""
+    """Build positive definite, nonsymmetric, KKT-like (A singular), degenerate ones; more equalities than
+    complementarities.
+    """
     rng = generator(7)
     return [
         _monotone("monotone-10-10", rng, 10, 10),
@@ -44,7 +46,7 @@ def _planted(
 
 
 def _monotone(name: str, rng: np.random.Generator, n: int, m: int, *, degenerate: bool = False) -> Instance:
-    """[[A, C], [D, B]] = GGᵀ + I + a skew part."""
+    """Build [[A, C], [D, B]] = GGᵀ + I + a skew part."""
     size = n + m
     G, S = dyadic(rng, (size, size), -1, 1), dyadic(rng, (size, size), -1, 1)
     whole = G @ G.T + np.eye(size) + np.triu(S, 1) - np.triu(S, 1).T
@@ -53,7 +55,7 @@ def _monotone(name: str, rng: np.random.Generator, n: int, m: int, *, degenerate
 
 
 def _kkt(name: str, rng: np.random.Generator, n: int, k: int, m: int) -> Instance:
-    """Optimality conditions of a strictly convex QP with k equalities and m inequalities: A indefinite, B = 0."""
+    """Build optimality conditions of a strictly convex QP with k equalities and m inequalities: A indefinite, B = 0."""
     G = dyadic(rng, (n, n), -1, 1)
     E, F = dyadic(rng, (k, n), -1, 1), dyadic(rng, (m, n), -1, 1)
     A = np.block([[G @ G.T + np.eye(n), -E.T], [E, np.zeros((k, k))]])
@@ -62,7 +64,9 @@ def _kkt(name: str, rng: np.random.Generator, n: int, k: int, m: int) -> Instanc
 
 
 def _singular(name: str, rng: np.random.Generator, n: int) -> Instance:
-    """A of rank n − 2 (no Schur complement), D = −Cᵀ, B = I: monotone as stored, so that splitting keeps it so."""
+    """Build A of rank n − 2 (no Schur complement), D = −Cᵀ, B = I: monotone as stored, so that splitting keeps it
+    so.
+    """
     G = dyadic(rng, (n, n - 2), -1, 1)
     C = dyadic(rng, (n, n), -1, 1)
     return _planted(name, rng, (G @ G.T, np.eye(n), C, -C.T), {"class": "PSD", "rank_A": n - 2})

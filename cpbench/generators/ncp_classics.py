@@ -31,7 +31,7 @@ DEGENERATE = (6.0**0.5 / 2.0, 0.0, 0.0, 0.5)
     "Prog. 37:1; Billups 1995, thesis, Wisconsin; Munson (MCPLIB); Dirkse and Ferris 1995, OMS 5:319",
 )
 def build() -> list[Instance]:
-    """Kojima–Shindo, Josephy, Mathiesen's market at two data, Billups, munson1."""
+    """Build Kojima–Shindo, Josephy, Mathiesen's market at two data, Billups, munson1."""
     return [
         kojima_shindo(),
         josephy(),
@@ -43,7 +43,7 @@ def build() -> list[Instance]:
 
 
 def of(n: int, formula: Callable[[list[Symbol]], Sequence[Any]]) -> Map:
-    """The map z ↦ formula(z) of n unknowns."""
+    """Return the map z ↦ formula(z) of n unknowns."""
     z = unknowns(n)
     return mapped(z, formula(z))
 
@@ -66,18 +66,18 @@ def kojima_shindo_map() -> Map:
 
 
 def kojima_shindo() -> Instance:
-    """Four quadratics, not monotone, with two solutions, one of them degenerate."""
+    """Build four quadratics, not monotone, with two solutions, one of them degenerate."""
     problem = NCP(F=kojima_shindo_map(), start=MCPLIB_STARTS[0], name="kojima-shindo")
-    said = {
+    facts = {
         "class": "two solutions",
         "degenerate": True,
         "solutions": "(1, 0, 3, 0), regular; (√6/2, 0, 0, 1/2), degenerate: z3 = F3(z) = 0",
     }
-    return Instance(problem, NCPPoint(z=REGULAR), "published", None, said, points(*MCPLIB_STARTS))
+    return Instance(problem, NCPPoint(z=REGULAR), "published", None, facts, points(*MCPLIB_STARTS))
 
 
 def josephy() -> Instance:
-    """Kojima's four quadratics with other second and third rows: F(z) = (0, 2 + √6/2, 5, 0) at the solution."""
+    """Build Kojima's four quadratics with other second and third rows: F(z) = (0, 2 + √6/2, 5, 0) at the solution."""
 
     def F(z: list[Symbol]) -> list[Symbol]:
         a, b, c, d = z
@@ -89,12 +89,13 @@ def josephy() -> Instance:
         ]
 
     problem = NCP(F=of(4, F), start=MCPLIB_STARTS[0], name="josephy")
-    said = {"class": "regular", "degenerate": False}
-    return Instance(problem, NCPPoint(z=DEGENERATE), "published", None, said, points(*MCPLIB_STARTS))
+    facts = {"class": "regular", "degenerate": False}
+    return Instance(problem, NCPPoint(z=DEGENERATE), "published", None, facts, points(*MCPLIB_STARTS))
 
 
 def mathiesen(name: str, share: float, rest: float, b: Sequence[float], solution: Sequence[float]) -> Instance:
-    """Activity y and prices p of three goods; the consumer owns b₂, b₃ and spends `share` on good 1, `rest` on good 2.
+    """Build activity y and prices p of three goods; the consumer owns b₂, b₃ and spends `share` on good 1, `rest` on
+    good 2.
 
     Homogeneous in p: with p, every t·p with t > 0 is a solution, and F′ is singular there. Not defined at p = 0.
     """
@@ -105,20 +106,22 @@ def mathiesen(name: str, share: float, rest: float, b: Sequence[float], solution
         return [p2 + p3 - p1, y - share * income / p1, b[0] - y - rest * income / p2, b[1] - y]
 
     problem = NCP(F=of(4, F), start=np.ones(4), name=name)
-    said = {"class": "homogeneous, singular", "ray": f"y = {solution[0]:g}, p = t·{tuple(solution[1:])}, t > 0"}
-    return Instance(problem, NCPPoint(z=np.array(solution)), "published", properties=said, starts=points(np.ones(4)))
+    facts = {"class": "homogeneous, singular", "ray": f"y = {solution[0]:g}, p = t·{tuple(solution[1:])}, t > 0"}
+    return Instance(problem, NCPPoint(z=np.array(solution)), "published", properties=facts, starts=points(np.ones(4)))
 
 
 def billups() -> Instance:
-    """F(z) = (z − 1)² − 1.01, from 0: Newton's directions lead to where merits are least, and that is no solution."""
+    """Build F(z) = (z − 1)² − 1.01, from 0: Newton's directions lead to where merits are least, which is no
+    solution.
+    """
     problem = NCP(F=of(1, lambda z: [(z[0] - 1.0) ** 2 - 1.01]), start=np.zeros(1), name="billups")
     solution = NCPPoint(z=[1.0 + np.sqrt(1.01)])
-    said = {"class": "made against Newton", "degenerate": False}
-    return Instance(problem, solution, "published", None, said, points((0.0,)))
+    facts = {"class": "made against Newton", "degenerate": False}
+    return Instance(problem, solution, "published", None, facts, points((0.0,)))
 
 
 def munson1() -> Instance:
-    """Three unknowns of MCPLIB, affine: z = (1, 0, 0)."""
+    """Build three unknowns of MCPLIB, affine: z = (1, 0, 0)."""
     M, q = np.array([[1.0, 2, 3], [0, 1, -1], [1, 1, 0]]), (-1.0, 1.0, 1.0)
     F = of(3, lambda z: [row + c for row, c in zip(product(M, z), q, strict=True)])
     return Instance(NCP(F=F, name="munson1"), NCPPoint(z=[1.0, 0, 0]), "published", properties={"class": "affine"})

@@ -55,13 +55,13 @@ def torsions() -> list[Instance]:
 
 
 def _laplacian(m: int, n: int, a: float = 1.0, b: float = 1.0) -> Sparse:
-    """a·(−∂²/∂x²) + b·(−∂²/∂y²) on m×n interior points, unscaled by the mesh size."""
+    """Return a·(−∂²/∂x²) + b·(−∂²/∂y²) on m×n interior points, unscaled by the mesh size."""
     one = [sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(k, k)) for k in (m, n)]
     return sp.csr_array(a * sp.kron(one[0], sp.eye_array(n)) + b * sp.kron(sp.eye_array(m), one[1]))
 
 
 def radial_obstacle(n: int) -> Instance:
-    """−Δu ≥ 0, u ≥ ψ = √(1 − r²) on (−2, 2)², boundary values of the exact u; z = u − ψ on n×n interior points.
+    """Build −Δu ≥ 0, u ≥ ψ = √(1 − r²) on (−2, 2)², boundary values of the exact u; z = u − ψ on n×n interior points.
 
     u = ψ inside RADIUS and −RADIUS² log(r/2)/√(1 − RADIUS²) outside, up to the mesh error.
     """
@@ -85,7 +85,7 @@ def radial_obstacle(n: int) -> Instance:
 
 
 def journal_bearing(m: int, n: int, eccentricity: float) -> Instance:
-    """−∇·((1 + ε cos x)³ ∇u) = −ε sin x, u ≥ 0 on (0, 2π)×(0, 20), central differences."""
+    """Build −∇·((1 + ε cos x)³ ∇u) = −ε sin x, u ≥ 0 on (0, 2π)×(0, 20), central differences."""
     hx, hy = 2.0 * np.pi / (m + 1), 20.0 / (n + 1)
     x = hx * np.arange(1, m + 1)
 
@@ -119,7 +119,7 @@ def american_put(n: int) -> Instance:
 
 
 def torsion(n: int, load: float) -> Instance:
-    """min ½∫|∇u|² − c∫u, |u| ≤ distance to the boundary of the unit square, n×n interior points."""
+    """Build min ½∫|∇u|² − c∫u, |u| ≤ distance to the boundary of the unit square, n×n interior points."""
     h = 1.0 / (n + 1)
     axis = np.minimum(np.arange(1, n + 1), np.arange(n, 0, -1)) * h
     distance = np.minimum.outer(axis, axis).ravel()

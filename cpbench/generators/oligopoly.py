@@ -53,7 +53,7 @@ def build_large() -> list[Instance]:
 def market(
     c: Sequence[float], scale: float, power: Sequence[float], gamma: float, demand: float, start: Vector, name: str
 ) -> NCP:
-    """F_i(q) = c_i + (scale q_i)^power_i − p(Q) + q_i p(Q)/(γQ), p(Q) = (demand/Q)^(1/γ), Q = Σ q_i.
+    """Build F_i(q) = c_i + (scale q_i)^power_i − p(Q) + q_i p(Q)/(γQ), p(Q) = (demand/Q)^(1/γ), Q = Σ q_i.
 
     Not defined at q = 0. With power_i < 1 the cost has an infinite slope at q_i = 0.
     """
@@ -66,25 +66,25 @@ def market(
 
 
 def five() -> Instance:
-    """The five firms of Murphy, Sherali and Soyster: marginal costs c + (q/5)^(1/β), p = (5000/Q)^(1/1.1)."""
+    """Build the five firms of Murphy, Sherali and Soyster: marginal costs c + (q/5)^(1/β), p = (5000/Q)^(1/1.1)."""
     beta = (1.2, 1.1, 1.0, 0.9, 0.8)
     problem = market((10.0, 8, 6, 4, 2), 0.2, [1.0 / b for b in beta], 1.1, 5000.0, np.full(5, 10.0), "nash-cournot-5")
-    said = {"class": "P0 near the solution", "degenerate": False}
-    return Instance(problem, NCPPoint(z=FIVE), "published", None, said, points(problem.start))
+    facts = {"class": "P0 near the solution", "degenerate": False}
+    return Instance(problem, NCPPoint(z=FIVE), "published", None, facts, points(problem.start))
 
 
 def ten() -> Instance:
-    """The ten firms of Harker: marginal costs c + (10q)^(1/β), p = (5000/Q)^(1/1.2)."""
+    """Build the ten firms of Harker: marginal costs c + (10q)^(1/β), p = (5000/Q)^(1/1.2)."""
     beta = (1.2, 1.0, 0.9, 0.6, 1.5, 1.0, 0.7, 1.1, 0.95, 0.75)
     c = (5.0, 3, 8, 5, 1, 3, 7, 4, 6, 3)
     start = np.array(TEN_STARTS[0])
     problem = market(c, 10.0, [1.0 / b for b in beta], 1.2, 5000.0, start, "nash-cournot-10")
-    said = {"class": "P0 near the solution", "degenerate": False}
-    return Instance(problem, NCPPoint(z=TEN), "published", None, said, points(*TEN_STARTS))
+    facts = {"class": "P0 near the solution", "degenerate": False}
+    return Instance(problem, NCPPoint(z=TEN), "published", None, facts, points(*TEN_STARTS))
 
 
 def firms(n: int) -> Instance:
-    """n firms, every fifth of which stays out of the market: quantities first, then the c that make them best."""
+    """Build n firms, every fifth of which stays out of the market: quantities first, then the c that make them best."""
     rng = generator(n)
     gamma, scale = 4.0 / 3.0, 0.25
     q = np.where(np.arange(n) % 5 == 4, 0.0, rng.integers(4, 33, n) / 4.0)
@@ -97,5 +97,5 @@ def firms(n: int) -> Instance:
     cost = np.select([power == 1.0, power == 1.5], [s, s * np.sqrt(s)], s * s)
     c = price - q * price / (gamma * Q) - cost + np.where(q > 0, 0.0, rng.integers(1, 9, n) / 4.0)
     problem = market(c.tolist(), scale, power.tolist(), gamma, demand, np.full(n, 4.0), f"nash-cournot-{n}")
-    said = {"class": "convex costs", "out_of_the_market": int((q == 0).sum())}
-    return Instance(problem, NCPPoint(z=q), "planted to rounding", properties=said)
+    facts = {"class": "convex costs", "out_of_the_market": int((q == 0).sum())}
+    return Instance(problem, NCPPoint(z=q), "planted to rounding", properties=facts)

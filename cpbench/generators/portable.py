@@ -8,7 +8,7 @@ from cpbench.matrices import Vector
 
 
 def arctan(z: Vector) -> Vector:
-    """To some units in the last place: four halvings of the angle, then the series up to t¹⁷."""
+    """Compute arctan to some units in the last place: four halvings of the angle, then the series up to t¹⁷."""
     t = z
     for _ in range(4):
         t = t / (1.0 + np.sqrt(1.0 + t * t))
@@ -19,7 +19,7 @@ def arctan(z: Vector) -> Vector:
 
 
 def sine(x: Vector) -> Vector:
-    """To some units of 10⁻¹⁶ for arguments of a few turns: whole halves of a turn off, then the series up to r²³."""
+    """Compute sin to some units of 10⁻¹⁶ for a few turns: whole halves of a turn off, then the series up to r²³."""
     half_turns = np.round(x / np.pi)
     r = x - half_turns * np.pi
     series = np.ones_like(r)

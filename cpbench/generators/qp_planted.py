@@ -11,7 +11,7 @@ from cpbench.matrices import Dense
 
 @collection("qp-planted", "qp", "convex QPs of known structure with planted z and multipliers", "planted by cpbench")
 def build() -> list[Instance]:
-    """Strictly convex, singular, bounds only, equalities only, a linear program, degenerate."""
+    """Build strictly convex, singular and degenerate QPs, with bounds only, equalities only, and a linear program."""
     rng = generator(11)
     return [
         _planted("spd-20-15", rng, _spd(rng, 20), 15, 0, bounds=False),
@@ -37,7 +37,9 @@ def _psd(rng: np.random.Generator, n: int) -> Dense:
 def _planted(
     name: str, rng: np.random.Generator, Q: Dense, m: int, k: int, *, bounds: bool, degenerate: bool = False
 ) -> Instance:
-    """Half of the inequalities and a third of the bounds are active; degenerate: some with multiplier 0."""
+    """Plant a solution at which half of the inequalities and a third of the bounds are active; degenerate: some with
+    multiplier 0.
+    """
     n = Q.shape[0]
     A, C = dyadic(rng, (m, n), -1, 1), dyadic(rng, (k, n), -1, 1)
     z, mu = dyadic(rng, n, -2, 2), dyadic(rng, k, -2, 2)

@@ -46,7 +46,7 @@ def build_obstacles() -> list[Instance]:
 
 
 def duopoly(*, rows: bool) -> Instance:
-    """0 ≤ z ≤ 10, z₁ + z₂ ≤ 15, each chooses within what the other leaves. `rows`: the limit as g(y, z) ≥ 0.
+    """Build 0 ≤ z ≤ 10, z₁ + z₂ ≤ 15: each chooses within what the other leaves. `rows`: the limit as g(y, z) ≥ 0.
 
     Equilibria: (5, 9), which is also the one with equal multipliers, and (t, 15 − t) for 9 ≤ t ≤ 10.
     """
@@ -62,18 +62,23 @@ def duopoly(*, rows: bool) -> Instance:
     starts = [np.array(z) for z in ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))]
     none = np.zeros(2 if rows else 0)
     problem = QVI(F=of(2, F), lb=np.zeros(2), ub=np.full(2, 10.0), name="duopoly-rows" if rows else "duopoly", **limit)
-    said = {
+    facts = {
         "class": "many solutions",
         "solutions": "(5, 9); (t, 15 - t) for 9 <= t <= 10",
         "set": "g" if rows else "box",
     }
     return Instance(
-        problem, QVIPoint(z=[5.0, 9.0], nu=none), "published", None, said, tuple(QVIPoint(z=z, nu=none) for z in starts)
+        problem,
+        QVIPoint(z=[5.0, 9.0], nu=none),
+        "published",
+        None,
+        facts,
+        tuple(QVIPoint(z=z, nu=none) for z in starts),
     )
 
 
 def friction(nc: int) -> Instance:
-    """X(r) = Π ℝ₊ × disk(μ r_N), F = Wr + q: contacts that stick, slide or are open, by turns; μ = ⅝."""
+    """Build X(r) = Π ℝ₊ × disk(μ r_N), F = Wr + q: contacts that stick, slide or are open, by turns; μ = ⅝."""
     rng = generator(nc)
     n = 3 * nc
     r, u = contact_states(rng, [STATES[(k + 1) % 3] for k in range(nc)], 0.625, 3)
@@ -90,7 +95,7 @@ def friction(nc: int) -> Instance:
 
 
 def yielding_obstacle(n: int) -> Instance:
-    """−Δu + u³ = f above lower_i(u) = a_i − (u_{i−1} + u_{i+1})/8, u = 0 at both ends; every third point is held.
+    """Build −Δu + u³ = f above lower_i(u) = a_i − (u_{i−1} + u_{i+1})/8, u = 0 at both ends; every third point is held.
 
     The membrane pushes its neighbourhood down. Heights and forces are planted.
     """

@@ -31,21 +31,23 @@ def build() -> list[Instance]:
 
 
 def sliding_scalars() -> Instance:
-    """ẋ = −Sgn(x), several at once: |x₀| ≤ h ends at 0 with z = −x₀/h, any other moves by h towards it."""
+    """Build ẋ = −Sgn(x), several at once: |x₀| ≤ h ends at 0 with z = −x₀/h, any other moves by h towards it."""
     x0 = STEP * np.array([0.0, 0.25, -0.75, 1.0, 3.0, -2.0, 0.5, -8.0])
     problem = Relay(M=STEP * np.eye(8), q=x0, lb=-np.ones(8), ub=np.ones(8), name="sliding-scalars")
     return Instance(problem, LCPPoint(z=np.clip(-x0 / STEP, -1.0, 1.0)), "closed form", properties={"class": "SPD"})
 
 
 def filippov_spiral() -> Instance:
-    """ẋ₁ = −s₁ + 2s₂, ẋ₂ = −2s₁ − s₂ spirals into 0 in finite time; the step that gets there, z = (1/4, −1/2)."""
+    """Build ẋ₁ = −s₁ + 2s₂, ẋ₂ = −2s₁ − s₂, a spiral into 0 in finite time; the step that gets there, z = (1/4,
+    −1/2).
+    """
     M, z = STEP * np.array([[1.0, -2.0], [2.0, 1.0]]), np.array([0.25, -0.5])
     problem = Relay(M=M, q=-M @ z, lb=-np.ones(2), ub=np.ones(2), name="filippov-spiral")
     return Instance(problem, LCPPoint(z=z), "closed form", properties={"class": "PD nonsymmetric"})
 
 
 def _around(name: str, M: Matrix, rng: np.random.Generator, properties: dict[str, Any]) -> Instance:
-    """z at a bound, between, or at a bound without force (one in five)."""
+    """Build z at a bound, between, or at a bound without force (one in five)."""
     n = M.shape[0]
     state = rng.integers(0, 5, n)
     z: Vector = dyadic(rng, n, -2, 2)
@@ -63,6 +65,6 @@ def _planted(name: str, rng: np.random.Generator, n: int) -> Instance:
 
 
 def _sparse(name: str, rng: np.random.Generator, n: int) -> Instance:
-    """Tridiagonal: a chain of masses with dry friction, coupled by springs."""
+    """Build a tridiagonal system: a chain of masses with dry friction, coupled by springs."""
     M = sp.diags_array([np.full(n - 1, -1.0), np.full(n, 2.5), np.full(n - 1, -1.0)], offsets=[-1, 0, 1])
     return _around(name, sp.csr_array(M), rng, {"class": "SPD"})

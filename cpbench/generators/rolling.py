@@ -36,7 +36,7 @@ def build_global() -> list[Instance]:
 
 
 def disc(what: str, push: float) -> Instance:
-    """A hoop (J = 1) pressed with 8 and pushed, μ = 1/2, μ_r = 1/4: it rests up to P = 2, then rolls."""
+    """Build a hoop (J = 1) pressed with 8 and pushed, μ = 1/2, μ_r = 1/4: it rests up to P = 2, then rolls."""
     pressed, mu, mu_r = 8.0, 0.5, 0.25
     speed = max(push - mu_r * pressed, 0.0) / 2.0
     r = np.array([pressed, speed - push, min(push, mu_r * pressed)])
@@ -52,7 +52,7 @@ def disc(what: str, push: float) -> Instance:
 
 
 def coupled_discs() -> Instance:
-    """Two such hoops with their centres coupled, the first pushed with 10: they roll as one pushed with 5 would.
+    """Build two such hoops with their centres coupled, the first pushed with 10: they roll as one pushed with 5 would.
 
     The coupling hands half of the push on: λ = 5.
     """
@@ -76,7 +76,7 @@ def coupled_discs() -> Instance:
 
 
 def _ball() -> tuple[Dense, Dense]:
-    """M and H of a ball: unknowns (x, y, z, ω₁, ω₂, ω₃), normal z; u_T = (x − ω₂, y + ω₁), rolling (ω₁, ω₂)."""
+    """Return M and H of a ball: unknowns (x, y, z, ω₁, ω₂, ω₃), normal z; u_T = (x − ω₂, y + ω₁), rolling (ω₁, ω₂)."""
     H = np.zeros((6, 5))
     H[2, 0] = H[0, 1] = H[1, 2] = H[3, 3] = H[4, 4] = 1.0
     H[4, 1], H[3, 2] = -1.0, 1.0
@@ -84,7 +84,7 @@ def _ball() -> tuple[Dense, Dense]:
 
 
 def ball_global() -> Instance:
-    """A ball pressed with 8 and pushed with 12.5 along (3, 4)/5, μ = 1, μ_r = 5/8: v = (12.5 − 5)/(3/2) = 5."""
+    """Build a ball pressed with 8 and pushed with 12.5 along (3, 4)/5, μ = 1, μ_r = 5/8: v = (12.5 − 5)/(3/2) = 5."""
     M, H = _ball()
     v = np.array([3.0, 4.0, 0.0, -4.0, 3.0, 0.0])
     r = np.array([8.0, -4.5, -6.0, 4.0, -3.0])
@@ -95,7 +95,7 @@ def ball_global() -> Instance:
 
 
 def ball_rolls() -> Instance:
-    """The same in local form."""
+    """Build the same in local form."""
     whole = ball_global()
     assert isinstance(whole.problem, GlobalRollingFrictionContact)
     assert isinstance(whole.solution, GFCPoint)
@@ -108,7 +108,7 @@ def ball_rolls() -> Instance:
 
 
 def _planted(name: str, nc: int) -> Instance:
-    """Contacts that stick, slide, roll, do both or are open, μ = 5/8, μ_r = 5/16, W of full rank."""
+    """Plant contacts that stick, slide, roll, do both or are open, μ = 5/8, μ_r = 5/16, W of full rank."""
     rng = generator(31)
     states = [("stick", "slide", "roll", "both", "open")[c % 5] for c in range(nc)]
     r, u = np.zeros((nc, 5)), np.zeros((nc, 5))

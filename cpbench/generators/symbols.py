@@ -16,19 +16,19 @@ from cpbench.matrices import Matrix
 
 
 def unknowns(n: int) -> list[Symbol]:
-    """z₁, …, z_n of a map to be."""
+    """Create z₁, …, z_n, the unknowns of a map."""
     build = Builder(n)
     return [Symbol(build, k) for k in range(n)]
 
 
 def mapped(z: Sequence[Symbol], outputs: Sequence[Any]) -> Map:
-    """The map from z, all that `unknowns` gave, to `outputs`, some of which may be numbers."""
+    """Build the map from z, all that `unknowns` gave, to `outputs`, some of which may be numbers."""
     build = z[0].build
     return build.finish([o.number if isinstance(o, Symbol) else build.constant(o) for o in outputs])
 
 
 def total(terms: Iterable[Any]) -> Any:
-    """The sum, from the first to the last; 0.0 of nothing."""
+    """Sum from the first to the last; 0.0 of nothing."""
     result: Any = None
     for term in terms:
         result = term if result is None else result + term
@@ -36,7 +36,7 @@ def total(terms: Iterable[Any]) -> Any:
 
 
 def product(M: Matrix, z: Sequence[Symbol]) -> list[Any]:
-    """Mz, a row the sum of what is stored in it."""
+    """Multiply Mz, a row the sum of what is stored in it."""
     S = matrices.sparse(M)
     columns, data, ends = S.indices.tolist(), S.data.tolist(), S.indptr.tolist()
     return [total(_times(data[k], z[columns[k]]) for k in range(a, b)) for a, b in itertools.pairwise(ends)]

@@ -48,7 +48,7 @@ def build_large() -> list[Instance]:
 
 
 def braess(*, bridge: bool) -> Instance:
-    """Six travellers; costs of the links 10x, x + 50, x + 50, 10x, and x + 10 for the bridge.
+    """Build six travellers; costs of the links 10x, x + 50, x + 50, 10x, and x + 10 for the bridge.
 
     z = flows on the outer paths, on the one over the bridge, and the least cost: 0 ≤ h_p ⟂ C_p(h) − u ≥ 0,
     0 ≤ u ⟂ Σh − 6 ≥ 0. Without the bridge (3, 3) at 83 each; with it (2, 2, 2) at 92: all are worse off.
@@ -79,7 +79,7 @@ class _Grid:
         self.time = self.rng.integers(1, 5, len(self.arcs)).astype(float)
 
     def distances(self, destination: int) -> Vector:
-        """Least times to the destination, exact: they are whole numbers."""
+        """Return the least times to the destination, exact: they are whole numbers."""
         far = np.full(self.nodes, np.inf)
         far[destination] = 0.0
         for _ in range(self.nodes):
@@ -88,7 +88,7 @@ class _Grid:
         return far
 
     def routed(self, destination: int, demand: Vector, far: Vector) -> Vector:
-        """Flows on arcs that bring `demand` (nodes,) there on shortest ways; two equal ones are used alike."""
+        """Return flows on arcs that bring `demand` (nodes,) there on shortest ways; two equal ones are used alike."""
         flow, waiting = np.zeros(len(self.arcs)), demand.copy()
         for node in np.argsort(-far, kind="stable").tolist():
             if node == destination:
@@ -101,7 +101,7 @@ class _Grid:
 
 
 def grid(side: int, destinations: int) -> Instance:
-    """side × side crossings; z = for every destination d the flows on the arcs, then the costs π_i^d from i ≠ d.
+    """Build side × side crossings; z = for every destination d the flows on the arcs, then the costs π_i^d from i ≠ d.
 
     0 ≤ x_a^d ⟂ t_a(Σ_d x_a^d) − π_tail^d + π_head^d ≥ 0 for every arc, and Σ_out x − Σ_in x = demand_i^d with π free.
     The times at equilibrium and shortest ways come first, free times from them. Monotone; the flows to one destination
@@ -121,12 +121,12 @@ def grid(side: int, destinations: int) -> Instance:
     F, lb = _conditions(net, goals, demand, free, capacity)
     problem = MiCP(F=F, lb=lb, ub=np.full(lb.size, np.inf), name=f"traffic-grid-{side}x{side}-{destinations}")
     solution = [part for d, goal in enumerate(goals) for part in (flow[d], np.delete(far[d], goal))]
-    said = {"class": "monotone", "arcs": load.size, "destinations": destinations}
-    return Instance(problem, MiCPPoint(z=np.concatenate(solution)), "planted to rounding", properties=said)
+    facts = {"class": "monotone", "arcs": load.size, "destinations": destinations}
+    return Instance(problem, MiCPPoint(z=np.concatenate(solution)), "planted to rounding", properties=facts)
 
 
 def _conditions(net: _Grid, goals: list[int], demand: Dense, free: Vector, capacity: Vector) -> tuple[Map, Vector]:
-    """F and the lower bounds."""
+    """Return F and the lower bounds."""
     arcs, each = len(net.arcs), len(net.arcs) + net.nodes - 1
     z = unknowns(len(goals) * each)
     flow = [z[d * each : d * each + arcs] for d in range(len(goals))]

@@ -58,7 +58,9 @@ def build_cones() -> list[Instance]:
 
 
 def kojima_shindo_simplex() -> Instance:
-    """Over {z ≥ 0, Σz = 4}, which holds the regular solution (1, 0, 3, 0) of the complementarity problem."""
+    """Build the VI over {z ≥ 0, Σz = 4}, which holds the regular solution (1, 0, 3, 0) of the complementarity
+    problem.
+    """
     starts = tuple(VIPoint(z=np.array(z, dtype=float), mu=np.zeros(1)) for z in ((1, 1, 1, 1), (0, 0, 0, 4)))
     problem = VI(
         F=kojima_shindo_map(), lb=np.zeros(4), C=np.ones((1, 4)), d=np.array([4.0]), start=starts[0].z,
@@ -69,7 +71,7 @@ def kojima_shindo_simplex() -> Instance:
 
 
 def mathiesen_polyhedron() -> Instance:
-    """Mathiesen's market over {p ≥ 0, Σp = 1, p₁ ≤ p₂ + p₃}: the multiplier of the last is the activity, 3."""
+    """Build Mathiesen's market over {p ≥ 0, Σp = 1, p₁ ≤ p₂ + p₃}: the multiplier of the last is the activity, 3."""
 
     def F(p: list[Symbol]) -> list[Any]:
         income = 5.0 * p[1] + 3.0 * p[2]
@@ -84,7 +86,7 @@ def mathiesen_polyhedron() -> Instance:
 
 
 def fukushima() -> Instance:
-    """Over {1 − z₁² − 0.4z₂² − 0.6z₃² ≥ 0}: z = (1, 0, 0), ν = 0.9."""
+    """Build the VI over {1 − z₁² − 0.4z₂² − 0.6z₃² ≥ 0}: z = (1, 0, 0), ν = 0.9."""
 
     def F(z: list[Symbol]) -> list[Symbol]:
         a, b, c = z
@@ -102,7 +104,7 @@ def fukushima() -> Instance:
 
 
 def river_basin() -> Instance:
-    """Three polluters with two common limits: the equilibrium at which the limits have one price for all."""
+    """Build three polluters with two common limits: the equilibrium at which the limits have one price for all."""
     linear, square = (0.10, 0.12, 0.15), (0.01, 0.05, 0.01)
     emission = np.array([0.5, 0.25, 0.75])
     reach = np.array([[6.5, 5.0, 5.5], [4.583, 6.25, 3.75]])
@@ -120,7 +122,7 @@ def river_basin() -> Instance:
 
 
 def _map(z: Vector, value: Vector, rng: np.random.Generator) -> Map:
-    """F(x) = Mx + D x³ + q with F(z) = value, M = LLᵀ/8 + I + skew: strongly monotone, and exact at z."""
+    """Build F(x) = Mx + D x³ + q with F(z) = value, M = LLᵀ/8 + I + skew: strongly monotone, and exact at z."""
     n = z.size
     L, B = dyadic(rng, (n, n), -1, 1, 2), np.triu(dyadic(rng, (n, n), -1, 1, 4), 1)
     M, d = L @ L.T / 8.0 + np.eye(n) + B - B.T, dyadic(rng, n, 0, 1, 4) / 8.0
@@ -135,7 +137,7 @@ def _planted(problem: VI, solution: VIPoint, kind: str) -> Instance:
 
 
 def _sides(rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
-    """z in [−1, 2]ⁿ and the value of F there: positive at the lower bound, negative at the upper, 0 between."""
+    """Draw z in [−1, 2]ⁿ and the value of F there: positive at the lower bound, negative at the upper, 0 between."""
     side, size = rng.integers(-1, 2, n), dyadic(rng, n, 1, 2)
     return np.select([side < 0, side > 0], [-1.0, 2.0], size - 1.0), -side * size
 
@@ -148,7 +150,7 @@ def box(n: int) -> Instance:
 
 
 def polyhedron(n: int, m: int, k: int) -> Instance:
-    """n unknowns in a box, m inequalities, half of them active, and k equations."""
+    """Build n unknowns in a box, m inequalities, half of them active, and k equations."""
     rng = generator(100 + n)
     z, w = _sides(rng, n)
     A, C = dyadic(rng, (m, n), -1, 1, 2), dyadic(rng, (k, n), -1, 1, 2)
@@ -167,7 +169,7 @@ BOUNDARY = np.array([[3.0, 4, 0], [0, -3, 4], [-4, 0, 3], [2, -1, -2], [-1, 2, 2
 
 
 def balls(count: int) -> Instance:
-    """Balls in ℝ³, every third solution inside."""
+    """Build balls in ℝ³, every third solution inside."""
     rng = generator(200 + count)
     z = BOUNDARY[np.arange(count) % 5]
     inside = np.arange(count) % 3 == 2
@@ -179,7 +181,7 @@ def balls(count: int) -> Instance:
 
 
 def _on_cones(rng: np.random.Generator, count: int) -> tuple[Vector, Vector, Vector]:
-    """(x, y, μ) with K_μ ∋ x ⟂ y ∈ K*_μ in ℝ³: both on the boundary, x inside, x = 0 and y inside, by turns."""
+    """Draw (x, y, μ) with K_μ ∋ x ⟂ y ∈ K*_μ in ℝ³: both on the boundary, x inside, x = 0 and y inside, by turns."""
     T = np.array([[3.0, 4], [-4, 3], [4, -3], [-3, -4]])[np.arange(count) % 4]
     mu = np.array([0.5, 1.0, 2.0])[rng.integers(0, 3, count)]
     scale = dyadic(rng, (2, count), 1, 2)
@@ -194,7 +196,7 @@ def _on_cones(rng: np.random.Generator, count: int) -> tuple[Vector, Vector, Vec
 
 
 def cones(count: int) -> Instance:
-    """Second-order cones in ℝ³ with μ = ½, 1 or 2."""
+    """Build second-order cones in ℝ³ with μ = ½, 1 or 2."""
     rng = generator(300 + count)
     x, y, mu = _on_cones(rng, count)
     K = ProductCone.of((Cone.SECOND_ORDER, count, 3, mu))
@@ -203,7 +205,7 @@ def cones(count: int) -> Instance:
 
 
 def product_set(count: int) -> Instance:
-    """Bounded free components beside an orthant, second-order cones and a ball, with one equation through all."""
+    """Build bounded free components beside an orthant, second-order cones and a ball, with one equation through all."""
     rng = generator(400 + count)
     z, w = _sides(rng, 4)
     positive, size = np.arange(4) % 2 == 0, dyadic(rng, 4, 1, 2)
@@ -223,7 +225,7 @@ def product_set(count: int) -> Instance:
 
 
 def generalized(count: int) -> Instance:
-    """Bounded free components and second-order cones."""
+    """Build bounded free components and second-order cones."""
     rng = generator(600 + count)
     z, w = _sides(rng, 4)
     x, y, mu = _on_cones(rng, count)
@@ -238,7 +240,7 @@ def generalized(count: int) -> Instance:
 
 
 def cone_complementarity(count: int) -> Instance:
-    """Orthant, equations and second-order cones, with two rows Ax ≥ 0, one of them active."""
+    """Build orthant, equations and second-order cones, with two rows Ax ≥ 0, one of them active."""
     rng = generator(500 + count)
     positive, size = np.arange(4) % 2 == 0, dyadic(rng, 4, 1, 2)
     x, y, mu = _on_cones(rng, count)
@@ -249,5 +251,5 @@ def cone_complementarity(count: int) -> Instance:
     lam = np.array([0.75, 0.0])
     K = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.FREE, 1, 2), (Cone.SECOND_ORDER, count, 3, mu))
     problem = CP(F=_map(at, value + A.T @ lam, rng), A=A, **cone_fields(K), name=f"cone-complementarity-{count}")
-    said = {"class": "strongly monotone"}
-    return Instance(problem, CPPoint(x=at, lam=lam), "planted", properties=said)
+    facts = {"class": "strongly monotone"}
+    return Instance(problem, CPPoint(x=at, lam=lam), "planted", properties=facts)

@@ -86,7 +86,9 @@ class _Economy:
         self.e = self.x + self._trades(goods, people)
 
     def _trades(self, goods: int, people: int) -> Dense:
-        """Everybody owns some of what the next one eats most, for as much, by value, of what it eats itself."""
+        """Draw endowments: everybody owns some of what the next one eats most, for as much, by value, of what it eats
+        itself.
+        """
         trade = np.zeros((people, goods))
         best = self.shares.argmax(axis=1)
         for h in range(people):
@@ -100,7 +102,7 @@ class _Economy:
 
 
 def _demand(shares: Dense, income: list[Symbol], p: list[Symbol]) -> list[Symbol]:
-    """Of Cobb and Douglas, good by good."""
+    """Return the demand of Cobb and Douglas, good by good."""
     spent = product(shares.T, income)
     return [amount / price for amount, price in zip(spent, p, strict=True)]
 
@@ -110,17 +112,17 @@ def _excess(supply: Vector, demand: list[Symbol]) -> list[Any]:
 
 
 def cobb_douglas(goods: int, people: int) -> Instance:
-    """0 ≤ p ⟂ supply − demand(p) ≥ 0; with p*, every t p* with t > 0 is a solution, F′ is singular there."""
+    """Build 0 ≤ p ⟂ supply − demand(p) ≥ 0; with p*, every t p* with t > 0 is a solution, F′ is singular there."""
     economy = _Economy(goods, people, 100 * goods + people)
     p = unknowns(goods)
     F = mapped(p, _excess(economy.e.sum(axis=0), _demand(economy.shares, economy.income(p), p)))
     problem = NCP(F=F, start=np.ones(goods), name=f"cobb-douglas-{goods}-{people}")
-    said = {"class": "homogeneous, singular", "ray": "t·solution, t > 0"}
-    return Instance(problem, NCPPoint(z=economy.p), "planted", properties=said)
+    facts = {"class": "homogeneous, singular", "ray": "t·solution, t > 0"}
+    return Instance(problem, NCPPoint(z=economy.p), "planted", properties=facts)
 
 
 def substitution(goods: int, people: int, sigma: float) -> Instance:
-    """The variational inequality on {p ≥ 0, Σp = Σp*} with F = supply − demand(p), σ = ½ or 2.
+    """Build the variational inequality on {p ≥ 0, Σp = Σp*} with F = supply − demand(p), σ = ½ or 2.
 
     By Walras' law, pᵀF(p) = 0, the multiplier of Σp = 1 is 0, and every solution is an equilibrium.
     """
@@ -141,7 +143,7 @@ def substitution(goods: int, people: int, sigma: float) -> Instance:
 
 
 def activities(goods: int, people: int, k: int) -> Instance:
-    """0 ≤ y ⟂ −Aᵀp ≥ 0, 0 ≤ p ⟂ supply + Ay − demand(p) ≥ 0, p₁ = 1; two of three activities are in use."""
+    """Build 0 ≤ y ⟂ −Aᵀp ≥ 0, 0 ≤ p ⟂ supply + Ay − demand(p) ≥ 0, p₁ = 1; two of three activities are in use."""
     economy = _Economy(goods, people, 100 * goods + people + k)
     rng, p_star = economy.rng, economy.p
     used = np.arange(k) % 3 != 2
@@ -164,5 +166,5 @@ def activities(goods: int, people: int, k: int) -> Instance:
     lb[k] = ub[k] = 1.0
     start = np.concatenate([np.zeros(k), np.ones(goods)])
     problem = MiCP(F=mapped(z, profit + net), lb=lb, ub=ub, start=start, name=f"activities-{goods}-{people}-{k}")
-    said = {"class": "not monotone", "fixed_unknowns": 1, "activities_in_use": int(used.sum())}
-    return Instance(problem, MiCPPoint(z=np.concatenate([y_star, p_star])), "planted", properties=said)
+    facts = {"class": "not monotone", "fixed_unknowns": 1, "activities_in_use": int(used.sum())}
+    return Instance(problem, MiCPPoint(z=np.concatenate([y_star, p_star])), "planted", properties=facts)

@@ -1,4 +1,4 @@
-"""What a run answers, first of all: a sentence a formulation, one figure, and the ranking."""
+"""Answer of a run, its first section: a sentence a formulation, one figure, and the ranking."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ ROWS = 96
 
 
 def answer(run: Run) -> Iterator[str]:
-    """The sentences, the figure of the formulations with most problems, and the rankings as one table."""
-    told = [ranking for ranking in run.rankings if ranking.rows]
-    if not told:
+    """Yield the sentences, the figure of the formulations with most problems, and the rankings as one table."""
+    ranked = [ranking for ranking in run.rankings if ranking.rows]
+    if not ranked:
         return
-    most = set(sorted(told, key=lambda r: -r.problems)[:SENTENCES])
-    shown = [ranking for ranking in told if ranking in most]
+    most = set(sorted(ranked, key=lambda r: -r.problems)[:SENTENCES])
+    shown = [ranking for ranking in ranked if ranking in most]
     yield "\n".join(_sentence(ranking) for ranking in shown)
-    if len(told) > len(shown):
-        left = counted(len(told) - len(shown), "more group")
+    if len(ranked) > len(shown):
+        left = counted(len(ranked) - len(shown), "more group")
         yield f"Not shown here: {left} with fewer problems, in `report.html` and `results.csv`."
     name, guide = overview_figure.draw(run, shown)
     if name:
@@ -53,14 +53,14 @@ def _sentence(ranking: Ranking) -> str:
 
 
 def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
-    """The first of its solvers; the first line names the formulation and links to its details."""
+    """Yield the first of its solvers; the first line names the formulation and links to its details."""
     for k, row in enumerate(ranking.rows[:most]):
         name = f"[{plain(ranking.formulation)}]({file_of(run, ranking.group)})" if k == 0 else ""
         yield [name, *cells_of(row, row.solver in tunings(run))]
 
 
 def cells_of(row: RankedSolver, tuned: bool) -> Sequence[str]:
-    """Solver, route, solved, median, factor and remarks as Markdown."""
+    """Return solver, route, solved, median, factor and remarks as Markdown."""
     route = row.route + (f" and {row.others} more" if row.others else "")
     return (
         code(row.solver) + (" (tuned)" if tuned else ""),

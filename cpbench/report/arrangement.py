@@ -70,7 +70,7 @@ def arrange(figure: Figure, width: float, height: float, place: str) -> None:
 
 
 def _lines(axes: Axes) -> float:
-    """How many lines a legend has."""
+    """Count the lines of a legend."""
     return 1.0 + max((float(text.get_position()[1]) for text in axes.texts), default=0.0)
 
 
@@ -85,7 +85,7 @@ def _around(boxes: Sequence[Box]) -> Box:
 
 
 def _moved(box: Box, old: Box, new: Box) -> Box:
-    """A box at the same place within `new` as it has within `old`."""
+    """Move a box to the same place within `new` as it has within `old`."""
 
     def at(value: float, k: int) -> float:
         return new[k] + (value - old[k]) / (old[k + 2] - old[k]) * (new[k + 2] - new[k])

@@ -14,7 +14,7 @@ SUFFIX = ".csv"
 
 
 def read(path: str | Path) -> pd.DataFrame:
-    """The lines of a baseline; raises FormatError."""
+    """Read the lines of a baseline; raises FormatError."""
     try:
         content = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -28,8 +28,9 @@ def read(path: str | Path) -> pd.DataFrame:
 
 
 def table(path: str | Path, like: pd.DataFrame | None = None) -> pd.DataFrame:
-    """A baseline in the columns of a table of results, without times; `like` : what it will be compared with (see
-    `baseline.as_table`)."""
+    """Read a baseline in the columns of a table of results, without times; `like` : what it will be compared with
+    (see `baseline.as_table`).
+    """
     return baseline.as_table(read(path), like)
 
 

@@ -52,7 +52,7 @@ _TITLE, _LINE = 0.30, 0.125
 
 @contextmanager
 def drawing() -> Generator[None]:
-    """Everything of a figure is made, and written, in this style."""
+    """Make and write a figure in the style of reports (a context)."""
     import matplotlib
 
     with matplotlib.rc_context(STYLE):
@@ -60,7 +60,7 @@ def drawing() -> Generator[None]:
 
 
 def page(width: float, height: float) -> Figure:
-    """An empty figure [in] on the Agg canvas: no pyplot, no global state, no window."""
+    """Create an empty figure [in] on the Agg canvas: no pyplot, no global state, no window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -70,7 +70,7 @@ def page(width: float, height: float) -> Figure:
 
 
 def literal(value: Any, length: int = 60) -> str:
-    """Text in which no character starts a formula.
+    """Escape text so that no character starts a formula.
 
     >>> print(literal("a$b"))
     a\\$b
@@ -79,7 +79,7 @@ def literal(value: Any, length: int = 60) -> str:
 
 
 def number(value: float) -> str:
-    """Three digits; powers of ten as a formula.
+    """Format a number with three digits; powers of ten as a formula.
 
     >>> number(0.25), number(3e-9), number(0.0)
     ('0.25', '$3 \\\\times 10^{-9}$', '0')
@@ -91,7 +91,7 @@ def number(value: float) -> str:
 
 
 def require_suffix(path: Path) -> None:
-    """Raises CpbenchError unless the file is of a kind that figures are written to."""
+    """Raise CpbenchError unless the file is of a kind that figures are written to."""
     if path.suffix.lower() not in SUFFIXES:
         raise CpbenchError(f"{path}: unknown suffix '{path.suffix}'; figures are written as {', '.join(SUFFIXES)}")
 
@@ -141,7 +141,7 @@ def _caption(drawn: Drawing) -> None:
 
 
 def wrapped(text: str, fits: Callable[[str], bool]) -> list[str]:
-    """Lines that fit; a formula is never broken, a name too long for a line is.
+    """Wrap text into lines that fit; a formula is never broken, a name too long for a line is.
 
     >>> wrapped(r"where $w z < 0$ and so on", lambda line: len(line) <= 15)
     ['where $w z < 0$', 'and so on']
@@ -158,7 +158,7 @@ def wrapped(text: str, fits: Callable[[str], bool]) -> list[str]:
 
 
 def _fits(figure: Figure, width: float, size: float, weight: str = "normal") -> Callable[[str], bool]:
-    """Whether a line is at most `width` wide [in], as the figure will draw it."""
+    """Return a test whether a line is at most `width` wide [in], as the figure will draw it."""
     from matplotlib.font_manager import FontProperties
 
     renderer: Any = figure.canvas.get_renderer()  # type: ignore[attr-defined]
@@ -175,7 +175,7 @@ def _fits(figure: Figure, width: float, size: float, weight: str = "normal") -> 
 
 
 def _pieces(word: str, fits: Callable[[str], bool]) -> list[str]:
-    """A word without formulas in parts that fit."""
+    """Split a word without formulas into parts that fit."""
     pieces: list[str] = []
     while "$" not in word and not fits(word):
         size = max(1, next(k for k in range(len(word)) if not fits(word[: k + 1])))
@@ -185,7 +185,7 @@ def _pieces(word: str, fits: Callable[[str], bool]) -> list[str]:
 
 
 def joined(parts: Sequence[str], last: str = "and") -> str:
-    """`a, b and c`.
+    """Join as `a, b and c`.
 
     >>> joined(["a", "b", "c"])
     'a, b and c'

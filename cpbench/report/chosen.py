@@ -16,8 +16,8 @@ import pandas as pd
 
 from cpbench import brackets
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
-from cpbench.analysis.metrics import Measured, measured, metric
+from cpbench.analysis.metrics import MetricValues, measured, metric
+from cpbench.analysis.participation import participating
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.report.run import Run
@@ -28,7 +28,7 @@ FIELDS = {"node": "formulations", "set": "sets", "start": "starts", "measure": "
 
 @dataclass(frozen=True)
 class Choice:
-    """What was asked for; '' (0, NaN) is whatever there is. `solvers` and `families` may have * and ?."""
+    """Requested rows; '' (0, NaN) accepts any value. `solvers` and `families` may have * and ?."""
 
     node: str = ""
     solvers: tuple[str, ...] = ()
@@ -41,7 +41,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class SelectedRows:
     """Rows of the solvers shown, of `problems` problems of a formulation at one tolerance.
 
     Attributes
@@ -62,25 +62,25 @@ class Chosen:
     def kinds(self) -> dict[str, str]:
         return rows_of.label_kinds(self.rows)
 
-    def measured(self, name: str) -> tuple[Measured, str]:
-        """A metric of the ranked labels, and a sentence on who is left out, '' when nobody is."""
+    def measured(self, name: str) -> tuple[MetricValues, str]:
+        """Return a metric of the ranked labels, and a sentence on the labels left out, '' when there is none."""
         ranked = self.rows[rows_of.ranked(self.rows)]
         found = measured(ranked, metric(name, self.rows))
-        told: list[str] = []
+        reasons: list[str] = []
         if found.left_out:
-            told.append(f"no {found.metric.name} of {listed_plainly(list(found.left_out))}")
+            reasons.append(f"no {found.metric.name} of {listed_plainly(list(found.left_out))}")
         elsewhere = sorted(set(self.rows["label"]) - set(ranked["label"]))
         if elsewhere:
-            told.append(f"{listed_plainly(elsewhere)} answered elsewhere")
-        return found, f" Left out: {'; '.join(told)}." if told else ""
+            reasons.append(f"{listed_plainly(elsewhere)} answered elsewhere")
+        return found, f" Left out: {'; '.join(reasons)}." if reasons else ""
 
     def scope(self, *more: str) -> str:
-        """What, how many, tolerance: the title's end."""
+        """Return the end of a title: what, how many, tolerance."""
         of = counted(self.problems, "problem")
         return ", ".join([f"{one_line(self.node)}: {of}", f"tolerance {self.tolerance:g}", *more])
 
     def conditions(self) -> str:
-        """N, tolerance, limit, start and what counts as solved: the end of every guide."""
+        """Return the end of every guide: N, tolerance, limit, start and what counts as solved."""
         most = rows_of.limit(self.rows)
         starts = ", ".join(sorted({one_line(start) for start in self.rows["start"]} - {""}))
         judged = f"{self.tolerance:g}" + ("" if self.asked == self.tolerance else f" (asked for: {self.asked:g})")
@@ -92,8 +92,8 @@ class Chosen:
         )
 
 
-def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
-    """The rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed.
+def choose(run: Run, choice: Choice, *, every_start: bool = False) -> SelectedRows:
+    """Select the rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed.
 
     `every_start` : rows of all starts are wanted together.
     """
@@ -103,12 +103,12 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
     if choice.families:
         known = {str(family) for family in rows["family"]} - {""}
         rows = rows[rows["family"].isin(matching(known, choice.families, "family"))]
-    for field, told in FIELDS.items():
+    for field, field_name in FIELDS.items():
         if field == "start" and every_start and not choice.start:
             continue
-        rows = _one_of(rows, field, str(getattr(choice, field) or ""), told)
-    rows, asked = _at(rows, choice.tolerance)
-    rows = attended(rows)
+        rows = _one_of(rows, field, str(getattr(choice, field) or ""), field_name)
+    rows, requested = _at(rows, choice.tolerance)
+    rows = participating(rows)
     problems = int(rows["fingerprint"].nunique())
     node, tolerance = str(rows["node"].iloc[0]), float(rows["tolerance"].iloc[0])
     if choice.solvers:
@@ -116,18 +116,20 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> Chosen:
         solver_of = dict(zip(rows["label"], rows["solver"], strict=True))
         wanted = matching(names | set(solver_of.values()), choice.solvers, "solver of the results")
         rows = rows[rows["label"].isin(wanted) | rows["solver"].isin(wanted)]
-    return Chosen(rows.reset_index(drop=True), run.histories, node, tolerance, asked, problems, run.looks)
+    return SelectedRows(rows.reset_index(drop=True), run.histories, node, tolerance, requested, problems, run.looks)
 
 
-def leading(chosen: Chosen, values: pd.DataFrame, most: int) -> list[str]:
-    """The labels to draw where not all fit: those of largest area under the profile."""
+def leading(chosen: SelectedRows, values: pd.DataFrame, most: int) -> list[str]:
+    """Return the labels to draw where not all fit: those of largest area under the profile."""
     from cpbench.analysis.profiles import performance_profile
 
     return performance_profile(values, chosen.problems).leading(most)
 
 
 def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
-    """`A,B` as two labels that are there; a comma within brackets is part of one. Raises CpbenchError, UnknownName."""
+    """Split `A,B` into two labels that are there; a comma within brackets is part of one. Raises CpbenchError,
+    UnknownName.
+    """
     labels = brackets.split(text, ",")
     if len(labels) != 2 or not all(labels) or labels[0] == labels[1]:
         raise CpbenchError(f"--against {text}: takes two different labels, as --against nsgs,lemke@inner8")
@@ -138,7 +140,7 @@ def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
 
 
 def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
-    """The names that a pattern stands for; brackets are part of a label."""
+    """Return the names that a pattern stands for; brackets are part of a label."""
     found: set[str] = set()
     for pattern in patterns:
         own = {name for name in known if name == pattern or fnmatchcase(name, pattern.replace("[", "[[]"))}
@@ -148,18 +150,18 @@ def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
     return found
 
 
-def _one_of(rows: pd.DataFrame, field: str, wanted: str, told: str) -> pd.DataFrame:
-    """The rows of the wanted value of a field, or of the only one."""
+def _one_of(rows: pd.DataFrame, field: str, wanted: str, field_name: str) -> pd.DataFrame:
+    """Select the rows of the wanted value of a field, or of the only one."""
     values = rows[field].map(_spelled)
     known = sorted(set(values))
     if wanted:
         if wanted not in known:
-            raise UnknownName(told.removesuffix("s"), wanted, known)
+            raise UnknownName(field_name.removesuffix("s"), wanted, known)
         return rows[values == wanted]
     if len(known) > 1:
         sizes = rows["fingerprint"].groupby(values).nunique()
         shown = ", ".join(f"{value or '(none)'} ({counted(int(sizes[value]), 'problem')})" for value in known)
-        raise CpbenchError(f"the results have {len(known)} {told}: choose one with --{field}: {shown}")
+        raise CpbenchError(f"the results have {len(known)} {field_name}: choose one with --{field}: {shown}")
     return rows
 
 
@@ -168,7 +170,7 @@ def _spelled(value: Any) -> str:
 
 
 def _at(rows: pd.DataFrame, tolerance: float) -> tuple[pd.DataFrame, float]:
-    """The rows at a tolerance and the one that was asked for; answers to another are judged again."""
+    """Return the rows at a tolerance, and that tolerance; answers to another are judged again."""
     known = sorted(set(rows["tolerance"]))
     if math.isnan(tolerance):
         if len(known) > 1:

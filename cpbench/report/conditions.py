@@ -22,7 +22,7 @@ MANY = (
 
 
 def conditions(run: Run) -> Iterator[str]:
-    """Tolerances, limits, start and command, then the machine."""
+    """Yield tolerances, limits, start and command, then the machine."""
     yield "## Limits and machine"
     yield _settings(run)
     yield from _machine(run)
@@ -47,7 +47,7 @@ def _settings(run: Run) -> str:
 
 
 def _all_of(run: Run, column: str, form: str) -> str:
-    """The values of a limit over all rows; "none" stands for an infinite one."""
+    """Return the values of a limit over all rows; "none" stands for an infinite one."""
     values = sorted(run.rows[column].dropna().unique())
     return ", ".join(form.format(v) if math.isfinite(v) else "none" for v in values)
 
@@ -66,7 +66,7 @@ def _machine(run: Run) -> Iterator[str]:
 
 
 def _quiet(run: Run) -> Iterator[str]:
-    """Whether the machine was fit for measuring."""
+    """Yield whether the machine was fit for measuring."""
     jobs = run.rows["jobs"].dropna()
     shared = int((jobs > 1).sum())
     if shared:

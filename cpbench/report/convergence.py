@@ -24,7 +24,7 @@ DECADES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 
 
 def guide(problems: int) -> str:
-    """How to read the figure."""
+    """Return how to read the figure."""
     if problems == 1:
         return (
             "A curve shows the error, as we judge it, of the best iterate that the solver had after that time. "
@@ -38,7 +38,7 @@ def guide(problems: int) -> str:
 
 
 def section(run: Run, rows: pd.DataFrame, title: str, name: str) -> Iterator[str]:
-    """The figure, saved under `name`, and the table; nothing for a group without histories."""
+    """Yield the figure, saved under `name`, and the table; nothing for a group without histories."""
     found = histories.work_precision(rows, run.histories)
     if not len(found):
         return
@@ -60,7 +60,9 @@ def section(run: Run, rows: pd.DataFrame, title: str, name: str) -> Iterator[str
 
 
 def figure(found: pd.DataFrame, problems: int, title: str, looks: Mapping[str, int]) -> Figure:
-    """Work-precision curves, as `analysis.histories.work_precision` gives them, legend in the order of their ends."""
+    """Draw work-precision curves, as `analysis.histories.work_precision` gives them, legend in the order of their
+    ends.
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -82,7 +84,9 @@ def figure(found: pd.DataFrame, problems: int, title: str, looks: Mapping[str, i
 
 
 def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, int]) -> None:
-    """Curves of `analysis.histories.work_precision` into `axes` and their legend, lowest end first, into `beside`."""
+    """Draw curves of `analysis.histories.work_precision` into `axes` and their legend, lowest end first, into
+    `beside`.
+    """
     curves: dict[str, pd.DataFrame] = {
         str(label): own[own["seconds"] < math.inf] for label, own in found.groupby("label", sort=True)
     }
@@ -100,20 +104,21 @@ def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int, lo
     if not drawn:
         figures.nothing(axes, "no error was reached on half of the problems")
     lines = [
-        legend.Line(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label)) for label in drawn
+        legend.LegendLine(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label))
+        for label in drawn
     ]
     legend.beside(beside, "least error   lowest end first", lines, indent=0.05)
 
 
 def dress(axes: Axes) -> None:
-    """Scales, ticks and grid of errors against times."""
+    """Set scales, ticks and grid of errors against times."""
     figures.log_axis(axes, "x", seconds)
     figures.log_axis(axes, "y", lambda value: f"{value:.0e}")
     axes.set_xlabel("time, log scale; conversion, set-up and carrying back included")
 
 
 def _cell(own: pd.DataFrame, error: float, problems: int) -> str:
-    """Median time to an error of one label, with the number of problems where that is not all."""
+    """Format the median time to an error of one label, with the number of problems where that is not all."""
     there = own[own["error"] <= error]
     if not len(there):
         return "—"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.report.group_sections import group_sections, slug_of
 from cpbench.report.methods import METHODS
 from cpbench.report.run import Run, group_name
@@ -14,8 +14,8 @@ from cpbench.report.text import plain
 WHOLE_RUN = "details.md"
 
 
-def file_of(run: Run, group: Group) -> str:
-    """Name of the file with the details of a group."""
+def file_of(run: Run, group: ResultGroup) -> str:
+    """Return the name of the file with the details of a group."""
     return f"details-{slug_of(run, group)}.md"
 
 

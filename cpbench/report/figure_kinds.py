@@ -27,7 +27,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Need(StrEnum):
-    """Whether a figure takes a problem, or an answer."""
+    """Need of a figure for a problem, or an answer."""
 
     NONE = "none"
     OPTIONAL = "optional"
@@ -74,7 +74,7 @@ figure_kinds: Registry[FigureKind] = Registry("figure")
 def figure_kind(
     name: str, /, *, problem: Need = Need.REQUIRED, answer: Need = Need.NONE, **helps: str
 ) -> Callable[[F], F]:
-    """Decorator of the function that draws the kind `name`; `helps` has a line for each of its options."""
+    """Register the function that draws the kind `name` (a decorator); `helps` has a line for each of its options."""
 
     def keep(draw: F) -> F:
         kind = FigureKind(name, draw, problem, answer, helps)
@@ -86,7 +86,9 @@ def figure_kind(
 
 
 def summaries(room: str) -> dict[str, str]:
-    """Kinds of a room (`cpbench.report.pictures`) and the first line of each module, without importing them."""
+    """List the kinds of a package (`cpbench.report.pictures`) and the first line of each module, without importing
+    them.
+    """
     folder = Path(str(importlib.import_module(room).__file__)).parent
     return {
         info.name.replace("_", "-"): _headline(folder / f"{info.name}.py")
@@ -95,7 +97,7 @@ def summaries(room: str) -> dict[str, str]:
 
 
 def find(room: str, name: str) -> FigureKind:
-    """The kind `name` of a room; raises UnknownName."""
+    """Find the kind `name` of a package; raises UnknownName."""
     known = summaries(room)
     if name not in known:
         raise UnknownName("figure", name, known)

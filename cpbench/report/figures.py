@@ -46,18 +46,18 @@ STYLE = {
 
 
 def profile_guide(problems: int, cost: str = "time", least: str = "the fastest") -> str:
-    """How to read a performance profile, in one sentence."""
-    who = "the fastest solver" if least == "the fastest" else least
+    """Explain how to read a performance profile, in one sentence."""
+    best = "the fastest solver" if least == "the fastest" else least
     ahead = "it was the fastest" if least == "the fastest" else "it needed least"
     return (
         f"The height of a curve at τ is the fraction of the {counted(problems, 'problem')} that the solver solved "
-        f"within τ times the {cost} of {who} of that problem: at the left end the fraction where {ahead}, "
+        f"within τ times the {cost} of {best} of that problem: at the left end the fraction where {ahead}, "
         "at the right end the fraction it solved at all."
     )
 
 
 def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks: Mapping[str, int]) -> Figure:
-    """Performance profile of a group with an ordered legend beside it.
+    """Draw the performance profile of a group with an ordered legend beside it.
 
     Parameters
     ----------
@@ -92,7 +92,8 @@ def profile_axes(
     across: str = "",
     most: int = LINES,
 ) -> dict[str, int]:
-    """Curves into `axes` and their legend into `beside`; gives the looks of the labels in colour, the leading first.
+    """Draw curves into `axes` and their legend into `beside`; return the looks of the labels in colour, the leading
+    first.
 
     Parameters
     ----------
@@ -122,23 +123,25 @@ def profile_axes(
     return places
 
 
-def line_of(curve: Curve, places: Mapping[str, int], kinds: Mapping[str, str]) -> legend.Line:
-    """The legend's line of a curve, with the number solved."""
+def line_of(curve: Curve, places: Mapping[str, int], kinds: Mapping[str, str]) -> legend.LegendLine:
+    """Return the legend's line of a curve, with the number solved."""
     dashed = kinds.get(curve.label, "") in INEXACT
-    return legend.Line(marked(curve.label, kinds), str(curve.solved), places.get(curve.label), dashed)
+    return legend.LegendLine(marked(curve.label, kinds), str(curve.solved), places.get(curve.label), dashed)
 
 
 def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
-    """What a legend has to add: the signs that occur, and who solved none."""
+    """Return what a legend has to add: the signs that occur, and the labels that solved none."""
     found = {kinds.get(curve.label, "") for curve in curves}
     idle = sorted(curve.label for curve in curves if not curve.solved)
     signs = ", ".join(f"{mark} {kind}" for kind, mark in MARKS.items() if kind in found)
-    told = "solved none: " + ", ".join(marked(label, kinds) for label in idle) if idle else ""
-    return [text for text in (signs, told) if text]
+    unsolved = "solved none: " + ", ".join(marked(label, kinds) for label in idle) if idle else ""
+    return [text for text in (signs, unsolved) if text]
 
 
 def log_axis(axes: Axes, which: Literal["x", "y"], text: Callable[[float], str], end: float = math.inf) -> None:
-    """A logarithmic axis with a grid; ticks, none beyond `end`, at decades, or more often where these are few."""
+    """Set up a logarithmic axis with a grid; ticks, none beyond `end`, at decades, or more often where these are
+    few.
+    """
     from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     axis = axes.xaxis if which == "x" else axes.yaxis
@@ -174,7 +177,7 @@ def save(figure: Figure, folder: Path, name: str) -> list[Path]:
 
 
 def right_end(profile: Profile) -> float:
-    """The next power of two beyond the last step, so that every curve ends flat."""
+    """Return the next power of two beyond the last step, so that every curve ends flat."""
     end = 2.0
     while end <= profile.widest * 1.05:
         end *= 2.0
@@ -182,7 +185,7 @@ def right_end(profile: Profile) -> float:
 
 
 def frame(axes: Axes, upto: float, ticks: int) -> None:
-    """Scales, ticks and grid that every profile has."""
+    """Set the scales, ticks and grid that every profile has."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
     axes.set_xscale("log", base=2)
@@ -197,7 +200,7 @@ def frame(axes: Axes, upto: float, ticks: int) -> None:
 
 
 def powers(upto: float, ticks: int) -> list[float]:
-    """Powers of two from 1 to `upto`, about so many.
+    """Return powers of two from 1 to `upto`, about so many.
 
     >>> powers(1024.0, 5)
     [1.0, 8.0, 64.0, 512.0]
@@ -207,12 +210,12 @@ def powers(upto: float, ticks: int) -> list[float]:
 
 
 def marked(label: str, kinds: Mapping[str, str], length: int = LABEL_LENGTH) -> str:
-    """A label that fits, with the sign of its route."""
+    """Format a label that fits, with the sign of its route."""
     return "\N{NO-BREAK SPACE}".join(filter(None, (shorten(label, length), MARKS.get(kinds.get(label, "")))))
 
 
 def power_text(value: float) -> str:
-    """A ratio as the axis writes it.
+    """Format a ratio as the axis writes it.
 
     >>> power_text(8.0), power_text(2.0**20)
     ('8', '2²⁰')
@@ -222,7 +225,7 @@ def power_text(value: float) -> str:
 
 
 def shorten(label: str, length: int = LABEL_LENGTH) -> str:
-    """A label that fits into a figure.
+    """Shorten a label so that it fits into a figure.
 
     >>> shorten("nsgs[omega=1.2]", 8)
     'nsgs[om…'

@@ -15,7 +15,7 @@ from cpbench.report.run import assembled
 
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison
-    from cpbench.analysis.portraits import Portrait
+    from cpbench.analysis.thumbnails import Thumbnail
 
 
 def write_folder(
@@ -30,7 +30,7 @@ def write_folder(
     count_stationary: bool = False,
     comparison: Comparison | None = None,
     data: Collection[str] = ("csv",),
-    portraits: Callable[[], Mapping[str, Portrait]] = dict,
+    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
     answers: Mapping[str, Vector] | None = None,
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.
@@ -47,11 +47,11 @@ def write_folder(
     comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
     data : formats of the rows (`row_files.chosen`).
     answers : those that `analysis.multi_start.wanted` asks for, by key of their rows.
-    portraits : pictures of the problems by fingerprint, asked for when the page is made (`api.portraits`).
+    thumbnails : pictures of the problems by fingerprint, asked for when the page is made (`api.thumbnails`).
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     chosen["count_stationary"] = count_stationary
-    run = assembled(table, meta, Path(folder), histories, portraits=portraits, answers=answers, **chosen)
+    run = assembled(table, meta, Path(folder), histories, thumbnails=thumbnails, answers=answers, **chosen)
     documents = [markdown.write_text(run, title, comparison)]
     if not vega.lacking():
         documents.append(page.write(run, title))

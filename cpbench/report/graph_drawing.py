@@ -16,20 +16,21 @@ WRAP = 3
 
 
 def draw(form: str, kinds: frozenset[Kind]) -> str:
-    """The nodes, and the edges that may be of one of `kinds`, in one of FORMATS."""
+    """Draw the nodes, and the edges that may be of one of `kinds`, in one of FORMATS."""
     shown = [edge for edge in edges() if best_kind(edge) in kinds]
     return {"text": _text, "mermaid": _mermaid, "dot": _dot}[form](shown)
 
 
 def solvers_of(node: str, *, usual: bool = False) -> list[str]:
-    """Names of the registered solvers of a node, with `usual` of those that run by default; one that drops a term of
-    the law is marked."""
+    """Return the names of the registered solvers of a node, with `usual` of those that run by default; one that drops a
+    term of the law is marked.
+    """
     specs = [solver.spec for solver in solvers if solver.spec.node == node and (solver.spec.by_default or not usual)]
     return [spec.name if spec.kind.exact else f"{spec.name} ({spec.kind})" for spec in specs]
 
 
 def promise(edge: Conversion) -> str:
-    """`equivalent, one-way or necessary` where the promise depends on the problem, else the one word."""
+    """Return `equivalent, one-way or necessary` where the promise depends on the problem, else the one word."""
     kind, best = edge.kind, best_kind(edge)
     return str(kind) if kind == best else f"{', '.join([best, *edge.between])} or {kind}"
 
@@ -74,7 +75,9 @@ def _by_target(shown: Iterable[Conversion], source: str) -> list[Conversion]:
 
 
 def _box(node: str) -> list[str]:
-    """Lines of a node's box: its name, then its solvers; those that run only when they are named are counted."""
+    """Return the lines of a node's box: its name, then its solvers; those that run only when they are named are
+    counted.
+    """
     names = solvers_of(node, usual=True)
     more = len(solvers_of(node)) - len(names)
     lines = [node, *(", ".join(names[k : k + WRAP]) for k in range(0, len(names), WRAP))]
@@ -86,7 +89,7 @@ def _words(edge: Conversion) -> list[str]:
 
 
 def _id(node: str) -> str:
-    """A name that Mermaid takes for a node, which no word of its own (`end`) equals."""
+    """Return a name that Mermaid takes for a node, which no word of its own (`end`) equals."""
     return "node_" + re.sub(r"\W", "_", node)
 
 

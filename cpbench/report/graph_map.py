@@ -31,7 +31,7 @@ GUIDE = "Blue: exact for every problem, or for some. Dashed: approximations and 
 
 
 def graph_drawing(kinds: Collection[Kind]) -> Drawing:
-    """The map with the conversions that may be of one of `kinds`."""
+    """Draw the map with the conversions that may be of one of `kinds`."""
     with canvas.drawing():
         figure, roads = graph_map(kinds)
     title = f"{counted(len(formulations), 'formulation')} and {counted(roads, 'conversion')} between them"
@@ -39,7 +39,7 @@ def graph_drawing(kinds: Collection[Kind]) -> Drawing:
 
 
 def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
-    """Boxes and arrows, and how many conversions these are; made within `canvas.drawing`."""
+    """Draw boxes and arrows, and count these conversions; made within `canvas.drawing`."""
     pairs: dict[tuple[str, str], bool] = {}
     roads = [edge for edge in edges() if edge.source != edge.target and best_kind(edge) in kinds]
     for edge in roads:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from cpbench.analysis import bootstrap, cautions, failures, means, pairwise, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.report import convergence, figures, panels
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
@@ -21,16 +21,18 @@ MATRIX_PROBLEMS = 60
 """The most problems of a formulation for which the matrix is printed."""
 
 
-def slug_of(run: Run, group: Group) -> str:
-    """The group's part of names of files: its formulation, with its settings where some formulation has several."""
+def slug_of(run: Run, group: ResultGroup) -> str:
+    """Return the group's part of names of files: its formulation, with its settings where some formulation has
+    several.
+    """
     slug = re.sub(r"[^a-z0-9]+", "-", group.node.lower()).strip("-") or "problems"
     if len(run.parts) == run.rows["node"].nunique():
         return slug
-    told = (f"{group.tolerance:g}", group.start, str(group.threads), group.set, group.measure)
-    return "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in told if part)])
+    settings = (f"{group.tolerance:g}", group.start, str(group.threads), group.set, group.measure)
+    return "-".join([slug, *(re.sub(r"[^a-z0-9.-]+", "-", part.lower()) for part in settings if part)])
 
 
-def group_sections(run: Run, group: Group, rows: pd.DataFrame) -> Iterator[str]:
+def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator[str]:
     """Yield all of them, in order; figures go into the folder of the run."""
     problems = rows["fingerprint"].nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
@@ -97,7 +99,7 @@ def _times(
         )
 
 
-def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
+def _figures(run: Run, group: ResultGroup, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
     profile = profiles.performance_profile(times)
     kinds = rows_of.label_kinds(rows)
     slug = slug_of(run, group)
@@ -126,11 +128,11 @@ def _figures(run: Run, group: Group, rows: pd.DataFrame, times: pd.DataFrame) ->
 
 
 def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
-    found, said = summary.verdicts(rows), reliability.claims(rows)
+    found, claims = summary.verdicts(rows), reliability.claims(rows)
     statuses = [str(status) for status in found.columns]
 
     def holding(label: str) -> str:
-        share, low, high = (float(said.at[label, column]) for column in ("correct", "low", "high"))
+        share, low, high = (float(claims.at[label, column]) for column in ("correct", "low", "high"))
         return "—" if math.isnan(share) else f"{share:.0%} ({low:.0%} to {high:.0%})"
 
     yield "### Verdicts"
@@ -148,7 +150,7 @@ def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
         (
             [
                 code(label),
-                *(str(said.at[label, c]) for c in ("true", "false", "modest", "honest")),
+                *(str(claims.at[label, c]) for c in ("true", "false", "modest", "honest")),
                 holding(label),
             ]
             for label in labels

@@ -11,12 +11,12 @@ from cpbench.verification import Status
 
 
 def imported(run: Run) -> Iterator[str]:
-    """One line a label and place; nothing when all rows are of this tool."""
-    made = run.rows[run.rows["origin"] != ""]
-    if not len(made):
+    """Yield one line a label and place; nothing when all rows are of this tool."""
+    foreign = run.rows[run.rows["origin"] != ""]
+    if not len(foreign):
         return
-    yield f"## Made elsewhere ({len(made)})"
-    ranked = "here they are ranked all the same" if "ranked" in made else "they are ranked with nobody's"
+    yield f"## Made elsewhere ({len(foreign)})"
+    ranked = "here they are ranked all the same" if "ranked" in foreign else "they are ranked with nobody's"
     yield (
         "These answers were imported: each was judged here, on the problem that was asked. Their times are what was "
         f"told, of another machine; {ranked}. An answer without a claim counts as claimed."
@@ -33,7 +33,7 @@ def imported(run: Run) -> Iterator[str]:
                 str(int((rows["message"] == rows_of.NO_ANSWER).sum())),
                 str(int(rows["solve"].notna().sum())),
             ]
-            for (label, origin), rows in made.groupby(["label", "origin"], sort=True)  # type: ignore[misc]
+            for (label, origin), rows in foreign.groupby(["label", "origin"], sort=True)  # type: ignore[misc]
         ),
         right=range(2, 7),
     )

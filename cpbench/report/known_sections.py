@@ -1,4 +1,4 @@
-"""What a reader of a run must know beside its answer, in brief: false claims, lost answers, failures by kind."""
+"""Known limitations of a run, in brief: false claims, lost answers, failures by kind."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from cpbench.analysis import attendance, failures, reliability
+from cpbench.analysis import failures, participation, reliability
 from cpbench.analysis.failures import Reason
-from cpbench.report.attendance_sections import tuned
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
 from cpbench.report.multi_start_section import multi_start
+from cpbench.report.participation_sections import tuned
 from cpbench.report.run import Run
 from cpbench.report.run_sections import again, false_claims, refused, warm_against_cold
 from cpbench.report.text import code, counted, cut, listed, number, plain, table
@@ -22,7 +22,7 @@ LISTED = 8
 
 
 def known_sections(run: Run) -> Iterator[str]:
-    """All of them, in order; those that have nothing to say are not there, but for false claims and failures."""
+    """Yield all sections, in order; empty ones are left out, but for false claims and failures."""
     yield from false_claims(run, LISTED)
     yield from _remarks(run)
     yield from multi_start(run, 3)
@@ -35,32 +35,32 @@ def known_sections(run: Run) -> Iterator[str]:
 
 
 def _remarks(run: Run) -> Iterator[str]:
-    """A line each on directions, on what conversions lost, and on routes that promise less than an answer."""
-    told: list[str] = []
+    """Yield a line each on directions, on what conversions lost, and on routes that promise less than an answer."""
+    sentences: list[str] = []
     wrong = failures.flagged(run.rows, "direction")
     if len(wrong):
         labels = _most_first(wrong["label"])
-        told.append(
+        sentences.append(
             f"**Accepted, but in a wrong direction ({len(wrong)})**: these answers meet the tolerance, and yet some "
             f"contact slips in a direction that the law forbids: {listed(labels, 4)}."
         )
     lost = reliability.losses(run.rows)
     if len(lost):
         first = ", ".join(f"{code(r.route)} {r.lost}" for r in lost.head(4).itertuples(index=False))
-        told.append(
+        sentences.append(
             f"**Lost on the way back ({lost['lost'].sum()})**: the solver met its target, and the answer that the "
             f"conversion carried back does not meet the tolerance; no solver is charged: {first}."
         )
     inexact = reliability.inexact_routes(run.rows)
     if len(inexact):
-        told.append(
+        sentences.append(
             f"**Routes that promise less than an answer**: {listed([str(label) for label in inexact['label']], 4)} "
             f"solved {inexact['solved'].sum()} and missed {inexact['missed'].sum()} problems; largest error "
             f"{number(float(inexact['largest'].max()))}."
         )
-    if told:
+    if sentences:
         yield "## Answers to be careful with"
-        yield "\n".join(f"- {line}" for line in told)
+        yield "\n".join(f"- {line}" for line in sentences)
 
 
 def _failures(run: Run) -> Iterator[str]:
@@ -100,16 +100,16 @@ def _kind(run: Run, status: str, own: list[Reason]) -> list[str]:
 
 
 def _never_started(run: Run) -> Iterator[str]:
-    """What could not be run, in a line a reason; it counts against nobody."""
+    """Yield what could not be run, in a line a reason; it counts against no solver."""
     lines: list[str] = []
-    for one in attendance.absences(run.rows):
+    for one in participation.absences(run.rows):
         why = cut((one.detail.strip().splitlines() or ["not told"])[-1], 160)
         lines.append(f"- {one.state or 'unavailable'}: {listed(list(one.solvers), 6)}: {plain(why)}")
     refusals = [reason for reason in run.refusals if reason.status != Status.NOT_RUN]
     for reason in sorted(refusals, key=lambda reason: -reason.count):
         solvers = listed(list(reason.labels), 3)
         lines.append(f"- {reason.status}: {counted(reason.count, 'pair')} of {solvers}: {plain(cut(reason.message))}")
-    lines += [f"- {plain(line)}" for line in attendance.left_out_lines(run.meta.get("left_out") or [])]
+    lines += [f"- {plain(line)}" for line in participation.left_out_lines(run.meta.get("left_out") or [])]
     if not lines:
         return
     yield "## Could not be run"

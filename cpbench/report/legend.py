@@ -29,7 +29,7 @@ DASHES: Any = (0, (4, 2))
 
 
 @dataclass(frozen=True)
-class Line:
+class LegendLine:
     """A curve's line: the `place` of its look (None: grey), `dashed`, and the number in front of its label."""
 
     label: str
@@ -39,7 +39,7 @@ class Line:
 
 
 def look(place: int | None, dashed: bool = False) -> dict[str, Any]:
-    """How a curve is drawn: colour and marker of its place (`analysis.looks`), grey and thin without one."""
+    """Return how a curve is drawn: colour and marker of its place (`analysis.looks`), grey and thin without one."""
     dashes = DASHES if dashed else "-"
     if place is None:
         return {"color": GREY, "linewidth": 0.9, "linestyle": dashes}
@@ -48,17 +48,22 @@ def look(place: int | None, dashed: bool = False) -> dict[str, Any]:
 
 
 def colour(place: int) -> str:
-    """The colour of a look."""
+    """Return the colour of a look."""
     return PALETTE[place % len(PALETTE)]
 
 
 def height(curves: int, notes: int = 0, most: int = LINES) -> float:
-    """Inches that a legend of so many curves takes."""
+    """Return the inches that a legend of so many curves takes."""
     return LINE * (min(curves, most) + notes + 1.5)
 
 
 def beside(
-    axes: Axes, head: str, lines: Sequence[Line], notes: Sequence[str] = (), indent: float = 0.0, most: int = LINES
+    axes: Axes,
+    head: str,
+    lines: Sequence[LegendLine],
+    notes: Sequence[str] = (),
+    indent: float = 0.0,
+    most: int = LINES,
 ) -> None:
     """Fill an empty axes with the legend.
 

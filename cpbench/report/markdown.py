@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.report.answer import answer
-from cpbench.report.attendance_sections import publishing
 from cpbench.report.conditions import conditions
 from cpbench.report.details import WHOLE_RUN, file_of, write_details
 from cpbench.report.html import vega
 from cpbench.report.known_sections import known_sections
+from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name
 from cpbench.report.text import counted, plain
 from cpbench.verification import Status
@@ -45,7 +45,7 @@ def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Pa
 
 
 def _headline(run: Run) -> str:
-    """How much was run, and what came of it; pairs that could not be run are told apart and count against nobody."""
+    """Return how much was run and with which results; pairs that could not be run are counted apart."""
     if not len(run.rows):
         return "No pair was planned: no solver is reached from the problems that were read."
     rows = run.rows
@@ -67,13 +67,13 @@ def _headline(run: Run) -> str:
 
 
 def _remarks(run: Run) -> Iterator[str]:
-    """What was asked of the run and not done."""
+    """Yield what was requested of the run and not done."""
     if run.remarks:
         yield "\\\n".join(f"**{plain(remark)}.**" for remark in run.remarks)
 
 
 def _pointers(run: Run) -> Iterator[str]:
-    """Where the rest is."""
+    """Yield where the rest is."""
     yield "## Where the details are"
     whole = vega.lacking() or "`report.html`: every figure and pair, filtered as you like; offline, in any browser"
     lines = [f"- {whole}"]

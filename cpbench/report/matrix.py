@@ -36,7 +36,9 @@ BLANK = " "
 
 
 def matrix(group: pd.DataFrame, labels: Sequence[str]) -> str:
-    """A line a problem, a column a label in the given order; the labels stand on a staircase above their columns."""
+    """Format a line a problem, a column a label in the given order; the labels stand on a staircase above their
+    columns.
+    """
     status = rows_of.pivot(group, "status", "")
     ranked = fastest(rows_of.times(rows_of.only_ranked(group)))
     lead = ranked.reindex(index=status.index, columns=status.columns, fill_value=False)
@@ -55,7 +57,7 @@ def matrix(group: pd.DataFrame, labels: Sequence[str]) -> str:
 
 
 def legend(group: pd.DataFrame) -> str:
-    """What the symbols that occur mean, on one line."""
+    """Explain the symbols that occur, on one line."""
     present = set(group["status"])
     parts = [f"`{FASTEST}` solved, fastest"] if str(Status.SOLVED) in present else []
     parts += [f"`{mark}` {status.replace('_', ' ')}" for status, mark in SYMBOLS.items() if status in present]

@@ -17,7 +17,7 @@ from cpbench.report.text import code, counted, number, seconds, table
 def mean_section(
     times: pd.DataFrame, families: pd.Series[str], limit: float, labels: Sequence[str], leading: Sequence[str]
 ) -> Iterator[str]:
-    """Means over all and over commonly solved problems, their intervals, and their order under other choices.
+    """Yield means over all and over commonly solved problems, their intervals, and their order under other choices.
 
     `labels` : the ranked ones, in the order of the tables. `leading` : those whose intersection is taken.
     """
@@ -67,7 +67,7 @@ def mean_section(
 
 
 def gap_section(times: pd.DataFrame, labels: Sequence[str], leading: Sequence[str]) -> Iterator[str]:
-    """Each label against the virtual best of all."""
+    """Yield each label against the virtual best of all."""
     found = best.gaps(times, compared=leading)
     if len(found) < 2 or not found["solved"].any():
         return
@@ -105,24 +105,26 @@ def gap_section(times: pd.DataFrame, labels: Sequence[str], leading: Sequence[st
 
 
 def below_floor(times: pd.DataFrame) -> dict[str, str]:
-    """How many of each label's times are too short to be told apart."""
+    """Count the times of each label that are too short to be told apart."""
     found = best.floored(times, FLOOR)
     return {str(label): str(count) for label, count in found["below"].items()}
 
 
 def _tried(times: pd.DataFrame, limit: float) -> pd.DataFrame:
-    """Means under other shifts and penalties of the labels that solve something; empty where there is no order."""
+    """Return means under other shifts and penalties of the labels that solve something; empty where there is no
+    order.
+    """
     found = sensitivity.sensitivity(times[[label for label in times.columns if np.isfinite(times[label]).any()]], limit)
     return found if found["label"].nunique() > 1 and found["charge"].notna().all() else found.iloc[:0]
 
 
 def _rank(ranks: pd.Series[int]) -> str:
-    """Those of the three penalties, once where they are the same."""
+    """Format the ranks under the three penalties, once where they are the same."""
     return "/".join(str(rank) for rank in (ranks if ranks.nunique() > 1 else ranks[:1]))
 
 
 def _order(tried: pd.DataFrame, shift: float) -> list[str]:
-    """The lines about the ranks, none where there is no rank."""
+    """Return the lines about the ranks, none where there is no rank."""
     if not len(tried):
         return []
     changed = len(sensitivity.order_changes(tried, shift))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cpbench.analysis.multi_start import SAME, Found, solutions
+from cpbench.analysis.multi_start import SAME, ReachedSolutions, solutions
 from cpbench.matrices import Vector
 from cpbench.report.run import Run
 from cpbench.report.text import code, counted, listed, plain, table
@@ -23,7 +23,9 @@ GUIDE = (
 
 
 def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
-    """A table a problem, start by solution; nothing where no problem was started from several points of its file."""
+    """Yield a table a problem, start by solution; nothing where no problem was started from several points of its
+    file.
+    """
     found = list(solutions(run.read, run.answers))
     if not found:
         return
@@ -37,21 +39,21 @@ def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
         yield f"{len(found) - most} more problems are in the details and on the page."
 
 
-def summary(one: Found) -> str:
-    """How many solutions were found, and who found all of them.
+def summary(one: ReachedSolutions) -> str:
+    """Count the solutions reached, and name the solvers that reached all of them.
 
     A solver that finds each from some start shows them all to whoever tries all starts.
     """
-    told = f"{counted(len(one.solutions), 'solution')} found from {counted(len(one.starts), 'start')}"
+    sentence = f"{counted(len(one.solutions), 'solution')} found from {counted(len(one.starts), 'start')}"
     if len(one.solutions) < 2:
-        return told
+        return sentence
     reached = {label: {n for (_, of), n in one.place.items() if of == label} for label in one.labels}
     all_of_them = [label for label in one.labels if len(reached[label]) == len(one.solutions)]
-    return f"{told}; all of them by {listed(all_of_them, 4)}" if all_of_them else f"{told}; no solver finds all"
+    return f"{sentence}; all of them by {listed(all_of_them, 4)}" if all_of_them else f"{sentence}; no solver finds all"
 
 
 def rounded(x: Vector) -> str:
-    """A solution in a few numbers.
+    """Format a solution in a few numbers.
 
     >>> rounded(np.array([1.0, 0.0, 1.2247448]))
     '(1, 0, 1.22)'
@@ -60,13 +62,13 @@ def rounded(x: Vector) -> str:
     return f"({shown}{', …' if x.size > NUMBERS else ''})"
 
 
-def _line(one: Found, start: str) -> list[str]:
-    """The solvers that found each solution from a start, and those that found none."""
+def _line(one: ReachedSolutions, start: str) -> list[str]:
+    """Return the solvers that reached each solution from a start, and those that reached none."""
     reached = one.reached(start)
     idle = [label for label in one.labels if (start, label) in one.status and not one.place.get((start, label))]
-    cells = [_who(reached.get(k, [])) for k in range(1, len(one.solutions) + 1)]
-    return [code(start), *cells, _who(idle)]
+    cells = [_solvers_cell(reached.get(k, [])) for k in range(1, len(one.solutions) + 1)]
+    return [code(start), *cells, _solvers_cell(idle)]
 
 
-def _who(labels: list[str]) -> str:
+def _solvers_cell(labels: list[str]) -> str:
     return f"{len(labels)}: {listed(labels, SOLVERS)}" if labels else "—"

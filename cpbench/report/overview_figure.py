@@ -86,7 +86,7 @@ def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
 
 
 def overview_figure(panels: Sequence[Panel], looks: Mapping[str, int]) -> Figure:
-    """The panels in rows, each with its own axis of τ."""
+    """Draw the panels in rows, each with its own axis of τ."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -41,7 +41,7 @@ SMALL = 7.5
 
 
 @dataclass(frozen=True)
-class Panel:
+class ProfilePanel:
     """A curve and the place of its panel's lower left corner [in]; `lowest`: no panel is below it."""
 
     curve: Curve
@@ -50,12 +50,12 @@ class Panel:
     lowest: bool
 
     def holding(self, shape: Any) -> Any:
-        """Points of a shape [in], moved into this panel."""
+        """Return points of a shape [in], moved into this panel."""
         return np.asarray(shape) + np.array((self.x, self.y))
 
 
 def panels_guide() -> str:
-    """How to read the panels, in one sentence."""
+    """Explain how to read the panels, in one sentence."""
     return (
         "Each panel shows one solver's curve of the profile above; the grey area is the highest curve of all solvers "
         "at each τ, so that the grey above a curve is what others solve sooner."
@@ -63,7 +63,7 @@ def panels_guide() -> str:
 
 
 def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks: Mapping[str, int]) -> Figure:
-    """The curves of a profile, highest right end first, a panel each.
+    """Draw the curves of a profile, highest right end first, a panel each.
 
     Parameters
     ----------
@@ -87,17 +87,17 @@ def panels_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks:
     return figure
 
 
-def _placed(curves: Sequence[Curve], height: float) -> Iterator[Panel]:
+def _placed(curves: Sequence[Curve], height: float) -> Iterator[ProfilePanel]:
     for k, curve in enumerate(curves):
         row, column = divmod(k, ACROSS)
         x, y = LEFT + column * (WIDE + BESIDE), height - ABOVE - HIGH - row * (HIGH + BETWEEN)
-        yield Panel(curve, x, y, lowest=k + ACROSS >= len(curves))
+        yield ProfilePanel(curve, x, y, lowest=k + ACROSS >= len(curves))
 
 
 def _draw(
-    axes: Axes, panels: Sequence[Panel], profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int]
+    axes: Axes, panels: Sequence[ProfilePanel], profile: Profile, kinds: Mapping[str, str], looks: Mapping[str, int]
 ) -> None:
-    """Layer by layer: grid, grey area, curves, frames, words."""
+    """Draw layer by layer: grid, grey area, curves, frames, words."""
     upto = right_end(profile)
     marks = [WIDE * math.log2(tau) / math.log2(upto) for tau in powers(upto, TICKS)]
     area = _corners(*thinned(*profile.envelope(upto), POINTS), upto)
@@ -119,13 +119,13 @@ def _draw(
 
 
 def _corners(tau: Floats, height: Floats, upto: float) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Points [in] of a step curve that holds each value up to the next corner."""
+    """Return the points [in] of a step curve that holds each value up to the next corner."""
     x, y = WIDE * np.log2(tau) / math.log2(upto), HIGH * height
     return np.column_stack((np.repeat(x, 2)[1:], np.repeat(y, 2)[:-1]))
 
 
-def _everywhere(shapes: Sequence[Any], panels: Sequence[Panel]) -> list[Any]:
-    """The same shapes in every panel."""
+def _everywhere(shapes: Sequence[Any], panels: Sequence[ProfilePanel]) -> list[Any]:
+    """Return the same shapes in every panel."""
     return [panel.holding(shape) for panel in panels for shape in shapes]
 
 
@@ -141,10 +141,12 @@ def _areas(axes: Axes, areas: Sequence[Any]) -> None:
     axes.add_collection(PolyCollection(areas, facecolors="#E3E3E3", linewidths=0, zorder=1), autolim=False)
 
 
-def _words(axes: Axes, panel: Panel, profile: Profile, kinds: Mapping[str, str], marks: Mapping[float, float]) -> None:
-    """Label and solved problems above the panel, fractions left of the first ones, ratios below the lowest."""
-    told = f"{marked(panel.curve.label, kinds, 26)}  {panel.curve.solved}/{profile.problems}"
-    axes.text(panel.x, panel.y + HIGH + 3 / 72, told, fontsize=8, va="baseline")
+def _words(
+    axes: Axes, panel: ProfilePanel, profile: Profile, kinds: Mapping[str, str], marks: Mapping[float, float]
+) -> None:
+    """Write label and solved problems above the panel, fractions left of the first ones, ratios below the lowest."""
+    heading = f"{marked(panel.curve.label, kinds, 26)}  {panel.curve.solved}/{profile.problems}"
+    axes.text(panel.x, panel.y + HIGH + 3 / 72, heading, fontsize=8, va="baseline")
     gap = TICK + 3.5 / 72
     if panel.x == LEFT:
         for y in HEIGHTS:

@@ -38,24 +38,26 @@ def write(rows: pd.DataFrame, path: Path, *, force: bool = True) -> None:
     write_atomic(path, partial(put, rows), force=force)
 
 
-def chosen(count: int, asked: Collection[str] | None = None) -> tuple[list[str], list[str]]:
-    """The formats in which a report of `count` rows has them, and a line on each that is left out.
+def chosen(count: int, requested: Collection[str] | None = None) -> tuple[list[str], list[str]]:
+    """Choose the formats in which a report of `count` rows has them, with a line on each that is left out.
 
     `asked` : of FORMATS, and CSV with them as far as it fits; None for all that fit.
 
     >>> chosen(1000, ["json"]), chosen(10**6, ["json"])
     ((['csv', 'json'], []), (['json'], []))
     """
-    named = FORMATS if asked is None else asked
+    named = FORMATS if requested is None else requested
     found = [name for name in FORMATS if (name in named or (name == "csv" and count <= MOST[name]))]
-    told: list[str] = []
-    for name in [name for name in found if asked is None and count > MOST[name]]:
+    notes: list[str] = []
+    for name in [name for name in found if requested is None and count > MOST[name]]:
         found.remove(name)
-        told.append(f"no results.{name}: {count} rows are more than {MOST[name]}; --data {name} writes it all the same")
+        notes.append(
+            f"no results.{name}: {count} rows are more than {MOST[name]}; --data {name} writes it all the same"
+        )
     if "parquet" in found and not _has_parquet():
         found.remove("parquet")
-        told.append(f"no results.parquet: {_NO_PARQUET}")
-    return found, told
+        notes.append(f"no results.parquet: {_NO_PARQUET}")
+    return found, notes
 
 
 def _has_parquet() -> bool:
@@ -84,8 +86,8 @@ def _json(rows: pd.DataFrame, file: BinaryIO) -> None:
     between = b"[\n"
     for start in range(0, len(rows), _CHUNK):
         for row in rows.iloc[start : start + _CHUNK].to_dict("records"):
-            told = {str(name): _valid(value) for name, value in row.items()}
-            file.write(between + json.dumps(told, ensure_ascii=False, allow_nan=False).encode())
+            values = {str(name): _valid(value) for name, value in row.items()}
+            file.write(between + json.dumps(values, ensure_ascii=False, allow_nan=False).encode())
             between = b",\n"
     file.write(b"[]\n" if between == b"[\n" else b"\n]\n")
 

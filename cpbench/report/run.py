@@ -1,4 +1,4 @@
-"""What every section of a report is made from: the rows, the facts of the run, and the folder."""
+"""Input of every section of a report: the rows, the facts of the run, and the folder."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ import pandas as pd
 
 from cpbench.analysis import failures, multi_start, reliability, remarks, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended, restricted, without
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
+from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.ranking import Ranking, rankings
-from cpbench.analysis.table import Group
+from cpbench.analysis.table import ResultGroup
 from cpbench.matrices import Vector
 from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
-    from cpbench.analysis.portraits import Portrait
+    from cpbench.analysis.thumbnails import Thumbnail
 
 
 @dataclass(frozen=True)
 class Run:
     """The rows of a run, in fixed order, with the facts of the run, where the report goes, judged iterates
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
-    that are left out, what gives pictures of its problems by fingerprint (`analysis.portraits`) once they are made, and
+    that are left out, the source of pictures of its problems by fingerprint (`analysis.thumbnails`), and
     whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
     `parted`: the rows before several starts of a problem were made cases of one formulation. `answers`: by key of the
     row, of problems with several starts (`analysis.multi_start`).
@@ -45,7 +45,7 @@ class Run:
     folder: Path
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
     left_out: Mapping[str, str] = field(default_factory=dict)
-    portraits: Callable[[], Mapping[str, Portrait]] = dict
+    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict
     has_csv: bool = True
     count_stationary: bool = False
     looks: Mapping[str, int] = field(default_factory=dict)
@@ -54,7 +54,7 @@ class Run:
 
     @property
     def stationary(self) -> str:
-        """What is said of stationary answers; '' without any."""
+        """Sentence about stationary answers; '' without any."""
         if self.count_stationary:
             return "stationary answers are counted as solved (--count-stationary)"
         count = int((self.rows["status"] == str(Status.STATIONARY)).sum())
@@ -72,7 +72,7 @@ class Run:
 
     @property
     def all_rows(self) -> str:
-        """Where a reader finds every row."""
+        """Place of the full list of rows."""
         return "`results.csv`" if self.has_csv else "the results file"
 
     @cached_property
@@ -83,9 +83,9 @@ class Run:
     # what several sections ask for is found once: in a million rows each takes seconds
 
     @cached_property
-    def parts(self) -> list[tuple[Group, pd.DataFrame]]:
+    def parts(self) -> list[tuple[ResultGroup, pd.DataFrame]]:
         """The groups, each with the rows of those who took part."""
-        return [(group, attended(rows)) for group, rows in rows_of.groups(self.rows)]
+        return [(group, participating(rows)) for group, rows in rows_of.groups(self.rows)]
 
     @cached_property
     def timed(self) -> pd.DataFrame:
@@ -104,12 +104,12 @@ class Run:
 
     @cached_property
     def failures(self) -> list[Reason]:
-        """Why pairs that were started were not solved."""
+        """Reasons why started pairs were not solved."""
         return failures.failures(self.rows)
 
     @cached_property
     def refusals(self) -> list[Reason]:
-        """Why pairs were never started although their solver is there."""
+        """Reasons why pairs were never started although their solver is there."""
         found = failures.failures(self.rows, refused=True)
         return [reason for reason in found if reason.status != Status.UNAVAILABLE]
 
@@ -122,14 +122,14 @@ def assembled(
     *,
     publishable: bool = False,
     with_imported: bool = False,
-    portraits: Callable[[], Mapping[str, Portrait]] = dict,
+    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
     has_csv: bool = True,
     count_stationary: bool = False,
     answers: Mapping[str, Vector] | None = None,
 ) -> Run:
-    """The run that a report is about; the parameters are those of `folder.write_folder`."""
+    """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
     rows = _without_folders(rows_of.normalised(table))
-    run = Run(rows, meta, folder, portraits=portraits, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
+    run = Run(rows, meta, folder, thumbnails=thumbnails, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
     run = replace(run, answers=answers or {})
     if histories is not None:
         run = replace(run, histories=histories)
@@ -142,7 +142,7 @@ def assembled(
 
 
 def _publishable(run: Run) -> Run:
-    """The run without the solvers whose figures must not be published: neither their rows nor their sheets."""
+    """Return the run without the solvers whose figures must not be published: neither their rows nor their sheets."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     left_out = restricted(run.rows, sheets)
     kept = {label: sheet for label, sheet in sheets.items() if sheet.get("name") not in left_out}
@@ -151,7 +151,7 @@ def _publishable(run: Run) -> Run:
 
 
 def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
-    """Addresses and messages relative to the working folder: a report names nobody's home."""
+    """Return addresses and messages relative to the working folder: a report shows no home folder."""
     here, home = str(Path.cwd()).rstrip(os.sep) + os.sep, str(Path.home()).rstrip(os.sep) + os.sep
     return rows.assign(
         address=_each_once(rows["address"], lambda text: text.removeprefix(here)),
@@ -159,20 +159,20 @@ def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _each_once(values: pd.Series, made: Callable[[str], str]) -> pd.Series:
-    """What is made of each text: of a million rows few differ in it."""
+def _each_once(values: pd.Series, function: Callable[[str], str]) -> pd.Series:
+    """Apply a function once to each text: of a million rows few differ in it."""
     place, texts = by_appearance(values)
-    changed = pd.Series(list(map(made, texts.tolist())), dtype=values.dtype)
+    changed = pd.Series(list(map(function, texts.tolist())), dtype=values.dtype)
     return pd.Series(changed.array.take(place), index=values.index)
 
 
-def group_name(run: Run, group: Group) -> str:
-    """The formulation, with what tells it from other groups of the same formulation, as Markdown."""
+def group_name(run: Run, group: ResultGroup) -> str:
+    """Return the formulation, with what tells it from other groups of the same formulation, as Markdown."""
     return plain(group_name_text(run, group))
 
 
-def group_name_text(run: Run, group: Group) -> str:
-    """The same as plain text."""
+def group_name_text(run: Run, group: ResultGroup) -> str:
+    """Return the same as plain text."""
     others = [g for g, _ in run.parts if g.node == group.node]
     parts = [one_line(group.node)]
     if len({g.tolerance for g in others}) > 1:
@@ -189,11 +189,11 @@ def group_name_text(run: Run, group: Group) -> str:
 
 
 def tunings(run: Run) -> dict[str, Mapping[str, Any]]:
-    """How the options of tuned solvers were found, by label."""
+    """Return how the options of tuned solvers were found, by label."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     return {label: sheet["tuned"] for label, sheet in sheets.items() if sheet.get("tuned")}
 
 
 def each(frame: pd.DataFrame) -> Iterator[Any]:
-    """The rows of a frame, its columns as attributes."""
+    """Yield the rows of a frame, its columns as attributes."""
     yield from frame.itertuples(index=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from cpbench.analysis.metrics import Metric
 from cpbench.report import canvas, legend
-from cpbench.report.chosen import Chosen
+from cpbench.report.chosen import SelectedRows
 from cpbench.report.figure_kinds import Drawing
 from cpbench.report.text import number, one_line, seconds
 
@@ -24,7 +24,7 @@ _ABOVE, _BELOW = 0.08, 0.48
 
 @contextmanager
 def drawing() -> Generator[None]:
-    """The style of these figures: as `canvas.drawing`, but a label is text whatever dollar signs it has."""
+    """Draw in the style of these figures: as `canvas.drawing`, but a label is text whatever dollar signs it has."""
     import matplotlib
 
     with matplotlib.rc_context({**canvas.STYLE, "text.parse_math": False}):
@@ -32,21 +32,21 @@ def drawing() -> Generator[None]:
 
 
 def with_legend(curves: int, least: float = 2.9, notes: int = 3) -> tuple[Figure, Axes, Axes]:
-    """A figure two columns wide with axes for so many curves, and axes beside it for their legend."""
+    """Create a figure two columns wide with axes for so many curves, and axes beside it for their legend."""
     height = max(least, legend.height(curves, notes, LINES) + 0.3)
     figure = canvas.page(canvas.PAGE, height)
     up, high = _BELOW / height, 1 - (_BELOW + _ABOVE) / height
     return figure, figure.add_axes((0.095, up, 0.475, high)), figure.add_axes((0.6, up, 0.395, high))
 
 
-def drawn(figure: Figure, title: str, guide: str, chosen: Chosen) -> Drawing:
-    """The figure with its words, to which what it is based on is added; no character of them starts a formula."""
+def drawn(figure: Figure, title: str, guide: str, chosen: SelectedRows) -> Drawing:
+    """Return the figure with its words and its scope; no character of them starts a formula."""
     whole = f"{guide} {chosen.conditions()}"
     return Drawing(figure, one_line(title).replace("$", r"\$"), one_line(whole).replace("$", r"\$"))
 
 
 def amount(value: float, metric: Metric) -> str:
-    """A cost with its unit.
+    """Format a cost with its unit.
 
     >>> from cpbench.analysis.metrics import METRICS
     >>> amount(0.02, METRICS["time"]), amount(3e6, METRICS["memory"]), amount(40.0, METRICS["iterations"])
@@ -60,7 +60,7 @@ def amount(value: float, metric: Metric) -> str:
 
 
 def word(metric: Metric) -> str:
-    """What a metric is called in a sentence.
+    """Return the name of a metric in a sentence.
 
     >>> from cpbench.analysis.metrics import METRICS, metric
     >>> word(METRICS["solve"]), word(metric("counter:pivots")), word(METRICS["time"])

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import failures, reliability, starts
-from cpbench.report.attendance_sections import absent, tuned
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
 from cpbench.report.multi_start_section import multi_start
+from cpbench.report.participation_sections import absent, tuned
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, cut, listed, number, plain, solve_command, table
 from cpbench.verification import Status
@@ -25,7 +25,7 @@ LISTED = 40
 
 
 def run_sections(run: Run) -> Iterator[str]:
-    """All of them, in order."""
+    """Yield all of them, in order."""
     sections: Sequence[Callable[[Run], Iterator[str]]] = (
         false_claims,
         _directions,
@@ -46,13 +46,13 @@ def run_sections(run: Run) -> Iterator[str]:
 
 
 def rest(run: Run, count: int, most: int = LISTED) -> Iterator[str]:
-    """What is said of the rows that a list of `most` leaves out."""
+    """Yield a sentence about the rows that a list of `most` leaves out."""
     if count > most:
         yield f"{count - most} more are in {run.all_rows}."
 
 
 def false_claims(run: Run, most: int = LISTED) -> Iterator[str]:
-    """Answers that a solver called solved and that are not, at most so many of them."""
+    """Yield answers that a solver claimed solved and that are not, at most so many of them."""
     found = run.false_claims
     yield f"## False claims: solver said solved, verification failed ({len(found)})"
     if not len(found):
@@ -165,7 +165,7 @@ def _not_started(run: Run) -> Iterator[str]:
 
 
 def again(run: Run, row: Any) -> str:
-    """The command that runs a row's pair again, without folders of this machine."""
+    """Return the command that runs a row's pair again, without folders of this machine."""
     here = str(Path.cwd()) + os.sep
     return solve_command(row, (run.meta.get("solvers") or {}).get(row["label"])).replace(here, "")
 
@@ -188,7 +188,7 @@ def _reasons(run: Run, reasons: Sequence[failures.Reason]) -> str:
 
 
 def refused(run: Run, most: int | None = None) -> Iterator[str]:
-    """Files that could not be read, with the reason; nothing when every file was."""
+    """Yield the files that could not be read, with the reason; nothing when every file was."""
     found = sorted((str(address), str(reason)) for address, reason in run.meta.get("refused") or [])
     if not found:
         return
@@ -227,7 +227,7 @@ def _solvers(run: Run) -> Iterator[str]:
 
 
 def warm_against_cold(run: Run, most: int | None = None) -> Iterator[str]:
-    """What warm starts gain, a line a formulation, solver and start; at most so many lines."""
+    """Yield what warm starts gain, a line a formulation, solver and start; at most so many lines."""
     found = starts.paired(run.read)
     if not len(found):
         return

@@ -28,7 +28,7 @@ PICTURE = 48
 
 
 def text(problem: Problem) -> str:
-    """Everything `cpbench show` prints of a problem."""
+    """Return everything `cpbench show` prints of a problem."""
     lines = [f"{problem.node}: {problem.title}", f"equation: {problem.equation} (numbers of Acary's lecture)"]
     if problem.name:
         lines.append(f"name: {one_line(problem.name)}")
@@ -49,18 +49,18 @@ def text(problem: Problem) -> str:
 
 
 def is_small(problem: Problem) -> bool:
-    """Whether the problem is shown in numbers: no dimension above SMALL."""
+    """Return whether the problem is shown in numbers: no dimension above SMALL."""
     return max(problem.sizes().values(), default=0) <= SMALL
 
 
 def relations(node: type[Problem]) -> tuple[str, ...]:
-    """The law of a formulation, relation by relation; the first line of its docstring where it declares none."""
+    """Return the law of a formulation, relation by relation; the first line of its docstring where it declares none."""
     declared = getattr(node, "relations", ())
     return tuple(declared) or ((inspect.getdoc(node) or node.title).splitlines()[0],)
 
 
 def meaning(problem: Problem) -> str:
-    """What the parts of an answer are, how long each is, and what follows from them."""
+    """Describe the parts of an answer, how long each is, and what follows from them."""
     doc = one_line(inspect.getdoc(problem.point_type) or "")
     sizes = ", ".join(f"{name} {size}" for name, size in problem.point_sizes.items())
     slacks = ", ".join(problem.slacks(problem.zero_point()))
@@ -68,7 +68,9 @@ def meaning(problem: Problem) -> str:
 
 
 def history(step: Step) -> list[str]:
-    """One conversion a problem has gone through: knobs, equation, promise, and its mathematics if it is installed."""
+    """Describe one conversion a problem has gone through: knobs, equation, promise, and its mathematics if it is
+    installed.
+    """
     knobs = ", ".join(f"{k} = {cut(v, 60)}" for k, v in step.parameters.items())
     head = f"made by {step.conversion}" + (f" ({knobs})" if knobs else "")
     if step.conversion not in conversions:
@@ -81,13 +83,13 @@ def history(step: Step) -> list[str]:
 
 
 def mathematics(edge: type) -> list[str]:
-    """The docstring at the top of a conversion's module: headline, source, target, lift, kind."""
+    """Return the docstring at the top of a conversion's module: headline, source, target, lift, kind."""
     doc = sys.modules[edge.__module__].__doc__ or edge.__doc__ or ""
     return inspect.cleandoc(doc).splitlines()
 
 
 def slip_angle(step: Step) -> str:
-    """The error to expect of an approximation by facets, "" for any other step."""
+    """Return the error to expect of an approximation by facets, "" for any other step."""
     facets = step.parameters.get("facets")
     if step.kind != str(Kind.APPROXIMATE) or not facets:
         return ""
@@ -98,7 +100,7 @@ def slip_angle(step: Step) -> str:
 
 
 def scalars(problem: Problem) -> dict[str, Any]:
-    """Declared numbers that are no arrays, such as the dimension of contacts."""
+    """Return declared numbers that are no arrays, such as the dimension of contacts."""
     return {
         f.name: getattr(problem, f.name)
         for f in fields(problem)
@@ -107,18 +109,18 @@ def scalars(problem: Problem) -> dict[str, Any]:
 
 
 def shape(problem: Problem, label: str) -> tuple[str, ...]:
-    """The dimensions of a field by symbol."""
+    """Return the dimensions of a field by symbol."""
     return next(f.metadata.get("shape") or f.metadata["map"] for f in fields(problem) if f.name == label)
 
 
 def sized(symbols: tuple[str, ...], value: Matrix | Vector | Map, times: str = "×") -> str:
-    """`n×m = 20×3`, `2` where a symbol is a number itself."""
+    """Format `n×m = 20×3`, `2` where a symbol is a number itself."""
     symbolic, numeric = times.join(symbols), times.join(map(str, value.shape))
     return numeric if symbolic == numeric else f"{symbolic} = {numeric}"
 
 
 def entries(value: Matrix | Vector) -> str:
-    """How many entries, how full, how large."""
+    """Describe how many entries, how full, how large."""
     if value.ndim == 1:
         vector: Vector = np.asarray(value)
         finite = vector[np.isfinite(vector)]
@@ -134,7 +136,7 @@ def entries(value: Matrix | Vector) -> str:
 
 
 def _numbers(label: str, value: Matrix | Vector, symbols: tuple[str, ...]) -> Iterator[str]:
-    """`M =` beside the aligned rows; 0 is a dot. A vector is one row with ᵀ."""
+    """Yield `M =` beside the aligned rows; 0 is a dot. A vector is one row with ᵀ."""
     rows: Any = matrices.dense(value) if value.ndim == 2 else np.asarray(value)[None, :]
     if value.size == 0:
         yield f"{label} is empty ({sized(symbols, value)})"
@@ -158,7 +160,7 @@ def _structure(label: str, value: Matrix | Vector, symbols: tuple[str, ...]) -> 
 
 
 def _map(problem: Problem, label: str, F: Map) -> Iterator[str]:
-    """Its size, and the formulas where it is small."""
+    """Yield the size of a map, and the formulas where it is small."""
     symbols = shape(problem, label)
     if not F.rows:
         yield f"{label} is empty ({sized(symbols, F)})"
@@ -172,7 +174,7 @@ def _map(problem: Problem, label: str, F: Map) -> Iterator[str]:
 
 
 def spy(M: Matrix) -> list[str]:
-    """Where the nonzeros are, in Braille dots: a dot is an entry, or a square block of entries that holds one.
+    """Draw where the nonzeros are, in Braille dots: a dot is an entry, or a square block of entries that holds one.
 
     >>> spy(np.eye(8))
     ['⠑⢄⠀⠀', '⠀⠀⠑⢄']

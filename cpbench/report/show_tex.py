@@ -18,7 +18,7 @@ from cpbench.report.text import one_line
 
 
 def fragment(problem: Problem) -> str:
-    """The law, and the data as matrices when small, else as spaces with their dimensions and nonzeros."""
+    """Write the law, and the data as matrices when small, else as spaces with their dimensions and nonzeros."""
     label = f" \\texttt{{{prose(one_line(problem.name))}}}" if problem.name else ""
     lines = ["% needs amsmath", f"\\noindent {prose(problem.title.capitalize())}{label}, {prose(problem.equation)}:"]
     names = [*problem.data(), *problem.maps()]

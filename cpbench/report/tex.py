@@ -78,7 +78,7 @@ _TOKEN = re.compile(
 
 
 def law(relation: str, names: Iterable[str] = ()) -> str:
-    """A relation in plain Unicode as LaTeX for math mode; `names` of more than one letter stay whole (lb, ub)."""
+    """Write a relation in plain Unicode as LaTeX for math mode; `names` of more than one letter stay whole (lb, ub)."""
     whole = sorted((n for n in names if len(n) > 1), key=len, reverse=True)
     text = unicodedata.normalize("NFC", relation)
     if not whole:
@@ -88,7 +88,7 @@ def law(relation: str, names: Iterable[str] = ()) -> str:
 
 
 def name(text: str) -> str:
-    """The name of a field in math mode: `mu_r` is μ_r, `lb` a word, `M` itself.
+    """Write the name of a field in math mode: `mu_r` is μ_r, `lb` a word, `M` itself.
 
     >>> name("mu_r"), name("lb"), name("M"), name("cone_kind")
     ('\\\\mu_{r}', '\\\\mathit{lb}', 'M', '\\\\mathit{cone\\\\_kind}')
@@ -108,7 +108,7 @@ def name(text: str) -> str:
 
 
 def prose(text: str) -> str:
-    """Text outside of math mode, every character standing for itself.
+    """Write text outside of math mode, every character standing for itself.
 
     >>> prose("P_L → 50 %")
     'P\\\\_L \\\\ensuremath{\\\\to} 50 \\\\%'
@@ -127,7 +127,7 @@ def prose(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number in math mode; 0 is a dot, as in the printed form.
+    """Write a number in math mode; 0 is a dot, as in the printed form.
 
     >>> number(0.0), number(-1.5), number(1e-8), number(float("inf"))
     ('\\\\cdot', '-1.5', '10^{-8}', '\\\\infty')
@@ -170,7 +170,7 @@ def _convert(text: str) -> str:
 
 
 def _word(token: str) -> str:
-    """`min` is an operator, `for` a word, `Wr` and `Au` products."""
+    """Write `min` as an operator, `for` as a word, `Wr` and `Au` as products."""
     if token in OPERATORS:
         return rf"\{token} "
     if token.islower() and (len(token) > 2 or token in WORDS):

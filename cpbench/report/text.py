@@ -17,7 +17,7 @@ _EDGE = re.compile(r"([^\[\]+]+)(?:\[([^\]]*)\])?")
 
 
 def plain(value: Any) -> str:
-    """`value` as running text on one line, every character standing for itself.
+    """Write `value` as running text on one line, every character standing for itself.
 
     >>> plain("<script> a|b *c* [d](e) max_iter _x")
     '&lt;script&gt; a\\\\|b \\\\*c\\\\* \\\\[d\\\\](e) max_iter \\\\_x'
@@ -27,7 +27,7 @@ def plain(value: Any) -> str:
 
 
 def code(value: Any) -> str:
-    """`value` as a code span on one line; — for nothing.
+    """Write `value` as a code span on one line; — for nothing.
 
     >>> code("lemke@inner8"), code("a`b"), code("")
     ('`lemke@inner8`', '`` a`b ``', '—')
@@ -40,7 +40,7 @@ def code(value: Any) -> str:
 
 
 def one_line(value: Any) -> str:
-    """Text without line breaks and control characters, blanks merged."""
+    """Return text without line breaks and control characters, blanks merged."""
     line = str(value)
     if not line.isprintable():
         line = "".join(c if c.isprintable() else " " for c in line)
@@ -48,13 +48,13 @@ def one_line(value: Any) -> str:
 
 
 def cut(value: Any, length: int = 160) -> str:
-    """One line of at most `length` characters."""
+    """Cut text to one line of at most `length` characters."""
     line = one_line(value)
     return line if len(line) <= length else line[: length - 1] + "…"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()) -> str:
-    """A table of cells that are Markdown already; the columns `right` are aligned to the right."""
+    """Write a table of cells that are Markdown already; the columns `right` are aligned to the right."""
     numbers = set(right)
     rule = "|" + "|".join("---:" if k in numbers else "---" for k in range(len(head))) + "|"
     # in a table a bar ends the cell even inside a code span, unless a backslash stands before it
@@ -63,7 +63,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[in
 
 
 def fenced(lines: Iterable[str]) -> str:
-    """Lines as they are, in a code block that none of them can close."""
+    """Write lines as they are, in a code block that none of them can close."""
     body = list(lines)
     longest = max((len(run) for line in body for run in re.findall(r"`+", line)), default=0)
     fence = "`" * max(3, longest + 1)
@@ -71,7 +71,7 @@ def fenced(lines: Iterable[str]) -> str:
 
 
 def number(value: float) -> str:
-    """Three significant digits; — for what is not a number.
+    """Write three significant digits; — for a value that is not a number.
 
     >>> number(1234.5), number(math.inf), number(math.nan)
     ('1.23e+03', '∞', '—')
@@ -82,7 +82,7 @@ def number(value: float) -> str:
 
 
 def seconds(value: float) -> str:
-    """A time with its unit.
+    """Write a time with its unit.
 
     >>> seconds(12.345), seconds(0.00123), seconds(4.5e-5), seconds(math.inf)
     ('12.3 s', '1.23 ms', '45 µs', '∞')
@@ -96,7 +96,7 @@ def seconds(value: float) -> str:
 
 
 def listed(labels: Sequence[str], most: int = 6) -> str:
-    """Labels as code, the rest counted.
+    """List labels as code, the rest counted.
 
     >>> listed(["a", "b", "c"], 2)
     '`a`, `b` and 1 more'
@@ -106,7 +106,7 @@ def listed(labels: Sequence[str], most: int = 6) -> str:
 
 
 def listed_plainly(labels: Sequence[str], most: int = 4) -> str:
-    """Labels in running text, the rest counted.
+    """List labels in running text, the rest counted.
 
     >>> listed_plainly(["a", "b", "c"], 2)
     'a, b and 1 more'
@@ -115,7 +115,7 @@ def listed_plainly(labels: Sequence[str], most: int = 4) -> str:
 
 
 def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
-    """The command that runs one row of a table again; `sheet` says where a solver that is not cpbench's comes from.
+    """Return the command that runs one row of a table again; `sheet` names the source of a declared solver.
 
     >>> solve_command({"address": "a b.h5", "label": "lemke@inner8", "solver": "lemke", "request": "inner8",
     ...                "tolerance": 1e-6, "seconds": 10.0, "start": "cold"})
@@ -126,9 +126,9 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
         return shlex.join([*words, "--tolerance", f"{row['tolerance']:g}"])
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
-    told = sheet or {}
-    if solver == told.get("name"):  # with options a variant of the command line cannot be said in one word
-        solver = told.get("written") or solver
+    source = sheet or {}
+    if solver == source.get("name"):  # with options a variant of the command line cannot be said in one word
+        solver = source.get("written") or solver
     words = ["cpbench", "solve", one_line(row["address"]), "-s", one_line(solver), *_route_options(request)]
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):
@@ -139,13 +139,13 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
         words[1:3] = ["run", file, "--plan", "none", "-o", "again.sqlite"]
     if start != "cold":
         words += ["--start", start]
-    for file in dict.fromkeys(filter(None, (told.get("variant_of"), told.get("plugin")))):
+    for file in dict.fromkeys(filter(None, (source.get("variant_of"), source.get("plugin")))):
         words += ["--plugin", one_line(file)]
     return shlex.join(words)
 
 
 def _route_options(request: str) -> list[str]:
-    """Options of `cpbench solve` that ask for a route request."""
+    """Return options of `cpbench solve` that ask for a route request."""
     if request in ("exact", ""):
         return []
     facets = _FACETS.fullmatch(request)

@@ -1,4 +1,4 @@
-"""What stands beside the mathematics in an HDF5 problem: info, provenance with traces, sequence, contact geometry.
+"""Annotations of an HDF5 problem: info, provenance with traces, sequence, contact geometry.
 
 <problem>/info                    title, description, math_info; the rest of Info as attributes
 <problem>/provenance/<k>          attributes conversion, kind, source_node, source, parameters (JSON)
@@ -37,14 +37,14 @@ _DEPTH = 8
 
 
 def write_texts(group: h5py.Group, info: Info) -> None:
-    """title, description and math_info as string data sets (FCLIB's info, and the native one)."""
+    """Write title, description and math_info as string data sets (FCLIB's info, and the native one)."""
     for name in TEXTS:
         if getattr(info, name):
             put_text(group, name, getattr(info, name))
 
 
 def write_info(parent: h5py.Group, info: Info, *, texts: bool) -> None:
-    """The group `info`, left out when there is nothing to say; `texts` are FCLIB's own in a contact problem."""
+    """Write the group `info`, left out when there is nothing to say; `texts` are FCLIB's own in a contact problem."""
     if info == (
         Info(title=info.title, description=info.description, math_info=info.math_info) if not texts else Info()
     ):
@@ -60,14 +60,14 @@ def write_info(parent: h5py.Group, info: Info, *, texts: bool) -> None:
 
 
 def read_info(problem: Tree, texts: Tree | None) -> Info:
-    """`texts` is the group of title, description and math_info (FCLIB's or `info` itself)."""
-    said: dict[str, Any] = {name: texts.text(name) for name in TEXTS} if texts else {}
+    """Read the info; `texts` is the group of title, description and math_info (FCLIB's or `info` itself)."""
+    texts_by_name: dict[str, Any] = {name: texts.text(name) for name in TEXTS} if texts else {}
     if "info" in problem:
         group = problem.child("info")
         attributes = group.attributes()
-        said |= {name: str(attributes.get(name, "")) for name in _ATTRIBUTES}
-        said["properties"] = _json(group, "properties", attributes.get("properties", "{}"))
-    return Info(**said)
+        texts_by_name |= {name: str(attributes.get(name, "")) for name in _ATTRIBUTES}
+        texts_by_name["properties"] = _json(group, "properties", attributes.get("properties", "{}"))
+    return Info(**texts_by_name)
 
 
 # ------------------------------------------------------------------------------------------ provenance
@@ -95,12 +95,12 @@ def read_provenance(problem: Tree) -> tuple[Step, ...]:
 
 def _read_step(chain: Tree, name: str) -> Step:
     group = chain.child(name)
-    said = group.attributes()
-    texts = {key: said.get(key) for key in ("conversion", "kind", "source_node", "source")}
+    attributes = group.attributes()
+    texts = {key: attributes.get(key) for key in ("conversion", "kind", "source_node", "source")}
     for key, value in texts.items():
         if not isinstance(value, str):
             raise group.error(f"@{key}", "is missing, expected a string")
-    parameters = _json(group, "parameters", said.get("parameters", "{}"))
+    parameters = _json(group, "parameters", attributes.get("parameters", "{}"))
     return Step(**cast("dict[str, str]", texts), parameters=parameters, trace=_read_trace(group.child("trace"), _DEPTH))
 
 
@@ -158,7 +158,7 @@ def _factorization(group: Tree, name: str, A: Any) -> Factorization:
 
 
 def _to_json(values: Mapping[str, Any]) -> str:
-    """NumPy scalars as numbers; what is neither a number, a string nor a list of them is refused."""
+    """Return JSON with NumPy scalars as numbers; refuse what is neither a number, a string nor a list of them."""
 
     def plain(value: Any) -> Any:
         if isinstance(value, np.generic):
@@ -182,7 +182,7 @@ def _json(group: Tree, name: str, text: Any) -> dict[str, Any]:
 
 
 def write_place(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
-    """`sequence` and `contacts` of a problem that has them."""
+    """Write `sequence` and `contacts` of a problem that has them."""
     sequence: Sequence | None = getattr(problem, "sequence", None)
     contacts: Contacts | None = getattr(problem, "contacts", None)
     if sequence is not None:
@@ -197,18 +197,18 @@ def write_place(parent: h5py.Group, problem: Problem, *, compress: bool) -> None
 
 
 def read_place(parent: Tree) -> dict[str, Any]:
-    """Fields `sequence` and `contacts`, absent where the file has none."""
+    """Return fields `sequence` and `contacts`, absent where the file has none."""
     found: dict[str, Any] = {}
     if "sequence" in parent:
         group = parent.child("sequence")
-        said = group.attributes()
+        attributes = group.attributes()
         try:
             found["sequence"] = Sequence(
-                name=str(said["name"]),
-                step=int(said["step"]),
-                time=float(said["time"]),
-                dt=float(said["dt"]),
-                previous=str(said.get("previous", "")),
+                name=str(attributes["name"]),
+                step=int(attributes["step"]),
+                time=float(attributes["time"]),
+                dt=float(attributes["dt"]),
+                previous=str(attributes.get("previous", "")),
             )
         except (KeyError, TypeError, ValueError) as cause:
             raise group.error("", f"needs the attributes name, step, time and dt ({cause})") from None

@@ -24,7 +24,7 @@ from cpbench.storage.hdf5_writer import new_file
 
 
 def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:
-    """The candidate in `/solution` of a problem file, or an answer file's point, with its attributes.
+    """Return the candidate in `/solution` of a problem file, or an answer file's point, with its attributes.
 
     None when the file has none (text and NumPy formats never do). Raises FormatError when it does not have the
     shape of its problem's answers.
@@ -45,7 +45,7 @@ def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:
 
 
 def guesses(address: str | Path) -> list[Any]:
-    """The starting points in `/guesses`, in order; [] when the file has none. Raises FormatError."""
+    """Return the starting points in `/guesses`, in order; [] when the file has none. Raises FormatError."""
     path, member = split_address(address)
     if not _is_hdf5(path):
         return []
@@ -96,7 +96,7 @@ def save_point(
 
 
 def load_answer(path: str | Path, problem: Problem) -> Any:
-    """The answer to `problem` in a file; raises FormatError when it is of another problem or not of its shape."""
+    """Load the answer to `problem` in a file; raises FormatError when it is of another problem or not of its shape."""
     file, member = split_address(path)
     if _is_hdf5(file):
         return _load_hdf5(file, member, problem)
@@ -125,8 +125,8 @@ def _load_hdf5(path: Path, member: str, problem: Problem) -> Any:
         if "solution" not in parent:
             raise root.error("solution", "is missing: the file holds no answer")
         tree = parent.child("solution")
-        said = tree.attributes()
-        node, fingerprint = said.get("node"), said.get("fingerprint")
+        attributes = tree.attributes()
+        node, fingerprint = attributes.get("node"), attributes.get("fingerprint")
         if fingerprint is None and members_of(root):
             other = read_problem(root, member)
             node, fingerprint = other.node, other.fingerprint
@@ -153,9 +153,9 @@ def _read_point(tree: Tree, problem: Problem) -> Any:
 
 
 def _answer(tree: Tree) -> tuple[Any, dict[str, Any]]:
-    said = tree.attributes()
-    node = str(said.get("node", ""))
+    attributes = tree.attributes()
+    node = str(attributes.get("node", ""))
     if node not in formulations:
         raise tree.error("@node", f"is '{node}', expected the formulation that is answered")
     kind = formulations.get(node).point_type
-    return read_point(tree, kind), said
+    return read_point(tree, kind), attributes

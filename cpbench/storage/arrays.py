@@ -29,7 +29,7 @@ _HEADER_DAMAGE = (ValueError, TypeError, SyntaxError, LookupError, OverflowError
 
 
 def read_matrix(path: str | Path) -> Matrix:
-    """A matrix from .npy, .npz (scipy.sparse, or one array), .mtx or text; raises FormatError."""
+    """Read a matrix from .npy, .npz (scipy.sparse, or one array), .mtx or text; raises FormatError."""
     file = Path(path)
     value: Any = _read(file)
     if value.ndim != 2:
@@ -38,7 +38,7 @@ def read_matrix(path: str | Path) -> Matrix:
 
 
 def read_vector(path: str | Path) -> Vector:
-    """A vector from .npy, .npz (one array), .mtx or text; one row or one column will do. Raises FormatError."""
+    """Read a vector from .npy, .npz (one array), .mtx or text; one row or one column will do. Raises FormatError."""
     file = Path(path)
     value: Any = _read(file)
     if value.ndim == 2 and 1 in value.shape:
@@ -49,12 +49,12 @@ def read_vector(path: str | Path) -> Vector:
 
 
 def read_array(path: str | Path) -> Any:
-    """An array of any number of dimensions, or a sparse matrix; raises FormatError."""
+    """Read an array of any number of dimensions, or a sparse matrix; raises FormatError."""
     return _read(Path(path))
 
 
 def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, NDArray[Any]]:
-    """The arrays of an .npz by name; raises FormatError on anything that is not plain numbers or text.
+    """Read the arrays of an .npz by name; raises FormatError on anything that is not plain numbers or text.
 
     An entry of `optional` that holds a pickled None (NumPy's way to write an absent array) is left out: its
     pickle is compared with that of None, opcode by opcode, and never run.
@@ -78,7 +78,7 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
 
 
 def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """The shapes that the arrays of an .npz declare, of which nothing is read yet; raises FormatError."""
+    """Return the shapes that the arrays of an .npz declare without reading them; raises FormatError."""
     read_head(path)
     shapes: dict[str, tuple[int, ...]] = {}
     try:
@@ -93,7 +93,7 @@ def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
 
 
 def npz_names(path: Path) -> set[str]:
-    """Names of the arrays in an .npz; empty when it is not one."""
+    """Return the names of the arrays in an .npz; empty when it is not one."""
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
@@ -102,7 +102,7 @@ def npz_names(path: Path) -> set[str]:
 
 
 def sparse_from_parts(path: Path, where: str, parts: dict[str, NDArray[Any]]) -> sp.csr_array:
-    """CSR (or CSC, where `format` says so) from data, indices, indptr, shape; raises FormatError."""
+    """Build a CSR (or CSC, where `format` says so) matrix from data, indices, indptr, shape; raises FormatError."""
     shape = tuple(int(s) for s in np.ravel(parts["shape"]))
     kind = bytes(np.ravel(parts["format"])[0]).decode() if "format" in parts else "csr"
     if len(shape) != 2 or kind not in ("csr", "csc"):
@@ -149,7 +149,7 @@ def _numbers(path: Path, name: str, array: NDArray[Any] | None) -> NDArray[Any]:
 
 
 def read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) -> NDArray[Any] | None:
-    """One array in NumPy's format; the size in its header is compared with the bytes before reading."""
+    """Read one array in NumPy's format; the size in its header is compared with the bytes before reading."""
     stream = io.BytesIO(data)
     shape, fortran, dtype = _npy_header(path, name, stream, len(data))
     if dtype.hasobject:
@@ -161,13 +161,15 @@ def read_npy(path: Path, name: str, data: bytes, *, may_be_none: bool = False) -
 
 
 def _npy_header(path: Path, name: str, stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, order and type of an array of `size` bytes; raises FormatError where it declares another size."""
+    """Return the shape, order and type of an array of `size` bytes; raises FormatError where it declares another
+    size.
+    """
     try:
         version = npy.read_magic(stream)
         header = npy.read_array_header_1_0(stream) if version == (1, 0) else npy.read_array_header_2_0(stream)
     except _HEADER_DAMAGE as cause:
-        said = str(cause).split("\n")[0][:100]
-        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({said})") from None
+        reason = str(cause).split("\n")[0][:100]
+        raise FormatError(path, name, f"is not an array in NumPy's .npy format ({reason})") from None
     shape, fortran, dtype = header
     held = size - stream.tell()
     declared = int(np.prod(shape, dtype=object)) * dtype.itemsize
@@ -177,7 +179,7 @@ def _npy_header(path: Path, name: str, stream: IO[bytes], size: int) -> tuple[tu
 
 
 def _is_pickled_none(data: bytes) -> bool:
-    """Whether a pickle is that of ``np.array(None, dtype=object)``, by reading its opcodes only."""
+    """Return whether a pickle is that of ``np.array(None, dtype=object)``, by reading its opcodes only."""
     import pickle
 
     try:
@@ -188,7 +190,7 @@ def _is_pickled_none(data: bytes) -> bool:
 
 
 def _opcodes(data: bytes) -> list[tuple[str, Any]]:
-    """Opcodes with their arguments, but for framing, memo numbers and the two names of NumPy's core."""
+    """Return opcodes with their arguments, but for framing, memo numbers and the two names of NumPy's core."""
     kept: list[tuple[str, Any]] = []
     for opcode, argument, _ in pickletools.genops(data):
         if opcode.name in ("PROTO", "FRAME", "MEMOIZE") or "PUT" in opcode.name:
@@ -200,7 +202,7 @@ def _opcodes(data: bytes) -> list[tuple[str, Any]]:
 
 
 def _read_mtx(path: Path) -> Any:
-    """CSR of a coordinate file, an array of an array file.
+    """Read a CSR matrix from a coordinate file, an array from an array file.
 
     SciPy's reader is only given what it can take: it divides by the number of rows of an array, and kills the process
     where that is 0; and it loses the signs of zeros in arrays.
@@ -226,7 +228,7 @@ def _read_mtx(path: Path) -> Any:
 
 
 def _read_rows(path: Path) -> NDArray[Any]:
-    """Rows of numbers between commas, semicolons or blanks; '#' comments and a first line of titles are skipped."""
+    """Read rows of numbers between commas, semicolons or blanks; skip '#' comments and a first line of titles."""
     lines = [line.split("#")[0].replace(",", " ").replace(";", " ").split() for line in read_text(path).splitlines()]
     rows = [line for line in lines if line]
     if rows and not _is_number(rows[0][0]):

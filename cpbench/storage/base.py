@@ -46,26 +46,26 @@ class Format(ABC):
 
     @abstractmethod
     def recognises(self, path: Path, head: bytes) -> bool:
-        """Whether a file with these first bytes may be in this format (cheap, may be wrong)."""
+        """Return whether a file with these first bytes may be in this format (cheap, may be wrong)."""
 
     def in_folder(self, path: Path, head: bytes) -> bool:
-        """Whether a file met while a folder is searched should be listed."""
+        """Return whether a file met while a folder is searched should be listed."""
         return self.recognises(path, head)
 
     @abstractmethod
     def load(self, path: Path, member: str) -> Problem:
-        """The problem `member` of the file; raises FormatError."""
+        """Load the problem `member` of the file; raises FormatError."""
 
     def members(self, path: Path) -> list[str]:
-        """Names of the problems in the file; [""] when the file is one problem."""
+        """Return the names of the problems in the file; [""] when the file is one problem."""
         return [""]
 
     def beside(self, path: Path) -> list[Path]:
-        """Other files that a problem in `path` is read from."""
+        """Return the other files that a problem in `path` is read from."""
         return []
 
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
-        """The whole file that holds `problem`."""
+        """Return the whole file that holds `problem`."""
         raise FormatError(
             problem.name or problem.node, "", f"cannot be written as {self.name}: that format is read only"
         )
@@ -78,7 +78,7 @@ class Format(ABC):
         file.write(self.encode(problem, compress=compress))
 
     def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
-        """The problem of a file that `self` and `others` recognise; a family of formats decides by content."""
+        """Load the problem of a file that `self` and `others` recognise; a family of formats decides by content."""
         if others:
             names = ", ".join(sorted(f.name for f in (self, *others)))
             raise FormatError(path, "", f"may be any of {names}: say which with --format")
@@ -89,13 +89,13 @@ formats: Registry[Format] = Registry("format", "cpbench.storage")
 
 
 def no_member(path: Path, member: str) -> None:
-    """Raises FormatError when a member of a file without members is asked for."""
+    """Raise FormatError when a member of a file without members is asked for."""
     if member:
         raise FormatError(path, "", f"is one problem, it has no member '{member}'")
 
 
 def split_address(address: str | Path) -> tuple[Path, str]:
-    """File and member of ``file::member``.
+    """Return file and member of ``file::member``.
 
     >>> split_address("pack.h5::murty-8")[1]
     'murty-8'
@@ -108,12 +108,12 @@ def split_address(address: str | Path) -> tuple[Path, str]:
 
 
 def stem(path: Path) -> str:
-    """Name of a problem whose file gives none: the file's without suffixes (Siconos has ``x.hdf5.dat``)."""
+    """Return the name of a problem whose file gives none: the file's without suffixes (Siconos has ``x.hdf5.dat``)."""
     return path.stem.removesuffix(".hdf5")
 
 
 def read_head(path: Path) -> bytes:
-    """The first bytes of a file; raises FormatError when it is missing, a folder, empty or a Git-LFS pointer."""
+    """Read the first bytes of a file; raises FormatError when it is missing, a folder, empty or a Git-LFS pointer."""
     try:
         mode = os.stat(path).st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe may never end, a device neither
@@ -134,7 +134,7 @@ def read_head(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """The file as text; raises FormatError when it is binary. Latin-1, so that any comment is readable."""
+    """Read the file as text; raises FormatError when it is binary. Latin-1, so that any comment is readable."""
     read_head(path)
     data = path.read_bytes()
     if b"\0" in data:
@@ -143,7 +143,7 @@ def read_text(path: Path) -> str:
 
 
 def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
-    """`cls(**parts)`, with a refusal that names the file and the place in it."""
+    """Return `cls(**parts)`, with a refusal that names the file and the place in it."""
     try:
         return cls(**parts)
     except ProblemError as cause:
@@ -154,7 +154,7 @@ def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
 
 
 def require_new(path: Path, force: bool) -> None:
-    """Raises FormatError when nothing can be written at `path`: commands ask before they begin to work."""
+    """Raise FormatError when nothing can be written at `path`: commands ask before they begin to work."""
     if path.is_dir():
         raise FormatError(path, "", "is a folder, cannot be written as a file")
     if not force and path.exists():
@@ -197,7 +197,9 @@ def write_atomic(path: Path, data: bytes | Callable[[BinaryIO], object], *, forc
 
 @contextlib.contextmanager
 def _nameless(folder: Path) -> Any:
-    """Descriptor of a file without a name in `folder`, which vanishes with the process; None where there is none."""
+    """Yield the descriptor of a file without a name in `folder`, which vanishes with the process; None without
+    support.
+    """
     flag = getattr(os, "O_TMPFILE", 0)
     try:
         fd = os.open(folder, os.O_RDWR | flag, 0o666) if flag and os.path.isdir("/proc/self/fd") else None

@@ -1,4 +1,4 @@
-"""Which format a file is in, and the four verbs on problems: load, members, save, find."""
+"""Detection of a file's format, and the four verbs on problems: load, members, save, find."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MATRICES = (".npy", ".npz", ".mtx", ".csv")
 
 
 def load(path: str | Path, *, format: str | None = None) -> Problem:
-    """The problem at `path`, which may be ``file::member``; `format` is a name in `formats`, None: by content.
+    """Load the problem at `path`, which may be ``file::member``; `format` is a name in `formats`, None: by content.
 
     Raises FormatError when the file is not readable as a problem, UnknownName on a format nobody knows.
     """
@@ -33,7 +33,7 @@ def load(path: str | Path, *, format: str | None = None) -> Problem:
 
 
 def members(path: str | Path, format: str | None = None) -> list[str]:
-    """Names of the problems in a file; [""] when the file is one problem. Raises FormatError."""
+    """Return the names of the problems in a file; [""] when the file is one problem. Raises FormatError."""
     file, _ = split_address(path)
     if format is not None:
         return formats.get(format).members(file)
@@ -41,7 +41,7 @@ def members(path: str | Path, format: str | None = None) -> list[str]:
 
 
 def files(path: str | Path, format: str | None = None) -> list[Path]:
-    """All files that the problem at `path` is read from, the one that is named first. Raises FormatError."""
+    """Return all files that the problem at `path` is read from, the one that is named first. Raises FormatError."""
     file, _ = split_address(path)
     chosen = formats.get(format) if format is not None else _candidates(file)[0]
     return [file, *chosen.beside(file)]
@@ -104,7 +104,7 @@ def save_pack(
 
 
 def problem_files(paths: Iterable[str | Path]) -> list[str]:
-    """Addresses of the problems in files, packs and folders (searched recursively, in sorted order).
+    """Return the addresses of the problems in files, packs and folders (searched recursively, in sorted order).
 
     A file that is named is always listed, so that loading it says what is wrong with it. In a folder, files
     that no format recognises are passed over, and so are answer files.

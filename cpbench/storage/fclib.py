@@ -39,7 +39,7 @@ _DIMENSIONS = {LOCAL: (2, 3), GLOBAL: (2, 3), ROLLING: (3, 5)}
 
 
 def read(parent: Tree, group: str, name: str, node: str = "") -> Problem:
-    """The problem in `parent`/`group`; `name` when the file gives none, `node` where the file says which it is.
+    """Read the problem in `parent`/`group`; `name` when the file gives none, `node` where the file says which it is.
 
     Raises FormatError.
     """
@@ -49,7 +49,7 @@ def read(parent: Tree, group: str, name: str, node: str = "") -> Problem:
 
 
 def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
-    """The FCLIB group of a problem of a node in `GROUPS`; raises OverflowError beyond FCLIB's 32-bit counts."""
+    """Write the FCLIB group of a problem of a node in `GROUPS`; raises OverflowError beyond FCLIB's 32-bit counts."""
     name = GROUPS[problem.node]
     group = parent.create_group(name)
     put_integer(group, "spacedim", problem.dimension)  # type: ignore[attr-defined]
@@ -101,7 +101,7 @@ def _read_global(tree: Tree, group: str, annotations: dict[str, Any]) -> Problem
 
 
 def _constrained(tree: Tree, vectors: Tree, names: tuple[str, ...], vector: str) -> bool:
-    """Whether bilateral constraints are there: all of their parts or none."""
+    """Return whether bilateral constraints are there: all of their parts or none."""
     places = {name: name in tree for name in names} | {f"vectors/{vector}": vector in vectors}
     if any(places.values()) and not all(places.values()):
         missing = next(place for place, there in places.items() if not there)
@@ -111,16 +111,16 @@ def _constrained(tree: Tree, vectors: Tree, names: tuple[str, ...], vector: str)
 
 
 def _annotations(parent: Tree, tree: Tree, name: str) -> dict[str, Any]:
-    """Name, info, provenance and geometry; which matrices were dense; whether W is packed."""
+    """Return the name, info, provenance and geometry; which matrices were dense; whether W is packed."""
     own = parent.child("cpbench") if "cpbench" in parent else None
-    said = own.attributes() if own else {}
-    fields: dict[str, Any] = {"name": str(said.get("name", "")) or name}
+    attributes = own.attributes() if own else {}
+    fields: dict[str, Any] = {"name": str(attributes.get("name", "")) or name}
     fields["info"] = _info(parent, tree)
     fields["provenance"] = read_provenance(parent) if own else ()
     if own:
         fields |= read_place(own)
     packed = any(t.flagged("symmetric_packed") for t in (tree, parent))
-    return {"fields": fields, "dense": str(said.get("dense", "")).split(), "packed": packed}
+    return {"fields": fields, "dense": str(attributes.get("dense", "")).split(), "packed": packed}
 
 
 def _info(parent: Tree, tree: Tree) -> Info:
@@ -133,7 +133,7 @@ def _matrix(tree: Tree, name: str, shape: tuple[int, int], annotations: dict[str
 
 
 def _empty(name: str, shape: tuple[int, int], annotations: dict[str, Any]) -> Any:
-    """A matrix without columns, in the storage it had."""
+    """Return a matrix without columns, in the storage it had."""
     M = sp.csr_array(shape)
     return M.toarray() if name in annotations["dense"] else M
 

@@ -23,7 +23,7 @@ _PARTS = {"local": fclib.LOCAL, "global": fclib.GLOBAL, "rolling": fclib.ROLLING
 
 
 def members_of(root: Tree) -> list[str]:
-    """Names of the problems under the root: [""] for a root problem; empty when there is none."""
+    """Return the names of the problems under the root: [""] for a root problem; empty when there is none."""
     side_by_side = [name for name, group in _PARTS.items() if group in root]
     if "cpbench" in root or len(side_by_side) == 1:
         return [""]
@@ -57,7 +57,7 @@ def locate(root: Tree, member: str) -> tuple[Tree, str]:
 
 
 def read_problem(root: Tree, member: str) -> Problem:
-    """The problem `member` of an open file; raises FormatError."""
+    """Read the problem `member` of an open file; raises FormatError."""
     parent, group = locate(root, member)
     name = member or stem(root.path)
     return fclib.read(parent, group, name) if group else native.read(parent, name)
@@ -70,7 +70,7 @@ def encode_pack(
     *,
     compress: bool = True,
 ) -> bytes:
-    """A pack: every problem a group of its own, with its solution and starting points.
+    """Encode a pack: every problem in a group of its own, with its solution and starting points.
 
     Raises FormatError on a name that cannot be one.
     """
@@ -89,7 +89,7 @@ def encode_pack(
 
 
 class HDF5(Format):
-    """What the native and the FCLIB format share: they are told apart by content."""
+    """Base of the native and the FCLIB format, which differ in content only."""
 
     suffixes = SUFFIXES
     keeps_provenance = True
@@ -129,7 +129,7 @@ class HDF5(Format):
             put_guesses(root, problem, guesses)
 
     def _require(self, parent: Tree, group: str) -> None:
-        """Raises FormatError when the problem is not in this format."""
+        """Raise FormatError when the problem is not in this format."""
 
 
 class Native(HDF5):

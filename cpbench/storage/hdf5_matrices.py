@@ -29,8 +29,8 @@ _INT32 = 2**31 - 1
 
 
 def read_matrix(tree: Tree, name: str, shape: tuple[int | None, int | None], *, packed: bool = False) -> Matrix:
-    """The matrix `name`; `shape` is what the rest of the file says it must be (None: free, then it must be
-    dense or stored by rows), `packed` that only its lower triangle is there.
+    """Read the matrix `name`; `shape` is what the rest of the file says it must be (None: free, then it must be dense
+    or stored by rows), `packed` that only its lower triangle is there.
 
     Raises FormatError before allocating anything that the file does not hold.
     """

@@ -26,20 +26,20 @@ _FCLIB = {"lam": "l"}
 """Parts of contact points that FCLIB calls otherwise; it has none of these where they are empty."""
 
 
-def put_solution(parent: h5py.Group, problem: Problem, point: Point, said: Mapping[str, Any]) -> None:
+def put_solution(parent: h5py.Group, problem: Problem, point: Point, attributes: Mapping[str, Any]) -> None:
     """Write `/solution`: the point, the slacks as they follow from it (FCLIB's u), and attributes."""
     put_point(
-        parent, point, {**said, "node": problem.node, "fingerprint": problem.fingerprint}, _slacks(problem, point)
+        parent, point, {**attributes, "node": problem.node, "fingerprint": problem.fingerprint}, _slacks(problem, point)
     )
 
 
 def put_point(
-    parent: h5py.Group, point: Point, said: Mapping[str, Any], slacks: Mapping[str, NDArray[Any]] | None = None
+    parent: h5py.Group, point: Point, attributes: Mapping[str, Any], slacks: Mapping[str, NDArray[Any]] | None = None
 ) -> None:
     """Write `/solution` from its parts."""
     group: h5py.Group = parent.create_group("solution")
     _put_parts(group, point, slacks or {})
-    for name, value in {**said, "cpbench_version": __version__}.items():
+    for name, value in {**attributes, "cpbench_version": __version__}.items():
         put_attribute(group, name, value if isinstance(value, int | float | bool) else str(value))
 
 
@@ -54,7 +54,7 @@ def put_guesses(parent: h5py.Group, problem: Problem, points: Sequence[Point]) -
 
 
 def read_point(tree: Tree, kind: type[Point]) -> Any:
-    """The point of a group; parts that are empty by default may be missing. Raises FormatError."""
+    """Read the point of a group; parts that are empty by default may be missing. Raises FormatError."""
     parts: dict[str, Any] = {}
     for name, f in kind.__dataclass_fields__.items():
         fclib = _names(kind).get(name, name)
@@ -67,7 +67,9 @@ def read_point(tree: Tree, kind: type[Point]) -> Any:
 
 
 def _slacks(problem: Problem, point: Point) -> dict[str, NDArray[Any]]:
-    """What stands beside a point; not the value of a nonlinear map, whose last bits differ between machines."""
+    """Return the values stored beside a point, without those of nonlinear maps, whose last bits differ between
+    machines.
+    """
     if problem.maps() and not isinstance(problem, ContactProblem):
         return {}
     return {name: value for name, value in problem.slacks(point).items() if np.isfinite(value).all()}

@@ -32,7 +32,7 @@ _DAMAGE = (OSError, RuntimeError, LookupError, TypeError, ValueError, Arithmetic
 
 
 def _guarded(method: Callable[Concatenate[Tree, P], R]) -> Callable[Concatenate[Tree, P], R]:
-    """What HDF5 meets in a damaged file comes out as a FormatError that names the place."""
+    """Turn errors of HDF5 in a damaged file into a FormatError that names the place."""
 
     @functools.wraps(method)
     def guarded(self: Tree, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -79,12 +79,12 @@ class Tree:
         return found
 
     def child(self, name: str) -> Tree:
-        """The group `name`; raises FormatError when it is missing, a data set or a link."""
+        """Return the group `name`; raises FormatError when it is missing, a data set or a link."""
         return Tree(self.path, self._open(name, h5g.GroupID, "a group"), f"{self.where}/{name}" if self.where else name)
 
     @_guarded
     def is_group(self, name: str) -> bool:
-        """Whether `name` is a group; a link is none."""
+        """Return whether `name` is a group; a link is not one."""
         raw = name.encode()
         return (
             self.gid.links.exists(raw)
@@ -94,7 +94,7 @@ class Tree:
 
     @_guarded
     def array(self, name: str, dtype: Any = np.float64, ndim: int | None = 1) -> NDArray[Any]:
-        """A numeric data set as `dtype`; raises FormatError before allocating what is not there.
+        """Read a numeric data set as `dtype`; raises FormatError before allocating what is not there.
 
         `dtype` None: as stored; np.integer: whole numbers, int32 where that is stored, else int64.
         """
@@ -138,7 +138,7 @@ class Tree:
             raise self.error(name, f"cannot be read ({_first_line(cause)})") from None
 
     def integer(self, name: str) -> int:
-        """A whole number: data set of shape (1,), or a scalar one."""
+        """Read a whole number: a data set of shape (1,), or a scalar one."""
         value = self.array(name, np.int64, None)
         if value.size != 1:
             raise self.error(name, f"has shape {value.shape}, expected one whole number")
@@ -146,7 +146,7 @@ class Tree:
 
     @_guarded
     def text(self, name: str) -> str:
-        """A string data set, "" when there is none; bytes that are not UTF-8 come back as U+FFFD."""
+        """Read a string data set, "" when there is none; bytes that are not UTF-8 come back as U+FFFD."""
         if name not in self:
             return ""
         data = self._open(name, h5d.DatasetID, "a string")
@@ -159,23 +159,23 @@ class Tree:
 
     @_guarded
     def attributes(self) -> dict[str, Any]:
-        """Attributes by name: strings as str, numbers as NumPy scalars or arrays."""
+        """Return attributes by name: strings as str, numbers as NumPy scalars or arrays."""
         return _attributes(self.gid)
 
     @_guarded
     def flagged(self, name: str) -> bool:
-        """Whether the attribute `name` is there and 1 (a tenth of the time of `attributes`)."""
+        """Return whether the attribute `name` is there and 1 (a tenth of the time of `attributes`)."""
         return bool(h5a.exists(self.gid, name.encode())) and self.attributes().get(name, 0) == 1
 
     @_guarded
     def marks(self, name: str) -> dict[str, Any]:
-        """Attributes of the data set `name`."""
+        """Return the attributes of the data set `name`."""
         return _attributes(self._open(name, h5d.DatasetID, "a data set"))
 
 
 @contextlib.contextmanager
 def open_tree(path: Path) -> Generator[Tree]:
-    """The root group of a file, open for reading; raises FormatError when there is none."""
+    """Yield the root group of a file, open for reading; raises FormatError when there is none."""
     access = h5p.create(h5p.FILE_ACCESS)
     access.set_fclose_degree(h5f.CLOSE_STRONG)
     try:

@@ -19,7 +19,7 @@ COMPRESS_ABOVE = 64 * 1024
 
 @contextlib.contextmanager
 def new_file() -> Generator[tuple[h5py.Group, list[bytes]]]:
-    """A file in memory: its root group, and a list that holds the finished bytes after the block."""
+    """Create a file in memory: yield its root group and a list that holds the finished bytes after the block."""
     image: list[bytes] = []
     with h5py.File(f"memory-{id(image)}", "w", driver="core", backing_store=False, track_order=False) as file:
         yield file, image
@@ -39,7 +39,7 @@ def put_integer(group: h5py.Group, name: str, value: int) -> None:
 
 
 def fixed_string(text: str) -> NDArray[Any]:
-    """A UTF-8 string of fixed length, NUL terminated: what a C reader can take."""
+    """Return a UTF-8 string of fixed length, NUL terminated: what a C reader can take."""
     raw = text.encode("utf-8", "surrogateescape")
     return np.array(raw, dtype=h5py.string_dtype("utf-8", len(raw) + 1))
 

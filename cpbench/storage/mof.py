@@ -74,7 +74,7 @@ class MOF(Format):
 
 
 def text(problem: Problem) -> Iterator[str]:
-    """The file in pieces; raises FormatError when it would be too large, or the set of an avi is no box."""
+    """Yield the file in pieces; raises FormatError when it would be too large, or the set of an avi is no box."""
     model = _MODELS[problem.node](problem)
     if model.entries > LARGEST:
         raise FormatError(

@@ -16,7 +16,7 @@ from cpbench.storage.mof_write import FEASIBILITY, Written, joined, numbered, on
 
 
 def obstacle(problem: Any) -> str | None:
-    """Why a problem of a formulation that can be written cannot be, None where it can."""
+    """Return why a problem of a formulation that can be written cannot be, None where it can."""
     if problem.node == "avi" and not problem.only_box:
         return f"its set has {problem.b.size + problem.d.size} rows beside the box"
     return None
@@ -43,7 +43,7 @@ def mlcp(problem: Any) -> Written:
 
 
 def _complements(M: Any, q: Vector, names: Sequence[str], lb: Vector, ub: Vector) -> Written:
-    """One constraint: (Mx + q, x) in Complements."""
+    """Write one constraint: (Mx + q, x) in Complements."""
     F = _kept(M)
 
     def rows() -> Iterator[str]:
@@ -109,7 +109,7 @@ def _terms(M: Sparse, row: int, names: Sequence[str]) -> Iterator[str]:
 
 
 def _kept(M: Matrix) -> Sparse:
-    """The entries that are not 0, by rows."""
+    """Return the entries that are not 0, by rows."""
     rows = sp.csr_array(M, copy=True)
     rows.sum_duplicates()
     rows.eliminate_zeros()
@@ -117,7 +117,7 @@ def _kept(M: Matrix) -> Sparse:
 
 
 def _quadratic(Q: Matrix) -> Iterator[tuple[int, int, float]]:
-    """(i, j, coefficient) of the terms of ½zᵀQz."""
+    """Yield (i, j, coefficient) of the terms of ½zᵀQz."""
     coo = _kept(Q).tocoo()
     entries = dict(zip(zip(coo.row.tolist(), coo.col.tolist(), strict=True), coo.data.tolist(), strict=True))
     for (i, j), value in entries.items():

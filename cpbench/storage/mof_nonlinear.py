@@ -16,8 +16,9 @@ MINOR = to_mof.VERSION["minor"]
 
 
 def nlp(problem: Any) -> Written:
-    """Every row a function of its own, as simple as it reads back; g, or h, as one vector where its rows share so much
-    that this would be far longer."""
+    """Write every row as a function of its own, as simple as it reads back; g, or h, as one vector where its rows share
+    so much that this would be far longer.
+    """
     names = numbered("z", problem.start.size)
 
     def objective() -> Iterator[str]:
@@ -53,7 +54,7 @@ def micp(problem: Any) -> Written:
 
 
 def _complements(problem: Any, lb: Any, ub: Any) -> Written:
-    """One constraint: (F(z), z) in Complements."""
+    """Write one constraint: (F(z), z) in Complements."""
     names = numbered("z", problem.start.size)
 
     def rows() -> Iterator[str]:

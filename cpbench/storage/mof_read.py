@@ -22,7 +22,7 @@ from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.expressions.from_mof import Affine, Nonlinear, Quadratic
 from cpbench.expressions.mof_json import as_float, parse
-from cpbench.expressions.mof_model import Model, Row, read_model
+from cpbench.expressions.mof_model import Model, ModelRow, read_model
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.lcp import LCP
@@ -48,21 +48,21 @@ _COMPLEMENTARITY = ("lcp", "mlcp", "relay", "avi", "ncp", "micp")
 
 
 def read(path: Path) -> Problem:
-    """The problem in a file; raises FormatError."""
+    """Read the problem in a file; raises FormatError."""
     model = read_model(_content(path), path)
-    told = model.description
-    said = told.removeprefix(MARK).partition(":")[0] if told.startswith(MARK) else ""
-    node = said.removesuffix(CONVEX)
+    description = model.description
+    formulation = description.removeprefix(MARK).partition(":")[0] if description.startswith(MARK) else ""
+    node = formulation.removesuffix(CONVEX)
     name = model.name or path.name.removesuffix(".json").removesuffix(".mof")
     if model.complementary or (node in _COMPLEMENTARITY and not model.names):
         return _complementarity(model, path, name, node)
     if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
-        return build(path, NLP, "", name=name, convex=said == f"nlp{CONVEX}", **program(model))
+        return build(path, NLP, "", name=name, convex=formulation == f"nlp{CONVEX}", **program(model))
     return _qp(model, path, name)
 
 
 def load_json(path: Path) -> dict[str, Any]:
-    """The JSON object in a file; raises FormatError."""
+    """Read the JSON object in a file; raises FormatError."""
     return parse(_content(path), path)
 
 
@@ -75,7 +75,7 @@ def _content(path: Path) -> bytes:
 
 
 def offset(info: Info) -> float:
-    """The constant of the objective."""
+    """Return the constant of the objective."""
     value = info.properties.get(OFFSET, 0.0)
     return float(value) if isinstance(value, int | float) and math.isfinite(as_float(value)) else 0.0
 
@@ -89,7 +89,7 @@ def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:
         if half.all() and node != "micp":
             return build(path, NCP, "", name=name, F=parts["F"], start=parts["start"])
         return build(path, MiCP, "", name=name, **parts)
-    M, _ = _matrix([Row(function, 0.0) for function in functions], len(model.names))
+    M, _ = _matrix([ModelRow(function, 0.0) for function in functions], len(model.names))
     q = np.array([cast("Affine", function).constant for function in functions], float)
     fits = {
         "lcp": half.all(),
@@ -125,8 +125,8 @@ def _qp(model: Model, path: Path, name: str) -> Problem:
     return build(path, QP, "", name=name, info=info, lb=model.lb, ub=model.ub, **parts)
 
 
-def _matrix(rows: Sequence[Row], n: int) -> tuple[Sparse, Vector]:
-    """Affine rows as M and b of Mz ≥ b, or = b."""
+def _matrix(rows: Sequence[ModelRow], n: int) -> tuple[Sparse, Vector]:
+    """Return affine rows as M and b of Mz ≥ b, or = b."""
     turned = [cast("Affine", row.function).negative() if row.below else cast("Affine", row.function) for row in rows]
     lengths = [len(function.columns) for function in turned]
     columns = [column for function in turned for column in function.columns]
@@ -137,8 +137,9 @@ def _matrix(rows: Sequence[Row], n: int) -> tuple[Sparse, Vector]:
 
 
 def _hessian(products: Sequence[tuple[int, int, float]], n: int) -> Sparse:
-    """Q of the coefficients of zᵢzⱼ, and of zᵢ²/2. Of a pair that is there both ways round each has its half, unless
-    that is far from symmetric."""
+    """Return Q from the coefficients of zᵢzⱼ and zᵢ²/2; a pair given both ways has half each, unless far from
+    symmetric.
+    """
     terms: dict[tuple[int, int], float] = {}
     for i, j, value in products:
         terms[i, j] = terms.get((i, j), 0.0) + value
@@ -153,7 +154,7 @@ def _hessian(products: Sequence[tuple[int, int, float]], n: int) -> Sparse:
 
 
 def _add(p: Vector, affine: Affine) -> None:
-    """The terms of a row into a vector; the first one as it is, with the sign of its zero."""
+    """Add the terms of a row to a vector; the first one as it is, with the sign of its zero."""
     seen: set[int] = set()
     for column, value in zip(affine.columns, affine.values, strict=True):
         p[column] = p[column] + value if column in seen else value

@@ -35,7 +35,7 @@ class Written:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def variables(self) -> Iterator[str]:
-        """With their starts, where these are not 0, which a reader takes for a start that is not given."""
+        """Yield the variables with their starts that are not 0, which a reader takes for a start that is not given."""
         starts = [0.0] * len(self.names) if self.start is None else self.start.tolist()
         for name, start in zip(self.names, starts, strict=True):
             given = f', "primal_start": {start!r}' if start or np.signbit(start) else ""
@@ -44,8 +44,9 @@ class Written:
             yield json.dumps({"name": name})
 
     def bounds(self) -> Iterator[str]:
-        """Two constraints where a variable has two bounds: JuMP finds these, but not an interval. They have no names:
-        MathOptInterface allows none."""
+        """Yield two constraints where a variable has two bounds, without names: JuMP finds no interval, and
+        MathOptInterface allows no names here.
+        """
         for kind, side, values in (("GreaterThan", "lower", self.lb), ("LessThan", "upper", self.ub)):
             for name, value in zip(self.names, values.tolist(), strict=True):
                 if np.isfinite(value):
@@ -60,7 +61,7 @@ def one_sided(kind: str, side: str, value: float) -> str:
 
 
 def numbered(name: str, count: int) -> list[str]:
-    """As JuMP names the entries of a vector: from 1."""
+    """Number the entries of a vector from 1, as JuMP does."""
     return [f"{name}[{i}]" for i in range(1, count + 1)]
 
 

@@ -61,10 +61,10 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
 
 
 def read(parent: Tree, name: str) -> Problem:
-    """The problem whose `cpbench` group stands in `parent`; `name` when none is stored. Raises FormatError."""
+    """Read the problem whose `cpbench` group stands in `parent`; `name` when none is stored. Raises FormatError."""
     own = parent.child("cpbench")
-    said = own.attributes()
-    node = _node(own, said)
+    attributes = own.attributes()
+    node = _node(own, attributes)
     if node in fclib.GROUPS:
         return fclib.read(parent, fclib.GROUPS[node], name, node)
     cls = formulations.get(node)
@@ -80,18 +80,18 @@ def read(parent: Tree, name: str) -> Problem:
         if len(shape) == 2:
             parts[field] = read_matrix(own, field, (sizes.get(shape[0]), sizes.get(shape[1])))
     parts |= _read_maps(own, cls, sizes)
-    parts |= _read_fields(own, said, cls)
+    parts |= _read_fields(own, attributes, cls)
     parts |= read_place(own)
     info = read_info(parent, parent.child("info")) if "info" in parent else Info()
-    stored = str(said.get("name", "")) or name
+    stored = str(attributes.get("name", "")) or name
     return build(own.path, cls, own.where, name=stored, info=info, provenance=read_provenance(parent), **parts)
 
 
-def _node(own: Tree, said: dict[str, Any]) -> str:
-    version = said.get("format_version")
+def _node(own: Tree, attributes: dict[str, Any]) -> str:
+    version = attributes.get("format_version")
     if version != VERSION:
         raise own.error("@format_version", f"is {version}, this version of cpbench reads {VERSION}")
-    node = said.get("node")
+    node = attributes.get("node")
     if not isinstance(node, str):
         raise own.error("@node", "is missing, expected the name of a formulation")
     try:
@@ -147,12 +147,12 @@ def _read_maps(own: Tree, cls: type[Problem], sizes: dict[str, int]) -> dict[str
     return {name: found.get(name, Map.empty(size or 0)) for name, size in inputs.items()}
 
 
-def _read_fields(own: Tree, said: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:
+def _read_fields(own: Tree, attributes: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:
     names = _scalar_fields(cls)
     if not names:
         return {}
     try:
-        stored = cast("dict[str, Any]", json.loads(said.get("fields", "{}")))
+        stored = cast("dict[str, Any]", json.loads(attributes.get("fields", "{}")))
         found = {name: stored[name] for name in names if name in stored}
     except (TypeError, ValueError) as cause:
         raise own.error("@fields", f"is not a JSON object ({cause})") from None

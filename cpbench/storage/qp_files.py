@@ -66,7 +66,9 @@ class QPMat(Format):
 
 
 def two_sided(path: Path, A: sp.csr_array, lower: Vector, upper: Vector) -> dict[str, Any]:
-    """A, b, C, d, lb, ub of the QP with rows lower ≤ Az ≤ upper; raises FormatError on a row nothing can satisfy."""
+    """Return A, b, C, d, lb, ub of the QP with rows lower ≤ Az ≤ upper; raises FormatError on a row nothing can
+    satisfy.
+    """
     lower, upper = infinite(lower), infinite(upper)
     bad = np.flatnonzero(np.isnan(lower) | np.isnan(upper) | (lower > upper) | (lower == np.inf) | (upper == -np.inf))
     if bad.size:
@@ -170,7 +172,7 @@ class BoxQPNpz(Format):
 
 
 def infinite(x: Vector) -> Vector:
-    """Sides of ±INFINITE and beyond become infinite."""
+    """Return sides with those of ±INFINITE and beyond made infinite."""
     return np.where(np.abs(x) >= INFINITE, np.copysign(np.inf, x), x)
 
 
@@ -200,7 +202,9 @@ def _load_mat(path: Path) -> dict[str, Any]:
 
 
 def _require_indices(path: Path, key: str, value: Any) -> None:
-    """SciPy's reader hands over indices as they stand in the file, and its conversions write wherever they point."""
+    """Refuse indices outside the shape: SciPy's reader hands them over, and its conversions write wherever they
+    point.
+    """
     try:
         value.check_format(full_check=True)
     except ValueError as cause:
@@ -219,7 +223,7 @@ def _matrix(path: Path, found: dict[str, Any], name: str, default: Matrix | None
 
 
 def _vector(path: Path, found: dict[str, Any], name: str, size: int | None = None, fill: float = 0.0) -> Vector:
-    """The vector `name`; when absent, `size` times `fill`. Raises FormatError."""
+    """Return the vector `name`; when absent, `size` times `fill`. Raises FormatError."""
     if name not in found:
         if size is None:
             raise FormatError(path, name, "is missing")

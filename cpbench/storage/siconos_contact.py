@@ -65,7 +65,7 @@ def global_rolling_reader(dimension: int) -> Callable[[Cursor], Made]:
 
 
 def is_plasticity(c: Cursor) -> bool:
-    """Whether the file has the layout of a plasticity problem, which is no formulation here."""
+    """Return whether the file has the layout of a plasticity problem, which is no formulation here."""
     try:
         d, nc, model = c.integer("d"), c.integer("nc"), c.integer("model")
         if d != 3 or model not in (1, 2):

@@ -75,7 +75,7 @@ def read_soclcp(c: Cursor) -> Made:
 
 
 def read_mlcp(c: Cursor) -> Made:
-    """Both layouts of today; M and (A, B, C, D) must agree where a file has both."""
+    """Read both layouts of today; M and (A, B, C, D) must agree where a file has both."""
     st1, st2, n, m = (c.integer(field) for field in ("st1", "st2", "n", "m"))
     if st1 > 1 or st2 > 1 or not st1 + st2:
         raise c.error("st1", f"and st2 are {st1} and {st2}, expected 0 or 1, one of them 1")
@@ -104,7 +104,7 @@ def read_mlcp_old(c: Cursor) -> Made:
 
 
 def _by_blocks(c: Cursor, n: int, m: int) -> dict[str, Any]:
-    """A, B, C, D, a, b from M and q, whose blocks of equalities and complementarities may come in any order."""
+    """Return A, B, C, D, a, b of M and q, whose blocks of equalities and complementarities may come in any order."""
     ends = [c.integer("blocks")]
     while ends[-1] < n + m:
         ends.append(c.integer("blocks"))

@@ -44,7 +44,7 @@ class Cursor:
         self.known: dict[int, tuple[Matrix, int]] = {}
 
     def again(self) -> Cursor:
-        """The same file from its beginning; matrices that were read are remembered by their place."""
+        """Return a cursor at the beginning of the same file; matrices that were read are remembered by their place."""
         other = Cursor(self.path, self.tokens, guess=self.guess)
         other.known = self.known
         return other
@@ -68,7 +68,7 @@ class Cursor:
         return self.tokens[self.at - 1]
 
     def integer(self, field: str) -> int:
-        """A count: digits only."""
+        """Read a count: digits only."""
         token = self.word(field)
         if not token.isdigit() or len(token) > 18:
             raise self.error(field, f"is '{token[:24]}', expected a whole number")
@@ -79,14 +79,14 @@ class Cursor:
         return np.array([self.integer(field) for _ in range(count)], dtype=np.int64)
 
     def numbers(self, field: str, count: int) -> Vector:
-        """`count` numbers at once; raises FormatError before allocating when the file has fewer."""
+        """Read `count` numbers at once; raises FormatError before allocating when the file has fewer."""
         self._require(field, count)
         taken = self.tokens[self.at : self.at + count]
         self.at += count
         return self._floats(field, taken)
 
     def strided(self, field: str, count: int, width: int) -> list[list[str]]:
-        """Columns of `count` rows of `width` tokens."""
+        """Read the columns of `count` rows of `width` tokens."""
         self._require(field, count * width)
         taken = self.tokens[self.at : self.at + count * width]
         self.at += count * width
@@ -127,7 +127,7 @@ def is_number(token: str) -> bool:
 
 
 def read_matrix(c: Cursor, name: str, shape: tuple[int, int] | None) -> Matrix:
-    """The matrix block at the cursor; `shape` None: any square one."""
+    """Read the matrix block at the cursor; `shape` None: any square one."""
     storage, rows, cols = (c.integer(f"{name}/{part}") for part in ("storage", "rows", "columns"))
     if shape is not None and (rows, cols) != shape:
         odd = ", rectangular problems are not known here" if shape[0] == shape[1] and rows != cols else ""
@@ -222,7 +222,9 @@ def _sparse(c: Cursor, name: str, rows: int, cols: int) -> Sparse:
 
 
 def _compressed(c: Cursor, name: str, count: int, majors: int) -> tuple[list[str], list[str], list[str], list[str]]:
-    """Minor index, major index, colon, value of every entry of `col j : locations a to b`, then `row : value` lines."""
+    """Read minor index, major index, colon, value of every entry of `col j : locations a to b`, then `row : value`
+    lines.
+    """
     minor: list[str] = []
     major: list[str] = []
     colons: list[str] = []
@@ -258,7 +260,7 @@ def _indices(c: Cursor, name: str, tokens: list[str], limit: int) -> NDArray[Any
 
 
 def _warn_of_six_digits(path: Path, values: Iterable[str]) -> None:
-    """Once a file: some value has exactly 6 digits and none has more, so digits were cut."""
+    """Warn once a file when some value has exactly 6 digits and none has more: digits were cut."""
     digits = {len(v.lstrip("-0.").partition("e")[0].replace(".", "")) for v in values}
     if max(digits, default=0) == 6 and path not in _warned:
         _warned.add(path)

@@ -109,7 +109,7 @@ class SiconosText(Format):
 def _attempt(
     c: Cursor, kinds: Sequence[SiconosText]
 ) -> tuple[list[tuple[SiconosText, Made]], list[tuple[int, str, FormatError]]]:
-    """What reads the file to its last number, and the refusals of the others with how far they came."""
+    """Return the readers that come to the file's last number, and the refusals of the others with how far they came."""
     found: list[tuple[SiconosText, Made]] = []
     refusals: list[tuple[int, str, FormatError]] = []
     for kind in kinds:

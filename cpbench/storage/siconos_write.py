@@ -19,13 +19,13 @@ from cpbench.product_cones import Cone
 
 
 def write_lcp(p: LCP) -> str:
-    """n, M, q."""
+    """Write n, M, q."""
     n = p.q.size
     return f"{n}\n{text_matrix(p.M)}{text_rows(p.q, n or 1)}"
 
 
 def write_mlcp(p: MLCP) -> str:
-    """M with q, and A, B, C, D too where they are dense (Siconos' own solvers want both)."""
+    """Write M with q, and A, B, C, D too where they are dense (Siconos' own solvers want both)."""
     n, m = p.a.size, p.b.size
     M, q = matrices.block([[p.A, p.C], [p.D, p.B]]), np.concatenate([p.a, p.b])
     dense = not matrices.is_sparse(M)
@@ -40,7 +40,7 @@ def write_mlcp(p: MLCP) -> str:
 
 
 def write_avi(p: AVI) -> str:
-    """n, M, q; refuses a set X, for which there is no place."""
+    """Write n, M, q; refuse a set X, for which there is no place."""
     if not p.only_box or np.isfinite(p.lb).any() or np.isfinite(p.ub).any():
         raise FormatError(p.name or p.node, "", "has a set X: Siconos text has no place for it, .h5 has")
     n = p.q.size
@@ -48,13 +48,13 @@ def write_avi(p: AVI) -> str:
 
 
 def write_relay(p: Relay) -> str:
-    """n, M, q, lb, ub."""
+    """Write n, M, q, lb, ub."""
     n = p.q.size
     return f"{n}\n{text_matrix(p.M)}{''.join(text_rows(x, n or 1) for x in (p.q, p.lb, p.ub))}"
 
 
 def write_soclcp(p: SOCLCP) -> str:
-    """n, nc, M, q, cone ends, tau; refuses cones that are not of second order."""
+    """Write n, nc, M, q, cone ends, tau; refuse cones that are not of second order."""
     other = (p.cone_kind != Cone.SECOND_ORDER) | ~np.isfinite(p.cone_mu)
     if other.any():
         i = int(np.flatnonzero(other)[0])
@@ -70,13 +70,13 @@ def write_soclcp(p: SOCLCP) -> str:
 
 
 def write_fc(p: LocalContact) -> str:
-    """d, nc, M, q, mu, and mu_r with rolling."""
+    """Write d, nc, M, q, mu, and mu_r with rolling."""
     vectors = "".join(text_rows(x, x.size or 1) for x in (p.q, *_coefficients(p)))
     return f"{p.dimension}\n{p.nc}\n{text_matrix(p.W)}{vectors}"
 
 
 def write_gfc(p: GlobalContact) -> str:
-    """d, nc, M, H, q, b, mu, and mu_r with rolling; refuses joints, for which there is no place."""
+    """Write d, nc, M, H, q, b, mu, and mu_r with rolling; refuse joints, for which there is no place."""
     if p.b.size:
         raise FormatError(
             p.name or p.node, "G", f"has {p.b.size} bilateral constraints: Siconos text has no place for them, .h5 has"
@@ -90,7 +90,7 @@ def _coefficients(p: ContactProblem) -> list[Vector]:
 
 
 def text_matrix(M: Matrix) -> str:
-    """The matrix block of `M` with all its digits: dense, or a CSparse triplet."""
+    """Write the matrix block of `M` with all its digits: dense, or a CSparse triplet."""
     rows, cols = M.shape
     if not matrices.is_sparse(M):
         body = text_rows(matrices.dense(M).T.reshape(-1), max(cols, 1))
@@ -105,6 +105,6 @@ def text_matrix(M: Matrix) -> str:
 
 
 def text_rows(x: Vector, width: int) -> str:
-    """Numbers with all their digits, `width` to a line."""
+    """Write numbers with all their digits, `width` to a line."""
     words = list(map(repr, x.tolist()))
     return "".join(" ".join(words[k : k + width]) + "\n" for k in range(0, len(words), width))

@@ -42,7 +42,7 @@ class TextLCP(Format):
 
 
 def vector_file(path: Path) -> Path | None:
-    """The file of q that belongs to the file of M; None when the name has no '-M'.
+    """Return the file of q that belongs to the file of M; None when the name has no '-M'.
 
     >>> vector_file(Path("diphasic-Ma.txt")).name
     'diphasic-qa.txt'

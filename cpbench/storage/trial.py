@@ -13,7 +13,7 @@ from cpbench.errors import FormatError
 
 
 def require_survivor(path: Path, read: Callable[[], object], reader: str) -> None:
-    """Raises FormatError when `read` kills the process that it runs in; what it raises is nobody's concern here.
+    """Raise FormatError when `read` kills the process that it runs in; what it raises is nobody's concern here.
 
     Reading twice costs less than sending the arrays over, and the process that asks reads the same bytes.
     """

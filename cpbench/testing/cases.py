@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.expressions import Map
-from cpbench.expressions.recording import Recorder
+from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
 from cpbench.formulations.conic import ConicProblem
 from cpbench.generators import generators
@@ -174,7 +174,7 @@ def renumbered(case: Case, seed: int) -> Case | None:
 
 def _reordered(F: Map, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Map:
     """x[columns] ↦ F(x)[rows]; the map to ℝ¹ has no rows to reorder."""
-    record = Recorder(F.inputs)
+    record = MapRecorder(F.inputs)
     value = record(F, record.z[np.argsort(columns)])
     return record.map(value[rows] if rows.size else value)
 

@@ -51,7 +51,7 @@ def _below(found: re.Match[str]) -> str:
 
 
 def _converter() -> Callable[..., Any]:
-    """Raises Unavailable where the library is not installed."""
+    """Raise Unavailable where the library is not installed."""
     try:
         from latex2mathml.converter import convert
     except ImportError as cause:

@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 
 from cpbench import storage
-from cpbench.analysis.comparison import Comparison, Side, Verdict, compare, compare_labels
+from cpbench.analysis.comparison import Comparison, ComparisonSide, PairVerdict, compare, compare_labels
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP
@@ -71,7 +71,7 @@ def prepare(folder: Path) -> None:
     (folder / "builds.toml").write_text("\n".join(tables))
 
 
-def job(folder: Path, seed: int, repeats: int) -> Side:
+def job(folder: Path, seed: int, repeats: int) -> ComparisonSide:
     """The results of one job, run unless they are there."""
     path = folder / f"job-{seed}.sqlite"
     words = ["run", str(folder / "problems"), "--plan", "none", "--plugin", str(PLUGIN)]
@@ -80,10 +80,10 @@ def job(folder: Path, seed: int, repeats: int) -> Side:
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     subprocess.run([sys.executable, "-m", "cpbench", *words], check=True, stdout=subprocess.DEVNULL, env=environment)
     with Store(path) as store:
-        return Side(path.name, store.table(), store.meta(), store.machines())
+        return ComparisonSide(path.name, store.table(), store.meta(), store.machines())
 
 
-def build(side: Side, name: str) -> Side:
+def build(side: ComparisonSide, name: str) -> ComparisonSide:
     """One build of a job, called by the name of the solver."""
     own = side.table[side.table["solver"] == f"slowed@{name}"]
     return replace(side, name=f"{side.name} {name}", table=own.assign(solver="slowed", label="slowed"))
@@ -91,7 +91,7 @@ def build(side: Side, name: str) -> Side:
 
 @dataclass
 class Tally:
-    verdicts: Counter[Verdict] = field(default_factory=Counter)
+    verdicts: Counter[PairVerdict] = field(default_factory=Counter)
     logs: list[float] = field(default_factory=list)
     deltas: list[float] = field(default_factory=list)
 
@@ -101,7 +101,7 @@ class Tally:
         self.deltas.append(found.noise.delta)
 
 
-def compared(jobs: list[Side], tallies: dict[str, Tally]) -> None:
+def compared(jobs: list[ComparisonSide], tallies: dict[str, Tally]) -> None:
     """Add the comparisons of the last job, in itself and with the one before."""
     last = jobs[-1]
     equal = ("slowed@base", "slowed@again")
@@ -116,7 +116,7 @@ def compared(jobs: list[Side], tallies: dict[str, Tally]) -> None:
 
 
 def show(tallies: dict[str, Tally]) -> None:
-    order = (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.INCONCLUSIVE, Verdict.SAME)
+    order = (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.INCONCLUSIVE, PairVerdict.SAME)
     print(f"{'comparison':<26}{'number':>7}" + "".join(f"{v!s:>14}" for v in order) + f"{'mean':>8}{'sd':>7}{'δ':>7}")
     for name, tally in tallies.items():
         logs = [x for x in tally.logs if math.isfinite(x)]
@@ -129,7 +129,7 @@ def show(tallies: dict[str, Tally]) -> None:
         print(f"{name:<26}{tally.verdicts.total():>7}{counts}{mean:>8.3f}{spread:>7.1%}{delta:>7.1%}")
     for kind, alarm in (("equal", "alarms on equal code"), ("slower", "found of a fifth more")):
         own = {name: tally for name, tally in tallies.items() if kind in name and tally.verdicts}
-        counted = (Verdict.REGRESSED, Verdict.IMPROVED) if kind == "equal" else (Verdict.REGRESSED,)
+        counted = (PairVerdict.REGRESSED, PairVerdict.IMPROVED) if kind == "equal" else (PairVerdict.REGRESSED,)
         told = [
             f"{name.replace(f', {kind}', '')} {sum(t.verdicts[v] for v in counted) / t.verdicts.total():.1%}"
             for name, t in own.items()
@@ -154,7 +154,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = (asked.folder or Path(scratch)).absolute()
         prepare(folder)
-        jobs: list[Side] = []
+        jobs: list[ComparisonSide] = []
         for seed in range(asked.jobs):
             if time.monotonic() - begun > 60 * asked.minutes:
                 break

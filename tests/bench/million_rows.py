@@ -37,7 +37,6 @@ import pandas as pd
 from made_up_rows import LIMIT, as_paths, as_starts, make
 
 from cpbench.analysis import (
-    attendance,
     bands,
     baseline,
     best,
@@ -49,6 +48,7 @@ from cpbench.analysis import (
     means,
     metrics,
     pairwise,
+    participation,
     profiles,
     reliability,
     scaling,
@@ -58,8 +58,8 @@ from cpbench.analysis import (
     timeline,
 )
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.comparison import Side, compare
-from cpbench.analysis.experience import experience
+from cpbench.analysis.comparison import ComparisonSide, compare
+from cpbench.analysis.training_cases import collect_cases
 
 SHAPES = ((10_000, 100), (100_000, 10))
 """Problems and labels, a process each."""
@@ -125,7 +125,7 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "refusals by reason": lambda: failures.failures(rows, refused=True),
         "unsolved problems": lambda: failures.unsolved(rows),
         "flagged": lambda: failures.flagged(rows, "direction"),
-        "attendance": lambda: (attendance.absences(rows), attendance.attended(rows)),
+        "participation": lambda: (participation.absences(rows), participation.participating(rows)),
         "deadlines": lambda: deadlines.deadlines(rows, 1.0),
         "deadlines, histories": lambda: deadlines.deadlines(rows, 1.0, data.paths),
         "deadlines by sequence": lambda: deadlines.deadlines_by_sequence(rows, 1.0),
@@ -148,10 +148,12 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
     half = rows[rows["label"].isin(sorted(set(rows["label"]))[::2])].reset_index(drop=True)
     again = half.assign(solve=half["solve"] * np.random.default_rng(1).lognormal(0, 0.02, len(half)))
     return {
-        "compare two runs of half": lambda: compare(Side("base", half), Side("new", again)),
+        "compare two runs of half": lambda: compare(ComparisonSide("base", half), ComparisonSide("new", again)),
         "baseline, written": lambda: baseline.text(baseline.of(rows)),
-        "history of two runs of half": lambda: timeline.timeline([timeline.Run("a", half), timeline.Run("b", again)]),
-        "experience, to recommend": lambda: experience(rows, {}),
+        "history of two runs of half": lambda: timeline.timeline(
+            [timeline.TimelineRun("a", half), timeline.TimelineRun("b", again)]
+        ),
+        "training cases, to recommend": lambda: collect_cases(rows, {}),
     }
 
 

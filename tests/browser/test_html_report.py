@@ -21,10 +21,10 @@ from written_reports import write_html
 from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, data_profiles, deadlines, histories, metrics, pairwise, profiles
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
-from cpbench.analysis.portraits import Portrait, portrait
+from cpbench.analysis.participation import participating
+from cpbench.analysis.thumbnails import Thumbnail, thumbnail
 from cpbench.analysis.tolerances import judged_at
-from cpbench.api.portraits import BYTES
+from cpbench.api.thumbnails import BYTES
 from cpbench.formulations import LCP, FCPoint, FrictionContact
 from cpbench.formulations.base import Kind
 from cpbench.formulations.mlcp import MLCP
@@ -84,7 +84,7 @@ def rows() -> pd.DataFrame:
     return results()
 
 
-def pictures(rows: pd.DataFrame) -> dict[str, Portrait]:
+def pictures(rows: pd.DataFrame) -> dict[str, Thumbnail]:
     """Pictures of every kind, for the first problems by name; a hostile one; the others have none."""
     r = np.array([[2.0, 0.4, 0.0], [3.0, 0.9, 1.2], [0.0, 0.0, 0.0]])
     u = np.array([[0.0, 0.0, 0.0], [0.0, -3.0, -4.0], [1.0, 0.0, 0.0]])
@@ -92,11 +92,11 @@ def pictures(rows: pd.DataFrame) -> dict[str, Portrait]:
     banded = np.eye(6) + np.diag(np.full(5, 0.01), 1)
     blocks = MLCP(A=np.eye(60), B=np.eye(9), C=np.ones((60, 9)), D=np.zeros((9, 60)), a=np.ones(60), b=np.ones(9))
     made = [
-        portrait(LCP(M=banded, q=np.ones(6))),
-        {**portrait(contact, FCPoint(r=r.ravel())), "answer": {"label": "pgs", "error": 1e-9}},
-        portrait(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0]))),
-        portrait(blocks),
-        portrait(contact),
+        thumbnail(LCP(M=banded, q=np.ones(6))),
+        {**thumbnail(contact, FCPoint(r=r.ravel())), "answer": {"label": "pgs", "error": 1e-9}},
+        thumbnail(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0]))),
+        thumbnail(blocks),
+        thumbnail(contact),
         {"why": f"words of {EVIL}"},
     ]
     prints = rows.drop_duplicates("fingerprint").set_index("problem")["fingerprint"]
@@ -111,13 +111,13 @@ def written(rows: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> Pat
     told = {"tuned": {"method": EVIL, "problems": [], "spent": 1.0}, **sheet}
     about = meta(solvers={EVIL: told}, machine={EVIL: EVIL}, refused=[[EVIL, EVIL]], command=f"cpbench {EVIL}")
     folder, made = tmp_path_factory.mktemp("page"), pictures(rows)
-    return write_html(rows, about, folder, f"A {EVIL} title", iterates(rows), portraits=lambda: made)
+    return write_html(rows, about, folder, f"A {EVIL} title", iterates(rows), thumbnails=lambda: made)
 
 
 def group_of(rows: pd.DataFrame, start: str = "cold") -> pd.DataFrame:
     """The rows of the page's group of that start."""
     clean = rows_of.normalised(rows)
-    return attended(clean[clean["start"] == start])
+    return participating(clean[clean["start"] == start])
 
 
 def show(page: Any, start: str = "cold", **state: Any) -> None:
@@ -385,7 +385,7 @@ def test_a_click_on_a_cell_shows_where_its_matrix_has_entries(
     page = opened(written)
     show(page)
     dialog = opened_pair(page, rows, 0)
-    drawing = dialog.locator("[data-portrait=blocks] svg")
+    drawing = dialog.locator("[data-thumbnail=blocks] svg")
     assert drawing.get_attribute("role") == "img"
     assert drawing.get_attribute("aria-label") == "Where M: 6 × 6, 11 nonzeros stand"
     seen, shades = np.zeros((6, 6)), sorted(drawing.evaluate(FILLED))
@@ -393,7 +393,7 @@ def test_a_click_on_a_cell_shows_where_its_matrix_has_entries(
         for x, y, width in runs:
             seen[y, x : x + width] = shade
     assert np.array_equal(seen, 2 * np.eye(6) + np.diag(np.ones(5), 1)), "0.01 is fainter than 1"
-    guide = dialog.locator("[data-portrait=blocks] figcaption").inner_text()
+    guide = dialog.locator("[data-thumbnail=blocks] figcaption").inner_text()
     assert guide.startswith("11 nonzeros, 30.6 % of the entries: a filled cell is an entry")
 
 
@@ -402,14 +402,14 @@ def test_a_click_on_a_cell_shows_what_contacts_do(rows: pd.DataFrame, written: P
     page = opened(written)
     show(page)
     dialog = opened_pair(page, rows, 1)
-    drawing = dialog.locator("[data-portrait=contacts] svg")
+    drawing = dialog.locator("[data-thumbnail=contacts] svg")
     assert drawing.get_attribute("aria-label") == "Contacts: 1 stick, 1 slip, 1 are open"
     sticks = drawing.locator("circle.sticks")
     assert [float(sticks.get_attribute(name) or "nan") for name in ("cx", "cy")] == pytest.approx([0.4, 0.0])
     top = drawing.locator("path.slips").evaluate("(p) => p.getAttribute('d').match(/M(\\S+) /)[1]")
     assert float(top) == pytest.approx(0.6)
     assert sticks.locator("title").text_content() == "contact 0: sticks, normal reaction 2"
-    assert "in the answer of pgs (error 1e-9)" in dialog.locator("[data-portrait=contacts] figcaption").inner_text()
+    assert "in the answer of pgs (error 1e-9)" in dialog.locator("[data-thumbnail=contacts] figcaption").inner_text()
     page.keyboard.press("Escape")
     assert "no verified answer was kept" in opened_pair(page, rows, 4).inner_text()
 
@@ -418,12 +418,12 @@ def test_a_click_on_a_cell_shows_what_contacts_do(rows: pd.DataFrame, written: P
 def test_other_pictures_and_words_where_there_is_none(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
     page = opened(written)
     show(page)
-    cones = opened_pair(page, rows, 2).locator("[data-portrait=cones]")
+    cones = opened_pair(page, rows, 2).locator("[data-thumbnail=cones]")
     assert cones.locator("svg").get_attribute("aria-label") == "The plane of q: it lies in 1 of 4 complementary cones"
     assert "z = (1.33, 2.33). M is a P-matrix" in cones.locator("figcaption").inner_text()
     assert cones.locator("path.cone").count() == 4
     page.keyboard.press("Escape")
-    names = opened_pair(page, rows, 3).locator("[data-portrait=blocks] .block > div").all_inner_texts()
+    names = opened_pair(page, rows, 3).locator("[data-thumbnail=blocks] .block > div").all_inner_texts()
     assert names == ["A 60 × 60", "C 60 × 9", "D 9 × 60", "B 9 × 9"]
     page.keyboard.press("Escape")
     assert f"No picture: words of {EVIL}" in opened_pair(page, rows, 5).inner_text()
@@ -636,17 +636,17 @@ def test_ten_thousand_rows_are_small_and_open_at_once(tmp_path: Path, opened: Op
 
 def test_pictures_keep_the_page_small(tmp_path: Path) -> None:
     rows, rng = large(2500, 4), np.random.default_rng(1)
-    found: dict[str, Portrait] = {}
+    found: dict[str, Thumbnail] = {}
     spent = 0
     for name in rows["fingerprint"].unique():  # as bad as they come: nothing in them repeats
         M = np.where(rng.uniform(size=(48, 48)) < 0.5, 10.0 ** -rng.uniform(0, 6, (48, 48)), 0.0)
-        one = portrait(LCP(M=M, q=np.ones(48)))
+        one = thumbnail(LCP(M=M, q=np.ones(48)))
         spent += len(zlib.compress(json.dumps(one).encode()))
         if spent > BYTES:
             break
         found[name] = one
     assert len(found) > 200
-    assert write_html(rows, meta(), tmp_path, "many", portraits=lambda: found).stat().st_size <= 6e6
+    assert write_html(rows, meta(), tmp_path, "many", thumbnails=lambda: found).stat().st_size <= 6e6
 
 
 @pytest.mark.nightly

@@ -7,7 +7,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench.expressions import Builder, Map, Operator
-from cpbench.expressions.recording import Recorder, maximum
+from cpbench.expressions.recording import MapRecorder, maximum
 from cpbench.formulations import NLP, Equation, EquationPoint, MiCP
 from cpbench.generators import generators
 from cpbench.solvers.adapters import gams_model
@@ -164,7 +164,7 @@ def test_gams_computes_what_maps_compute() -> None:
     F = _every_operator()
     n = 2 + F.rows
 
-    record = Recorder(n)
+    record = MapRecorder(n)
     x = record.z
     rows = record.map(x[0] - 0.75, x[1] + 0.4, x[2:] - record(F, x[:2]))
     problem = MiCP(F=rows, lb=np.full(n, -np.inf), ub=np.full(n, np.inf), start=np.full(n, 0.1))

@@ -10,13 +10,13 @@ import pytest
 from synthetic_results import row, suite, table
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.metrics import METRICS, Measured, counters, matrix, measured, metric
+from cpbench.analysis.metrics import METRICS, MetricValues, counters, matrix, measured, metric
 from cpbench.errors import StoreError, UnknownName
 
 INF = math.inf
 
 
-def of(name: str, *rows: dict[str, object]) -> Measured:
+def of(name: str, *rows: dict[str, object]) -> MetricValues:
     group = rows_of.normalised(pd.DataFrame(list(rows)))
     return measured(group, metric(name))
 

@@ -299,13 +299,13 @@ def test_only_those_who_missed_their_target_are_accused() -> None:
 )
 def test_a_comparison_says_who_is_charged_now(before: str, after: str, verdict: str) -> None:
     from cpbench.analysis import baseline, ratchet
-    from cpbench.analysis.comparison import Side, compare
+    from cpbench.analysis.comparison import ComparisonSide, compare
 
     def rows(outcome: str) -> pd.DataFrame:
         told = {"problem": ["p"], "label": ["s"], "solver": ["s"], "status": [outcome], "claim": ["solved"]}
         return pd.DataFrame({**told, "error": [1e-3], "tolerance": [TOLERANCE], "solve": [1.0]})
 
-    pair = compare(Side("old", rows(before)), Side("new", rows(after))).pairs.iloc[0]
+    pair = compare(ComparisonSide("old", rows(before)), ComparisonSide("new", rows(after))).pairs.iloc[0]
     assert (pair["verdict"], pair["gate"]) == (verdict, "status")
     assert f"{before} → {after}" in pair["why"]
     change = ratchet.changes(baseline.of(rows(before)), baseline.of(rows(after))).iloc[0]

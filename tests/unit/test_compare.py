@@ -15,9 +15,9 @@ from tiers import some_by_day
 
 from cpbench.analysis.comparison import (
     Comparison,
-    Settings,
-    Side,
-    Verdict,
+    ComparisonSide,
+    PairVerdict,
+    Thresholds,
     compare,
     compare_labels,
     equal_pairs,
@@ -30,11 +30,11 @@ from cpbench.errors import CpbenchError, UnknownName
 
 HERE = {"here": {"cpu": "a processor", "cores": 2, "load": 0.1}}
 BOTH_SOLVED = ("solved", "solved")
-USUAL = Settings()
+USUAL = Thresholds()
 
 
-def side(*rows: dict[str, Any], name: str = "side", machines: Any = HERE, **meta: Any) -> Side:
-    return Side(name, table(*rows).assign(**_extra(rows)), meta, machines)
+def side(*rows: dict[str, Any], name: str = "side", machines: Any = HERE, **meta: Any) -> ComparisonSide:
+    return ComparisonSide(name, table(*rows).assign(**_extra(rows)), meta, machines)
 
 
 def _extra(rows: tuple[dict[str, Any], ...]) -> dict[str, list[Any]]:
@@ -44,7 +44,7 @@ def _extra(rows: tuple[dict[str, Any], ...]) -> dict[str, list[Any]]:
     return {"host": ["here"] * len(rows), **{name: [r.get(name) for r in rows] for name in names}}
 
 
-def one(base: dict[str, Any], new: dict[str, Any], settings: Settings = USUAL) -> pd.Series:
+def one(base: dict[str, Any], new: dict[str, Any], settings: Thresholds = USUAL) -> pd.Series:
     """The pair of two rows of one problem and solver, `status` and what else is given."""
     before, after = (row("p", "s", **given) for given in (base, new))
     found = compare(side(before), side(after), settings)
@@ -230,7 +230,9 @@ def test_counters_need_no_clock() -> None:
         "inconclusive",
         "counters moved apart: iterations 20 → 10, pivots 10 → 30",
     )
-    assert counted({"iterations": 100}, {"iterations": 120}, settings=Settings(counter_margin=0.3))["verdict"] == "same"
+    assert (
+        counted({"iterations": 100}, {"iterations": 120}, settings=Thresholds(counter_margin=0.3))["verdict"] == "same"
+    )
     for broken in ("", "[1]", "{", '{"iterations": "many"}', '{"iterations": NaN}'):
         assert counted(broken, {"iterations": 9})["verdict"] == "same"
     unsolved = {"status": "max_iter"}
@@ -273,20 +275,20 @@ def test_times_count_on_one_machine_one_at_a_time() -> None:
     for given in ({"host": "there"}, {"jobs": 2}, {"origin": "another machine"}):
         base, new = timed(3.0)
         after = side(row("p", "s", **new)).table.assign(**given)
-        found = compare(side(row("p", "s", **base)), Side("new", after, {}, {**HERE, "there": HERE["here"]}))
+        found = compare(side(row("p", "s", **base)), ComparisonSide("new", after, {}, {**HERE, "there": HERE["here"]}))
         told = found.pairs.iloc[0]
-        assert (told["verdict"], found.verdict) == ("same", Verdict.SAME)
+        assert (told["verdict"], found.verdict) == ("same", PairVerdict.SAME)
         assert told["ratio"] == pytest.approx(3.0), "told all the same"
         assert not told["comparable"]
     base, new = timed(3.0)
     other = {"here": {"cpu": "a quicker one", "cores": 2}}
     found = compare(side(row("p", "s", **base)), side(row("p", "s", **new), machines=other))
-    assert found.verdict == Verdict.SAME
+    assert found.verdict == PairVerdict.SAME
     assert any("times are of two machines" in note for note in found.notes)
     trusted = compare(
-        side(row("p", "s", **base)), side(row("p", "s", **new), machines=other), Settings(same_machine=True)
+        side(row("p", "s", **base)), side(row("p", "s", **new), machines=other), Thresholds(same_machine=True)
     )
-    assert trusted.verdict == Verdict.REGRESSED
+    assert trusted.verdict == PairVerdict.REGRESSED
 
 
 def test_times_below_the_floor_are_those_of_calls() -> None:
@@ -369,7 +371,9 @@ def test_holm_against_a_published_example() -> None:
 # ----------------------------------------------------------------------------------------------- suites
 
 
-def ten(factor: float, labels: tuple[str, ...] = ("s",), spread: float = 0.01, families: int = 5) -> tuple[Side, Side]:
+def ten(
+    factor: float, labels: tuple[str, ...] = ("s",), spread: float = 0.01, families: int = 5
+) -> tuple[ComparisonSide, ComparisonSide]:
     rng = np.random.default_rng(1)
     made: list[list[dict[str, Any]]] = [[], []]
     for label in labels:
@@ -383,18 +387,18 @@ def ten(factor: float, labels: tuple[str, ...] = ("s",), spread: float = 0.01, f
 
 def test_the_mean_of_all_pairs_decides() -> None:
     slower = compare(*ten(1.2))
-    assert slower.verdict == Verdict.REGRESSED
+    assert slower.verdict == PairVerdict.REGRESSED
     whole = slower.suites[0]
     log = np.log(slower.pairs["ratio"])
     assert whole.ratio == pytest.approx(math.exp(log.mean()))
     assert whole.wilcoxon == pytest.approx(stats.wilcoxon(log).pvalue)
     assert whole.families == 5
     assert whole.low < whole.ratio < whole.high
-    assert compare(*ten(1 / 1.2)).verdict == Verdict.IMPROVED
-    assert compare(*ten(1.0)).verdict == Verdict.SAME
-    assert compare(*ten(1.03)).verdict == Verdict.SAME, "less than the margin"
+    assert compare(*ten(1 / 1.2)).verdict == PairVerdict.IMPROVED
+    assert compare(*ten(1.0)).verdict == PairVerdict.SAME
+    assert compare(*ten(1.03)).verdict == PairVerdict.SAME, "less than the margin"
     wide = compare(*ten(1.0, spread=0.3))
-    assert wide.verdict == Verdict.INCONCLUSIVE
+    assert wide.verdict == PairVerdict.INCONCLUSIVE
     assert "would decide" in wide.suites[0].why
 
 
@@ -403,7 +407,7 @@ def test_a_bias_of_the_process_is_not_averaged_away() -> None:
     found = compare(*ten(1.055, spread=1e-4))
     assert found.suites[0].low > 1.05
     assert found.suites[0].wilcoxon < 0.01
-    assert found.verdict == Verdict.INCONCLUSIVE
+    assert found.verdict == PairVerdict.INCONCLUSIVE
     assert "another run, with other processes" in found.suites[0].why
 
 
@@ -412,9 +416,9 @@ def test_families_are_resampled_not_problems() -> None:
     """Two families that disagree leave the mean open, whatever ten pairs say."""
     base, _ = ten(1.0, spread=0.0, families=2)
     factor = base.table["family"].map({"a": 1.6, "b": 1.0})
-    new = Side("new", base.table.assign(solve=base.table["solve"] * factor), {}, HERE)
-    assert compare(base, new).suites[0].time == Verdict.INCONCLUSIVE
-    alone = [Side(s.name, s.table.assign(family=""), {}, HERE) for s in (base, new)]
+    new = ComparisonSide("new", base.table.assign(solve=base.table["solve"] * factor), {}, HERE)
+    assert compare(base, new).suites[0].time == PairVerdict.INCONCLUSIVE
+    alone = [ComparisonSide(s.name, s.table.assign(family=""), {}, HERE) for s in (base, new)]
     assert compare(*alone).suites[0].families == 10
     low, high = (compare(base, new).suites[0], compare(*alone).suites[0])
     assert low.high / low.low > high.high / high.low
@@ -442,12 +446,12 @@ def test_labels_are_adjusted_for_one_another() -> None:
 
 def test_few_problems_never_suffice() -> None:
     base, new = ten(1.3)
-    few = [Side(s.name, s.table.head(5), {}, HERE) for s in (base, new)]
+    few = [ComparisonSide(s.name, s.table.head(5), {}, HERE) for s in (base, new)]
     found = compare(*few)
-    assert found.verdict == Verdict.INCONCLUSIVE
+    assert found.verdict == PairVerdict.INCONCLUSIVE
     assert "at least 6 problems" in found.suites[0].why
-    single = [Side(s.name, s.table.head(1), {}, HERE) for s in (base, new)]
-    assert compare(*single).verdict == Verdict.INCONCLUSIVE
+    single = [ComparisonSide(s.name, s.table.head(1), {}, HERE) for s in (base, new)]
+    assert compare(*single).verdict == PairVerdict.INCONCLUSIVE
 
 
 # ------------------------------------------------------------------------------------------------ noise
@@ -457,13 +461,16 @@ def test_the_reference_solves_of_two_runs_widen_the_margin() -> None:
     base, new = ten(1.15, spread=0.002)
     still = {"references": [{"seconds": 1e-4}, {"seconds": 1e-4}]}
     moved = {"references": [{"seconds": 1.2e-4}, {"seconds": None}]}
-    quiet = compare(Side("b", base.table, still, HERE), Side("n", new.table, still, HERE))
-    assert quiet.verdict == Verdict.REGRESSED
-    loud = compare(Side("b", base.table, still, HERE), Side("n", new.table, moved, HERE))
+    quiet = compare(ComparisonSide("b", base.table, still, HERE), ComparisonSide("n", new.table, still, HERE))
+    assert quiet.verdict == PairVerdict.REGRESSED
+    loud = compare(ComparisonSide("b", base.table, still, HERE), ComparisonSide("n", new.table, moved, HERE))
     assert loud.noise.delta == pytest.approx(0.2)
-    assert loud.verdict != Verdict.REGRESSED
+    assert loud.verdict != PairVerdict.REGRESSED
     assert any("the machine may differ by a factor 1.2" in note for note in loud.notes)
-    other = compare(Side("b", base.table, still, HERE), Side("n", new.table, {**moved, "reference": "another"}, HERE))
+    other = compare(
+        ComparisonSide("b", base.table, still, HERE),
+        ComparisonSide("n", new.table, {**moved, "reference": "another"}, HERE),
+    )
     assert math.isnan(other.noise.drift)
     assert any("no equal reference solves" in note for note in other.notes)
 
@@ -478,12 +485,12 @@ def test_two_labels_of_equal_code_tell_the_noise() -> None:
     ]  # fmt: skip
     run = side(*rows)
     unaware = compare_labels(run, "x@a", "x@c")
-    assert unaware.suites[0].time == Verdict.REGRESSED
+    assert unaware.suites[0].time == PairVerdict.REGRESSED
     assert set(unaware.pairs["gate"]) == {"counters"}
     found = compare_labels(run, "x@a", "x@c", equal=("x@a", "x@b"))
     assert found.noise.equal == pytest.approx(1.1, abs=0.01)
     assert found.noise.unsteady == {("x", "draws")}
-    assert found.verdict == Verdict.INCONCLUSIVE
+    assert found.verdict == PairVerdict.INCONCLUSIVE
     assert any("counters that differ between equal builds" in note for note in found.notes)
 
 
@@ -512,11 +519,11 @@ def whole(*changes: tuple[str, str]) -> Comparison:
 
 
 def test_the_verdict_is_the_worst() -> None:
-    assert whole(BOTH_SOLVED).verdict == Verdict.SAME
-    assert whole(BOTH_SOLVED, ("failed", "solved")).verdict == Verdict.IMPROVED
-    assert whole(("failed", "solved"), ("solved", "unavailable")).verdict == Verdict.INCONCLUSIVE
-    assert whole(("failed", "solved"), ("solved", "unavailable"), ("solved", "wrong")).verdict == Verdict.REGRESSED
-    assert whole(("failed", "failed")).verdict == Verdict.SAME
+    assert whole(BOTH_SOLVED).verdict == PairVerdict.SAME
+    assert whole(BOTH_SOLVED, ("failed", "solved")).verdict == PairVerdict.IMPROVED
+    assert whole(("failed", "solved"), ("solved", "unavailable")).verdict == PairVerdict.INCONCLUSIVE
+    assert whole(("failed", "solved"), ("solved", "unavailable"), ("solved", "wrong")).verdict == PairVerdict.REGRESSED
+    assert whole(("failed", "failed")).verdict == PairVerdict.SAME
     assert any("no pair was solved on both sides" in note for note in whole(("failed", "failed")).notes)
 
 
@@ -527,11 +534,11 @@ def test_new_failures_are_those_that_were_not_there() -> None:
 
 
 def test_a_run_is_the_same_as_itself_and_mirrored_by_its_mirror() -> None:
-    run = Side("run", suite(), {}, HERE)
+    run = ComparisonSide("run", suite(), {}, HERE)
     same = compare(run, run)
     assert set(same.pairs.loc[same.pairs["gate"] != "time", "verdict"]) == {"same"}
-    assert all(s.time in (None, Verdict.SAME, Verdict.INCONCLUSIVE) for s in same.suites)
-    other = Side("other", suite(seed=2), {}, HERE)
+    assert all(s.time in (None, PairVerdict.SAME, PairVerdict.INCONCLUSIVE) for s in same.suites)
+    other = ComparisonSide("other", suite(seed=2), {}, HERE)
     there, back = compare(run, other), compare(other, run)
     mirror = {"regressed": "improved", "improved": "regressed"}
     merged = there.pairs.merge(back.pairs, on=["fingerprint", "label_new"], suffixes=("", "_back"))
@@ -546,10 +553,10 @@ def test_a_table_without_times_is_compared_by_the_rest() -> None:
     run = table(row("p", "s", "solved", 1.0, counters='{"iterations": 10}'), row("q", "s", "max_iter", error=2e-3))
     columns = ["problem", "fingerprint", "solver", "label", "request", "tolerance", "start", "threads", "status"]
     baseline = run[[*columns, "error", "counters"]].assign(error=[1e-6, 1e-2])
-    assert compare(Side("baseline", baseline), Side("run", run)).verdict == Verdict.SAME
+    assert compare(ComparisonSide("baseline", baseline), ComparisonSide("run", run)).verdict == PairVerdict.SAME
     worse = run.assign(counters=['{"iterations": 20}', "{}"])
-    found = compare(Side("baseline", baseline), Side("run", worse))
-    assert found.verdict == Verdict.REGRESSED
+    found = compare(ComparisonSide("baseline", baseline), ComparisonSide("run", worse))
+    assert found.verdict == PairVerdict.REGRESSED
     assert found.pairs["ratio"].isna().all()
     assert not any("machines" in note for note in found.notes)
 

@@ -16,7 +16,7 @@ import pytest
 from synthetic_results import row
 from tiers import by_night
 
-from cpbench.analysis.comparison import Comparison, Settings, Side, Verdict, compare, compare_labels
+from cpbench.analysis.comparison import Comparison, ComparisonSide, PairVerdict, Thresholds, compare, compare_labels
 
 FAMILIES, EACH = 6, 5
 MACHINES = {"here": {"cpu": "a processor", "cores": 2}}
@@ -57,10 +57,10 @@ def files(seed: int, factor: float) -> Comparison:
     rng = np.random.default_rng(seed)
     size = np.exp(rng.normal(-5, 1, FAMILIES * EACH))
     sides = (
-        Side(name, pd.DataFrame(timed("mine", rng, size, times)), {"references": references(rng)}, MACHINES)
+        ComparisonSide(name, pd.DataFrame(timed("mine", rng, size, times)), {"references": references(rng)}, MACHINES)
         for name, times in (("base", 1.0), ("new", factor))
     )
-    return compare(*sides, Settings(seed=seed))
+    return compare(*sides, Thresholds(seed=seed))
 
 
 def labels(seed: int, factor: float, repeats: int = 3) -> Comparison:
@@ -69,35 +69,35 @@ def labels(seed: int, factor: float, repeats: int = 3) -> Comparison:
     size = np.exp(rng.normal(-5, 1, FAMILIES * EACH))
     builds = {"mine@base": 1.0, "mine@again": 1.0, "mine@head": factor}
     rows = [r for name, times in builds.items() for r in timed(name, rng, size, times, repeats)]
-    run = Side("run", pd.DataFrame(rows), {"references": references(rng)}, MACHINES)
-    return compare_labels(run, "mine@base", "mine@head", Settings(seed=seed), ("mine@base", "mine@again"))
+    run = ComparisonSide("run", pd.DataFrame(rows), {"references": references(rng)}, MACHINES)
+    return compare_labels(run, "mine@base", "mine@head", Thresholds(seed=seed), ("mine@base", "mine@again"))
 
 
-def verdicts(made: list[Comparison]) -> Counter[Verdict]:
+def verdicts(made: list[Comparison]) -> Counter[PairVerdict]:
     return Counter(found.verdict for found in made)
 
 
 @pytest.mark.parametrize(("kind", "number"), [(files, 8), *by_night([(files, 200), (labels, 100)])])
 def test_equal_code_is_called_so(kind, number: int) -> None:
     told = verdicts([kind(seed, 1.0) for seed in range(number)])
-    assert told[Verdict.REGRESSED] + told[Verdict.IMPROVED] <= 0.05 * number, told
-    assert told[Verdict.SAME] >= 0.1 * number, "silence is no answer either"
+    assert told[PairVerdict.REGRESSED] + told[PairVerdict.IMPROVED] <= 0.05 * number, told
+    assert told[PairVerdict.SAME] >= 0.1 * number, "silence is no answer either"
 
 
 @pytest.mark.parametrize(("kind", "number"), [(files, 6), *by_night([(files, 200), (labels, 100)])])
 def test_a_fifth_more_time_is_found(kind, number: int) -> None:
     told = verdicts([kind(seed, 1.2) for seed in range(number)])
-    assert told[Verdict.REGRESSED] >= 0.95 * number, told
+    assert told[PairVerdict.REGRESSED] >= 0.95 * number, told
 
 
 @pytest.mark.parametrize("number", [4, *by_night([40])])
 def test_a_fifth_less_time_is_found(number: int) -> None:
     told = verdicts([files(seed, 1 / 1.2) for seed in range(number)])
-    assert told[Verdict.IMPROVED] >= 0.95 * number, told
+    assert told[PairVerdict.IMPROVED] >= 0.95 * number, told
 
 
 @pytest.mark.nightly
 def test_more_repeats_raise_no_more_alarms() -> None:
     """Ten repeats of one moment are compared by ranks, and are still of one moment."""
     told = verdicts([labels(seed, 1.0, repeats=10) for seed in range(40)])
-    assert told[Verdict.REGRESSED] + told[Verdict.IMPROVED] <= 0.05 * 40, told
+    assert told[PairVerdict.REGRESSED] + told[PairVerdict.IMPROVED] <= 0.05 * 40, told

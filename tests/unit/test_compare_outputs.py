@@ -18,7 +18,7 @@ from synthetic_results import row, suite
 from tiers import some_by_day
 
 from cpbench.analysis import baseline
-from cpbench.analysis.comparison import Side, compare
+from cpbench.analysis.comparison import ComparisonSide, compare
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
@@ -238,8 +238,8 @@ def found():
         new.loc[at, ["status", "message"]] = [status, "because | of *this*"]
     machines = {"here": {"cpu": "x"}}
     return compare(
-        Side("base.sqlite", base.assign(host="here"), {"cpbench": "0.1"}, machines),
-        Side("new.sqlite", new, {"cpbench": "0.2"}, machines),
+        ComparisonSide("base.sqlite", base.assign(host="here"), {"cpbench": "0.1"}, machines),
+        ComparisonSide("new.sqlite", new, {"cpbench": "0.2"}, machines),
     )
 
 
@@ -274,7 +274,7 @@ def test_names_cannot_become_markup() -> None:
     evil = "<b>|`x`](http://e)\n# h"
     base = [row(evil, evil, "solved", message=evil), row("p", evil, "solved")]
     new = [{**base[0], "status": "unavailable"}, {**base[1], "status": "wrong"}]
-    pair = compare(Side("a", pd.DataFrame(base)), Side("b`\n", pd.DataFrame(new)))
+    pair = compare(ComparisonSide("a", pd.DataFrame(base)), ComparisonSide("b`\n", pd.DataFrame(new)))
     told = markdown.document(pair)
     assert "<b>" not in re.sub(r"(`+) .*? \1", "", told), "but in code spans"
     assert "\n# h" not in told
@@ -312,7 +312,7 @@ def test_junit_is_what_test_reports_read(found) -> None:
 
 def test_problems_with_one_name_have_names_of_their_own_in_junit() -> None:
     rows = [row("p", "s", "solved", key=str(t), tolerance=t) for t in (1e-4, 1e-6)]
-    pair = compare(Side("a", pd.DataFrame(rows)), Side("b", pd.DataFrame(rows)))
+    pair = compare(ComparisonSide("a", pd.DataFrame(rows)), ComparisonSide("b", pd.DataFrame(rows)))
     names = [c.attrib["name"] for c in ElementTree.fromstring(junit.document(pair)).iter("testcase")]
     assert names == ["p tolerance=1e-06", "p tolerance=0.0001"] or names == ["p tolerance=0.0001", "p tolerance=1e-06"]
 
@@ -320,5 +320,5 @@ def test_problems_with_one_name_have_names_of_their_own_in_junit() -> None:
 def test_a_restriction_on_publishing_is_told() -> None:
     rows = pd.DataFrame([row("p", "vendor", "solved")])
     sheets = {"vendor": {"name": "vendor", "publishing": "ask first"}}
-    pair = compare(Side("a", rows, {"solvers": sheets}), Side("b", rows))
+    pair = compare(ComparisonSide("a", rows, {"solvers": sheets}), ComparisonSide("b", rows))
     assert "publishing figures of vendor is restricted: ask first" in pair.notes

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cpbench import kernel_cache, matrices
-from cpbench.conversions import congruence, facets, rolling_facets
+from cpbench.conversions import congruence, facets
 from cpbench.conversions.base import Size, make
 from cpbench.conversions.congruence import Congruence, index_dtype
 from cpbench.errors import ProblemError
@@ -145,7 +145,7 @@ def test_plane_contact(rng, compiled) -> None:
 
 
 def test_rolling(rng, compiled) -> None:
-    form = rolling_facets.congruence(facets.directions(8, 0.1))
+    form = facets.congruence(facets.directions(8, 0.1), disks=2)
     W = delassus(rng, 9, 5, "full")
     coefficients = facets.coefficients(rng.uniform(0, 1, 9), rng.uniform(0, 1, 9))
     np.testing.assert_allclose(form.assemble(W, coefficients).toarray(), reference(form, W, coefficients), atol=1e-12)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cpbench.expressions import Builder, Map, Operator
 from cpbench.expressions.derivatives import derivative, second_derivative
 from cpbench.expressions.interpreter import Interpreted
-from cpbench.expressions.recording import Recorder, either, less, maximum, minimum, product, recorded, where
+from cpbench.expressions.recording import MapRecorder, either, less, maximum, minimum, product, recorded, where
 
 SPECIAL = (0.0, -0.0, 1.0, -1.0, 0.5, -3.2, 1e300, 1e-300, np.inf, -np.inf, np.nan)
 SMOOTH = (
@@ -103,7 +103,7 @@ def test_what_is_constant_has_no_entry() -> None:
 def test_maps_of_maps() -> None:
     """G(z) = F(z) + F′(z)ᵀw with F = (ab, a − b), by hand."""
     F = recorded(2, lambda z: np.array([z[0] * z[1], z[0] - z[1]]))
-    record = Recorder(4)
+    record = MapRecorder(4)
     z, w = record.z[:2], record.z[2:]
     G = record.map(record(F, z) + record.transposed(F, z, w))
     a, b, u, v = at = np.array([2.0, 3.0, 0.5, 0.25])

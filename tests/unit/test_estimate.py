@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from cpbench.analysis.experience import Case, Experience
+from cpbench.analysis.training_cases import TrainingCase, TrainingCases
 from cpbench.api.estimate import NOTHING, Span, solves
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request, exact
 
 TIMES = {"fast": 0.5, "slow": 20.0, "failing": float("inf")}
-MEASURED = Experience(
-    (Case("a", "lcp", "made", "a", {}, TIMES), Case("b", "lcp", "made", "b", {}, {**TIMES, "elsewhere": 1.0}))
+MEASURED = TrainingCases(
+    (
+        TrainingCase("a", "lcp", "made", "a", {}, TIMES),
+        TrainingCase("b", "lcp", "made", "b", {}, {**TIMES, "elsewhere": 1.0}),
+    )
 )
 
 

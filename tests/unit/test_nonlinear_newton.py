@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.linalg import solve
 from tiers import some_by_day
 
-from cpbench.analysis.active_sets import Side, active_set
+from cpbench.analysis.active_sets import ActiveSide, active_set
 from cpbench.cones import box_defect, project_box
 from cpbench.conversions.base import conversions
 from cpbench.errors import UnknownName
@@ -80,7 +80,7 @@ def test_the_degenerate_solution_is_told_apart() -> None:
         pairs = ncp.residuals(NCPPoint(z=z)).parts["degenerate_pairs"]
         (first,) = active_set(ncp, NCPPoint(z=z), 1e-5)
         (second,) = active_set(micp, MiCPPoint(z=z), 1e-5)
-        assert first.count(Side.NEITHER) == second.count(Side.NEITHER) == pairs
+        assert first.count(ActiveSide.NEITHER) == second.count(ActiveSide.NEITHER) == pairs
         told[bool(np.abs(z - DEGENERATE).max() < 1e-3)] = pairs
     assert told == {True: 1.0, False: 0.0}
 

@@ -16,7 +16,7 @@ from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.analysis import ncp_functions as ncp
-from cpbench.analysis.active_sets import Side, active_set
+from cpbench.analysis.active_sets import ActiveSide, active_set
 from cpbench.analysis.coarse import coarsened
 from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
 from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
@@ -404,14 +404,14 @@ def test_active_set_of_an_lcp_with_every_case() -> None:
     problem = LCP(M=np.eye(5), q=np.array([-1.0, 1.0, 0.0, 1.0, -3.0]))
     (pairs,) = active_set(problem, LCPPoint(np.array([1.0, 0.0, 0.0, 2.0, 1.0])))
     assert pairs.side.tolist() == ["first", "second", "neither", "both", "negative"]
-    assert sum(pairs.count(side) for side in Side) == 5
+    assert sum(pairs.count(side) for side in ActiveSide) == 5
 
 
 def test_active_set_of_planted_answers_is_complementary() -> None:
     for address in ("lcp/lcp-planted.h5::degenerate-40", "mlcp/mlcp-planted.h5::monotone-40-60"):
         (pairs,) = active_set(*builtin(address))
-        assert pairs.count(Side.BOTH) == pairs.count(Side.NEGATIVE) == 0
-        assert (pairs.count(Side.NEITHER) > 0) == ("degenerate" in address)
+        assert pairs.count(ActiveSide.BOTH) == pairs.count(ActiveSide.NEGATIVE) == 0
+        assert (pairs.count(ActiveSide.NEITHER) > 0) == ("degenerate" in address)
 
 
 def test_active_set_of_a_box_has_both_bounds() -> None:

@@ -14,7 +14,7 @@ from synthetic_results import meta, row, table
 from written_reports import write_report
 
 from cpbench import storage
-from cpbench.analysis.attendance import absences, attended, restricted
+from cpbench.analysis.participation import absences, participating, restricted
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
 from cpbench.formulations import LCP
@@ -84,9 +84,9 @@ def test_absent_solvers_are_listed_once_with_the_reason(tmp_path: Path) -> None:
 
 def test_the_number_of_problems_does_not_depend_on_who_is_installed() -> None:
     group = rows()
-    assert set(attended(group)["label"]) == {"lemke", "vendor", "partly"}
+    assert set(participating(group)["label"]) == {"lemke", "vendor", "partly"}
     alone = table(row("p-0", "lemke", "solved", 1.0), row("p-9", "absent", "unavailable", message="missing: x"))
-    assert len(attended(alone)) == 2, "p-9 stays a problem"
+    assert len(participating(alone)) == 2, "p-9 stays a problem"
 
 
 def test_reasons_are_counted_by_solver() -> None:

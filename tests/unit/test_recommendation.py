@@ -20,8 +20,16 @@ from cpbench.advice.recommendation import SHIPPED as KNOBS
 from cpbench.advice.recommendation import WITHIN, recommend
 from cpbench.advice.validation import chosen, dealt, evaluate, rates
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.experience import SHIPPED, Case, Experience, experience, from_text, shipped_experience, to_text
 from cpbench.analysis.origins import family_of, origins
+from cpbench.analysis.training_cases import (
+    SHIPPED,
+    TrainingCase,
+    TrainingCases,
+    collect_cases,
+    from_text,
+    shipped_cases,
+    to_text,
+)
 from cpbench.bench.planning.features import features, known
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
@@ -33,19 +41,21 @@ def spelled(name: str) -> str:
     return "".join(chr(ord("a") + ord(letter) % 26) for letter in name)[::-1]
 
 
-def case(name: str, seconds: Mapping[str, float], *, family: str = "", node: str = "lcp", **facts: float) -> Case:
-    return Case(name, node, family or spelled(name), f"print of {name}", {"node": node, **facts}, seconds)
+def case(
+    name: str, seconds: Mapping[str, float], *, family: str = "", node: str = "lcp", **facts: float
+) -> TrainingCase:
+    return TrainingCase(name, node, family or spelled(name), f"print of {name}", {"node": node, **facts}, seconds)
 
 
 def table(*rows: dict[str, Any]) -> pd.DataFrame:
     return rows_of.normalised(pd.DataFrame(list(rows)))
 
 
-def best(cases: list[Case], node: str = "lcp", may: str = "abcd", **facts: float) -> str:
-    return recommend(Experience(tuple(cases)), {"node": node, **facts}, set(may)).advice[0].label
+def best(cases: list[TrainingCase], node: str = "lcp", may: str = "abcd", **facts: float) -> str:
+    return recommend(TrainingCases(tuple(cases)), {"node": node, **facts}, set(may)).advice[0].label
 
 
-# ------------------------------------------------------------------------------------------- experience
+# ------------------------------------------------------------------------------------------- training cases
 
 
 def test_what_counts_as_an_outcome() -> None:
@@ -61,7 +71,7 @@ def test_what_counts_as_an_outcome() -> None:
         row("p-3", "a", "failed", 0.5),
         row("p-4", "a", "solved", 0.5, origin="another machine"),
     )
-    found = experience(rows, {"f-p-1": {"node": "lcp", "unknowns": 7.0}})
+    found = collect_cases(rows, {"f-p-1": {"node": "lcp", "unknowns": 7.0}})
     assert [c.problem for c in found.cases] == ["p-1"]
     assert found.cases[0].outcomes == {"a": 0.5, "b": math.inf, "e": math.inf}
     assert found.cases[0].features == {"node": "lcp", "unknowns": 7.0}
@@ -77,7 +87,7 @@ def test_times_of_other_settings_are_not_compared() -> None:
         row("p-1", "b", "solved", 1.0, host="fast", key="k1"),
         row("p-1", "a", "solved", 16.0, tolerance=1e-9, host="slow", key="k2"),
     )
-    found = experience(rows, {})
+    found = collect_cases(rows, {})
     assert sorted(tuple(sorted(c.outcomes.items())) for c in found.cases) == [
         (("a", 4.0), ("b", 8.0)),
         (("a", 16.0),),
@@ -94,11 +104,11 @@ def test_warm_and_inexact_rows_count_when_they_are_asked_for() -> None:
         row("p-1", "a", "solved", 0.2, start="previous", started="previous", key="k1"),
         row("p-1", "b", "solved", 0.3, start="previous", started="cold: no answer before", key="k2"),
     )
-    assert experience(rows, {}).labels == ("a",)
-    both = experience(rows, {}, inexact=True)
+    assert collect_cases(rows, {}).labels == ("a",)
+    both = collect_cases(rows, {}, inexact=True)
     assert both.labels == ("a", "a@inner8")
     assert both.requests == {"a@inner8": "inner8"}
-    warm = experience(rows, {}, warm=True)
+    warm = collect_cases(rows, {}, warm=True)
     assert [c.outcomes for c in warm.cases] == [{"a": 0.2}]
 
 
@@ -125,7 +135,7 @@ def test_a_table_comes_back_from_its_text() -> None:
         case("p", {"a": 1.0, "hidden": 0.5}, n=2.0),
         case("r", {"hidden": 0.5}, n=2.0),
     )
-    text = to_text(Experience(cases, unsolved=2), without=["hidden"], about="made here")
+    text = to_text(TrainingCases(cases, unsolved=2), without=["hidden"], about="made here")
     again = from_text(text, "t.json")
     assert [c.problem for c in again.cases] == ["p", "q"], "sorted; nobody else solved r"
     assert again.cases[1].outcomes == {"a": math.inf, "b": 1.23e-3}
@@ -173,7 +183,7 @@ def test_of_equals_the_one_that_solved_most_like_it_is_taken() -> None:
     """Both are best on average over the node; b failed once, though, on a problem just like this one."""
     cases = [case(f"p{i}", {"a": 1.0, "b": 1.0}, unknowns=9) for i in range(200)]
     cases.append(case("q", {"a": 1.0, "b": math.inf}, unknowns=9))
-    found = recommend(Experience(tuple(cases)), {"node": "lcp", "unknowns": 9.0}, {"a", "b"})
+    found = recommend(TrainingCases(tuple(cases)), {"node": "lcp", "unknowns": 9.0}, {"a", "b"})
     assert [(x.label, x.similar, x.solved) for x in found.advice] == [("a", 201, 201), ("b", 201, 200)]
 
 
@@ -188,7 +198,7 @@ def test_another_formulation_helps_as_far_as_the_same_solvers_reach_it() -> None
     """No avi was measured; the solvers that take this one take the lcp problems, not the fc ones."""
     cases = [case(f"l{i}", {"a": 1.0, "b": 3.0}, unknowns=9) for i in range(3)]
     cases += [case(f"f{i}", {"b": 0.1, "c": 0.1, "d": 0.1}, node="fc", unknowns=9) for i in range(3)]
-    found = recommend(Experience(tuple(cases)), {"node": "avi", "unknowns": 9.0}, {"a", "b"})
+    found = recommend(TrainingCases(tuple(cases)), {"node": "avi", "unknowns": 9.0}, {"a", "b"})
     assert found.advice[0].label == "a"
     assert (found.measured, found.similar, found.known, found.distance) == (0, 0, False, math.inf)
 
@@ -201,8 +211,8 @@ def test_the_own_formulation_comes_first() -> None:
 
 def test_what_is_far_away_is_not_alike() -> None:
     cases = [case(f"p{n}", {"a": 1.0}, unknowns=n, density=0.5) for n in (10, 20, 30)]
-    near = recommend(Experience(tuple(cases)), {"node": "lcp", "unknowns": 20.0, "density": 0.5}, {"a"})
-    far = recommend(Experience(tuple(cases)), {"node": "lcp", "unknowns": 1e6, "density": 1e-5}, {"a"})
+    near = recommend(TrainingCases(tuple(cases)), {"node": "lcp", "unknowns": 20.0, "density": 0.5}, {"a"})
+    far = recommend(TrainingCases(tuple(cases)), {"node": "lcp", "unknowns": 1e6, "density": 1e-5}, {"a"})
     assert near.known
     assert (near.nearest, near.distance) == ("p20", 0.0)
     assert not far.known
@@ -212,7 +222,7 @@ def test_what_is_far_away_is_not_alike() -> None:
 def test_only_what_takes_the_problem_is_ranked() -> None:
     cases = [case("p", {"a": 1.0, "b": 2.0}, unknowns=9)]
     assert best(cases, may="b", unknowns=9) == "b"
-    assert recommend(Experience(tuple(cases)), {"node": "lcp"}, set()).advice == ()
+    assert recommend(TrainingCases(tuple(cases)), {"node": "lcp"}, set()).advice == ()
 
 
 @given(st.lists(st.tuples(st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.integers(1, 1000)), min_size=1, max_size=8))
@@ -225,7 +235,7 @@ def test_the_order_of_cases_and_the_unit_of_time_do_not_matter(data: list[tuple[
     ]
     facts = {"node": "lcp", "unknowns": 30.0}
     found, other, turned = (
-        recommend(Experience(tuple(x)), facts, {"a", "b"}) for x in (cases, slower, list(reversed(cases)))
+        recommend(TrainingCases(tuple(x)), facts, {"a", "b"}) for x in (cases, slower, list(reversed(cases)))
     )
     for one in (other, turned):
         assert [x.label for x in one.advice] == [x.label for x in found.advice]
@@ -274,7 +284,7 @@ def test_an_origin_does_not_advise_itself() -> None:
     cases = [case(f"u{i}", {"a": 1.0, "b": math.inf}, family=f"umbra-{i % 3}", unknowns=9) for i in range(9)]
     cases += [case(f"v{i}", {"a": 3.0, "b": 1.0}, family="vault", unknowns=9) for i in range(5)]
     cases += [case(f"w{i}", {"a": 3.0, "b": 1.0}, family="walls", unknowns=9) for i in range(5)]
-    seen = Experience(tuple(cases))
+    seen = TrainingCases(tuple(cases))
     found = evaluate(seen)
     umbra = found["origin"] == "umbra"
     assert umbra.sum() == 9
@@ -296,12 +306,12 @@ def test_no_choice_of_knobs_sees_what_they_advise() -> None:
         return {label: float(rng.lognormal(shift * k)) for k, label in enumerate("abc")}
 
     seen = [case(f"p{i}", outcomes(0.5), family=names[i % 10], unknowns=float(2 + i)) for i in range(60)]
-    known = Experience(tuple(seen))
+    known = TrainingCases(tuple(seen))
     part = dealt(known)
     held = part == part[0]
-    other = Experience(
+    other = TrainingCases(
         tuple(
-            Case(c.problem, c.node, c.family, c.fingerprint, c.features, outcomes(-3.0)) if own else c
+            TrainingCase(c.problem, c.node, c.family, c.fingerprint, c.features, outcomes(-3.0)) if own else c
             for c, own in zip(seen, held, strict=True)
         )
     )
@@ -312,9 +322,9 @@ def test_no_choice_of_knobs_sees_what_they_advise() -> None:
     assert own.sum() == 6
     alone = known.origins == known.origins[0]
     assert set(part[alone]) == {part[0]}
-    third = Experience(
+    third = TrainingCases(
         tuple(
-            Case(c.problem, c.node, c.family, c.fingerprint, c.features, outcomes(-3.0)) if mine else c
+            TrainingCase(c.problem, c.node, c.family, c.fingerprint, c.features, outcomes(-3.0)) if mine else c
             for c, mine in zip(seen, alone, strict=True)
         )
     )
@@ -331,7 +341,7 @@ def test_the_knobs_that_serve_the_others_arechosen() -> None:
         large = {"a": 5.0, "b": 1.0}
         cases += [case(f"s{i}{k}", small, family=name, unknowns=10.0 + k, density=0.5) for k in range(5)]
         cases += [case(f"l{i}{k}", large, family=name, unknowns=1e4 + k, density=0.5) for k in range(2)]
-    found = evaluate(Experience(tuple(cases)))
+    found = evaluate(TrainingCases(tuple(cases)))
     assert (found["ratio"] == 1.0).all()
     assert (found["plain"] == "a").all()
     assert (found["plain_ratio"] == 5.0).sum() == 12
@@ -340,7 +350,7 @@ def test_the_knobs_that_serve_the_others_arechosen() -> None:
 @pytest.mark.nightly
 def test_the_advice_is_that_of_recommend() -> None:
     """The choices of many cases at once are those that `recommend` makes for one, on the shipped table."""
-    known = shipped_experience()
+    known = shipped_cases()
     part = dealt(known)
     knobs = chosen(known, part)
     asked = [i for i, case in enumerate(known.cases) if case.node == "ncp"]
@@ -358,28 +368,28 @@ def test_the_advice_is_that_of_recommend() -> None:
 
 
 def test_no_more_cases_are_tried_than_asked() -> None:
-    seen = Experience(tuple(case(f"p{i}", {"a": 1.0}, unknowns=9) for i in range(10)))
+    seen = TrainingCases(tuple(case(f"p{i}", {"a": 1.0}, unknowns=9) for i in range(10)))
     assert evaluate(seen, "lcp", 4)["problem"].tolist() == ["p0", "p2", "p5", "p7"]
     assert len(evaluate(seen, "qp", 4)) == 0
 
 
 def test_the_same_problem_in_another_family_does_not_advise_either() -> None:
     twin = case("p", {"a": 1.0, "b": 9.0}, family="umbra", unknowns=9)
-    copied = Case("copy", "lcp", "vault", twin.fingerprint, twin.features, twin.outcomes)
+    copied = TrainingCase("copy", "lcp", "vault", twin.fingerprint, twin.features, twin.outcomes)
     other = case("q", {"a": 9.0, "b": 1.0}, family="walls", unknowns=500)
-    found = evaluate(Experience((twin, copied, other)))
+    found = evaluate(TrainingCases((twin, copied, other)))
     assert found["label"].tolist() == ["b", "b", "a"]
 
 
 def test_where_nothing_measured_takes_the_problem_something_else_is_tried() -> None:
-    found = evaluate(Experience((case("p", {"a": 1.0}, family="umbra"), case("q", {"b": 1.0}, family="vault"))))
+    found = evaluate(TrainingCases((case("p", {"a": 1.0}, family="umbra"), case("q", {"b": 1.0}, family="vault"))))
     assert found["label"].tolist() == ["a", "b"]
     assert found["ratio"].tolist() == [1.0, 1.0]
-    assert rates(Experience(()), evaluate(Experience(()))).to_dict("records")[0]["problems"] == 0
+    assert rates(TrainingCases(()), evaluate(TrainingCases(()))).to_dict("records")[0]["problems"] == 0
 
 
 def test_what_was_never_measured_comes_last() -> None:
-    seen = Experience((case("p", {"b": math.inf, "c": 1.0}, unknowns=9),))
+    seen = TrainingCases((case("p", {"b": math.inf, "c": 1.0}, unknowns=9),))
     ranked = recommend(seen, {"node": "lcp", "unknowns": 9.0}, {"a", "b", "c", "z"}).advice
     assert [(one.label, one.measured) for one in ranked] == [("c", 1), ("b", 1), ("a", 0), ("z", 0)]
 
@@ -388,11 +398,11 @@ def test_what_was_never_measured_comes_last() -> None:
 
 
 @pytest.fixture(scope="module")
-def shipped() -> Experience:
-    return shipped_experience()
+def shipped() -> TrainingCases:
+    return shipped_cases()
 
 
-def test_the_shipped_table_is_of_the_built_in_problems(shipped: Experience) -> None:
+def test_the_shipped_table_is_of_the_built_in_problems(shipped: TrainingCases) -> None:
     text = files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8")
     assert len(text) < 300_000
     assert to_text(shipped, about=json.loads(text)["about"]) == text
@@ -410,7 +420,7 @@ def test_the_shipped_table_is_of_the_built_in_problems(shipped: Experience) -> N
 
 
 @pytest.mark.nightly
-def test_what_the_shipped_advice_is_worth(shipped: Experience) -> None:
+def test_what_the_shipped_advice_is_worth(shipped: TrainingCases) -> None:
     """Origins left out, knobs chosen without them: it beats what is chosen beforehand, and not what is chosen after."""
     found = evaluate(shipped)
     assert found.loc[found["node"] == "nlp", "origin"].nunique() == 1, (

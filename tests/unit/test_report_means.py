@@ -13,7 +13,7 @@ from written_reports import write_report
 
 from cpbench.analysis import bootstrap, means, profiles
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
+from cpbench.analysis.participation import participating
 from cpbench.report import figures
 from cpbench.report.text import seconds
 
@@ -33,7 +33,7 @@ def cells(text: str) -> dict[str, list[str]]:
 
 def test_means_stand_beside_their_counts_and_intervals(tmp_path: Path) -> None:
     text = section(suite(), tmp_path, "Means")
-    group = attended(rows_of.normalised(suite()))
+    group = participating(rows_of.normalised(suite()))
     times = rows_of.times(group)
     leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
     every, common = means.means(times, limit=10.0), means.means(times, limit=10.0, common=leading)

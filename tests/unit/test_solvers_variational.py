@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cpbench.expressions.recording import Recorder
+from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations import QVI, VI, Equation, VIPoint
 from cpbench.formulations.conic import cone_fields
 from cpbench.generators import generators
@@ -105,7 +105,7 @@ def test_units_do_not_matter(solver: str, power: int) -> None:
     verdict: their claims are true by their own measure alone, which does not make their answers right."""
     problem = PROBLEMS["vi-box"]
     scale = 10.0**power
-    record = Recorder(problem.start.size)
+    record = MapRecorder(problem.start.size)
     F = record.map(scale * record(problem.F, record.z))
     scaled = VI(F=F, lb=problem.lb, ub=problem.ub, start=problem.start)
     _solved(solver, scaled, 1e-8, (solver, power) not in UNITS_BY_F)

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from cpbench import graph, storage
-from cpbench.analysis.attendance import left_out_lines
+from cpbench.analysis.participation import left_out_lines
 from cpbench.bench import left_out
 from cpbench.bench.planning import grids, run_plan, suites
 from cpbench.bench.planning.plan import Entry, Pair, Request

@@ -15,7 +15,7 @@ import synthetic_results as synthetic
 from tiers import by_night
 
 from cpbench.advice import timeline_tables
-from cpbench.advice.timeline import COLUMNS, Run, moved, timeline
+from cpbench.advice.timeline import COLUMNS, TimelineRun, moved, timeline
 from cpbench.advice.timeline_figure import timeline_figure
 from cpbench.cli import main
 
@@ -25,9 +25,9 @@ THERE = {"cpu": "another", "cores": 2, "ram_gib": 8.0}
 
 def run(
     name: str, table: pd.DataFrame, day: int, machine: dict[str, object] | None = None, reference: float = 1e-3
-) -> Run:
+) -> TimelineRun:
     table = table.assign(finished=f"2026-01-{day:02d}T12:00:00")
-    return Run(name, table, "0.1.0", machine=HERE if machine is None else machine, references=[reference] * 3)
+    return TimelineRun(name, table, "0.1.0", machine=HERE if machine is None else machine, references=[reference] * 3)
 
 
 def point(points: pd.DataFrame, label: str, file: str) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""What is not random is compared first: status, then verified error, then counters.
+"""Gates that compare what is not random first: status, then verified error, then counters.
 
 Each gate takes pairs (`pairs.Matched.pairs`) and rules on those it can tell something of; what it leaves undecided is
 for the next one. A status that got worse is a regression of its kind and never a ratio.
@@ -15,11 +15,11 @@ from functools import lru_cache
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.verification import CHARGED_TO_ROUTE, MET_TOLERANCE, PROVEN, Status
 
 
-class Verdict(StrEnum):
+class PairVerdict(StrEnum):
     """On a pair, a label or two tables. `inconclusive` is an outcome of its own: shown, with what would decide it."""
 
     REGRESSED = "regressed"
@@ -42,11 +42,13 @@ FIRST = "iterations"
 
 
 def rulings(pairs: pd.DataFrame) -> pd.DataFrame:
-    """An empty ruling for every pair: verdict, gate, kind, why."""
+    """Create an empty ruling for every pair: verdict, gate, kind, why."""
     return pd.DataFrame(dict.fromkeys(("verdict", "gate", "kind", "why"), UNDECIDED), index=pairs.index)
 
 
-def rule(ruling: pd.DataFrame, gate: str, verdict: Verdict, where: pd.Series[bool], kind: object, why: object) -> None:
+def rule(
+    ruling: pd.DataFrame, gate: str, verdict: PairVerdict, where: pd.Series[bool], kind: object, why: object
+) -> None:
     """Enter a verdict for the pairs `where` it holds, of all or of some, and nothing was ruled before; `kind` and
     `why` are texts, or series of them."""
     chosen = where.index[where]
@@ -58,7 +60,7 @@ def rule(ruling: pd.DataFrame, gate: str, verdict: Verdict, where: pd.Series[boo
 
 
 def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
-    """Rule by status.
+    """Rule by status, in place.
 
     `stray` : the factor by which one time strays by itself. A solve that ended that near to the limit on one side,
     and over it on the other, is no change of status.
@@ -69,48 +71,56 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
     base, new = pairs["status_base"], pairs["status_new"]
     change = base.str.replace("_", " ") + " → " + new.str.replace("_", " ")
     message = pairs["message_new"].where(new.isin(REFUSED), pairs["message_base"])
-    told = change + message.where(message == "", ": " + message)
-    rule(ruling, "status", Verdict.INCONCLUSIVE, base.isin(REFUSED) ^ new.isin(REFUSED), "not compared", told)
+    reason = change + message.where(message == "", ": " + message)
+    rule(ruling, "status", PairVerdict.INCONCLUSIVE, base.isin(REFUSED) ^ new.isin(REFUSED), "not compared", reason)
     for limit, status in (("seconds", Status.TIMEOUT), ("memory", Status.MEMOUT)):
         other = differ(pairs, limit) & ((base == status) ^ (new == status))
-        rule(ruling, "status", Verdict.INCONCLUSIVE, other, "other limits", change + f", under another limit ({limit})")
+        rule(
+            ruling,
+            "status",
+            PairVerdict.INCONCLUSIVE,
+            other,
+            "other limits",
+            change + f", under another limit ({limit})",
+        )
     done, was = new.isin(SETTLED), base.isin(SETTLED)
     contradiction = done & was & (base.isin(PROVEN) | new.isin(PROVEN))
     why = change + ": both were verified, so one of the two tolerances is too loose for this problem"
-    rule(ruling, "status", Verdict.INCONCLUSIVE, contradiction, "contradiction", why)
+    rule(ruling, "status", PairVerdict.INCONCLUSIVE, contradiction, "contradiction", why)
     for timed_out, status, side in ((was & ~done, new, "base"), (done & ~was, base, "new")):
         near = timed_out & (status == Status.TIMEOUT) & (pairs[f"solve_{side}"] * stray >= pairs[f"seconds_{side}"])
         why = change + f", within a factor {stray:.3g} of the limit, as far as one time strays"
-        rule(ruling, "status", Verdict.INCONCLUSIVE, near, "at the limit", why)
-    rule(ruling, "status", Verdict.REGRESSED, was & ~done, new, change)
-    rule(ruling, "status", Verdict.IMPROVED, done & ~was, base, change)
+        rule(ruling, "status", PairVerdict.INCONCLUSIVE, near, "at the limit", why)
+    rule(ruling, "status", PairVerdict.REGRESSED, was & ~done, new, change)
+    rule(ruling, "status", PairVerdict.IMPROVED, done & ~was, base, change)
     less = done & was & (new == Status.STATIONARY)
     more = done & was & (base == Status.STATIONARY)
-    rule(ruling, "status", Verdict.REGRESSED, less, new, change)
-    rule(ruling, "status", Verdict.IMPROVED, more, base, change)
+    rule(ruling, "status", PairVerdict.REGRESSED, less, new, change)
+    rule(ruling, "status", PairVerdict.IMPROVED, more, base, change)
     neither = ~done & ~was
-    rule(ruling, "status", Verdict.REGRESSED, neither & new.isin(WORST), new, change)
-    rule(ruling, "status", Verdict.IMPROVED, neither & base.isin(WORST), base, change)
+    rule(ruling, "status", PairVerdict.REGRESSED, neither & new.isin(WORST), new, change)
+    rule(ruling, "status", PairVerdict.IMPROVED, neither & base.isin(WORST), base, change)
     charged = neither & base.isin(UNCHARGED) & new.isin(UNCHARGED)
-    rule(ruling, "status", Verdict.INCONCLUSIVE, charged, "charged elsewhere", change)
+    rule(ruling, "status", PairVerdict.INCONCLUSIVE, charged, "charged elsewhere", change)
 
 
 def by_error(pairs: pd.DataFrame, ruling: pd.DataFrame) -> None:
-    """Rule by the error that was verified, of answers that solve the problem on neither side: within the tolerance all
-    are equal, beyond it a factor of 10 counts."""
+    """Rule by the error that was verified, of answers that solve the problem on neither side: within the tolerance
+    all are equal, beyond it a factor of 10 counts.
+    """
     floor = pairs["tolerance"].astype(float)
     base, new = (pairs[f"error_{side}"].astype(float).clip(lower=floor) for side in ("base", "new"))
     apart = np.isfinite(base) & np.isfinite(new) & ((new > DECADE * base) | (base > DECADE * new))
     base, new = base[apart], new[apart]
     why = "error " + base.map("{:.1e}".format).astype(str) + " → " + new.map("{:.1e}".format).astype(str)
-    rule(ruling, "error", Verdict.REGRESSED, new > base, "error", why)
-    rule(ruling, "error", Verdict.IMPROVED, base > new, "error", why)
+    rule(ruling, "error", PairVerdict.REGRESSED, new > base, "error", why)
+    rule(ruling, "error", PairVerdict.IMPROVED, base > new, "error", why)
 
 
 def by_counters(
     pairs: pd.DataFrame, margin: float, left_out: Collection[tuple[str, str]] = frozenset()
 ) -> pd.DataFrame:
-    """What the counters of pairs solved on both sides say: verdict ('' where none is common), why.
+    """Judge the counters of pairs solved on both sides: verdict ('' where none is common), why.
 
     A counter moved when it changed by more than `margin` relative to the smaller side, and by more than 1. `iterations`
     is looked at first, then the others by name; counters that moved apart leave the pair inconclusive.
@@ -127,7 +137,7 @@ def by_counters(
 
 
 def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:
-    """(solver without its variant, counter) that moved between two sides of the same code: they tell nothing."""
+    """Find (solver without its variant, counter) that moved between two sides of the same code: they prove nothing."""
     found: set[tuple[str, str]] = set()
     columns = ["solver", "counters_base", "counters_new"]
     for solver, base, new in pairs[columns].drop_duplicates().itertuples(index=False, name=None):
@@ -136,7 +146,7 @@ def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:
 
 
 def _base(solver: str) -> str:
-    """`x` of `x@head`."""
+    """Return `x` of `x@head`."""
     return solver.partition("@")[0]
 
 
@@ -149,16 +159,16 @@ def _moved(solver: str, base: str, new: str, margin: float, left_out: Collection
         return UNDECIDED, ""
     changes = _changes(before, after, margin)
     if not changes:
-        return str(Verdict.SAME), ""
+        return str(PairVerdict.SAME), ""
     names = sorted(changes, key=lambda name: (name != FIRST, name))
     why = ", ".join(f"{name} {before[name]:g} → {after[name]:g}" for name in names[:3])
     if len(set(changes.values())) > 1:
-        return str(Verdict.INCONCLUSIVE), f"counters moved apart: {why}"
-    return str(Verdict.REGRESSED if changes[names[0]] > 0 else Verdict.IMPROVED), why
+        return str(PairVerdict.INCONCLUSIVE), f"counters moved apart: {why}"
+    return str(PairVerdict.REGRESSED if changes[names[0]] > 0 else PairVerdict.IMPROVED), why
 
 
 def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: float) -> dict[str, int]:
-    """Sign of the change of the common counters that moved."""
+    """Return sign of the change of the common counters that moved."""
     changes: dict[str, int] = {}
     for name in before.keys() & after.keys():
         gap = after[name] - before[name]
@@ -169,7 +179,7 @@ def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: fl
 
 @lru_cache(maxsize=2**14)
 def _read(text: str) -> Mapping[str, float]:
-    """Counters of a row; what is no number is none."""
+    """Parse the counters of a row; drop what is no number."""
     try:
         found = json.loads(text) if text else {}
     except ValueError:
@@ -179,6 +189,6 @@ def _read(text: str) -> Mapping[str, float]:
 
 
 def differ(pairs: pd.DataFrame, column: str) -> pd.Series[bool]:
-    """Whether a limit is known on both sides and differs."""
+    """Return whether a limit is known on both sides and differs."""
     base, new = pairs[f"{column}_base"], pairs[f"{column}_new"]
     return base.notna() & new.notna() & (base != new)

@@ -1,4 +1,4 @@
-"""How far times of equal code differ in these runs: below that, a change of times is the machine's.
+"""Noise: how far times of equal code differ in these runs. Below that, a change of times is the machine's.
 
 What is known of it: the solve that is always the same, which a run repeats (its drift from one file to the other), and,
 where a run has one build under two labels, how these two differ. One worker process beside another has a bias of its
@@ -28,7 +28,7 @@ SURE = 2.0
 
 @dataclass(frozen=True)
 class Noise:
-    """What is known of a comparison's noise.
+    """Noise of a comparison.
 
     Attributes
     ----------
@@ -72,7 +72,8 @@ class Noise:
 
 
 def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tuple[float, ...]]:
-    """`drift` and `spread` of `Noise` from the reference solves of each file; one list where both sides are one run.
+    """Return `drift` and `spread` of `Noise` from the reference solves of each file; one list where both sides are
+    one run.
 
     The drift is what the two medians differ by, and SURE standard errors more: a few solves that jump about tell that
     the machine may have been slower for as long as nobody looked.
@@ -97,15 +98,15 @@ def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tup
 
 
 def one_machine(pairs: pd.DataFrame, machines: Sequence[Mapping[str, Mapping[str, Any]]]) -> pd.Series[bool]:
-    """Whether both times of a pair were taken on one machine: a host of one name, and of one description.
+    """Return whether both times of a pair were taken on one machine: a host of one name, and of one description.
 
     `machines` : what each file says of its hosts; hosts of which it says nothing are another machine.
     """
     base, new = machines
-    same = {host for host, told in base.items() if host and host in new and _lasting(told) == _lasting(new[host])}
+    same = {host for host, machine in base.items() if host and host in new and _lasting(machine) == _lasting(new[host])}
     return (pairs["host_base"] == pairs["host_new"]) & pairs["host_new"].isin(same)
 
 
-def _lasting(told: Mapping[str, Any]) -> dict[str, Any]:
-    """What a machine is, without how it was."""
-    return {name: told.get(name) for name in ("cpu", "cores", "threads", "ram_gib")}
+def _lasting(machine: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the lasting facts of a machine, without its load or temperature at the time."""
+    return {name: machine.get(name) for name in ("cpu", "cores", "threads", "ram_gib")}

@@ -1,4 +1,4 @@
-"""What a reader of a comparison has to know beside its verdicts, in sentences."""
+"""Notes beside the verdicts of a comparison, in sentences."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import attendance
+from cpbench.analysis import participation
 from cpbench.analysis.comparison import gates
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.pairs import Matched
@@ -17,15 +17,15 @@ from cpbench.verification import Status
 
 
 def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Whose figures may not be published, which a summary of a CI job does."""
+    """Note the solvers whose figures may not be published, which a summary of a CI job does."""
     terms: dict[str, str] = {}
     for table, meta in zip(tables, metas, strict=True):
-        terms |= attendance.restricted(table, meta.get("solvers") or {})
+        terms |= participation.restricted(table, meta.get("solvers") or {})
     return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
 
 
 def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
-    """On what was not compared, and why; `idle` pairs were started on neither side."""
+    """Note what was not compared, and why; `idle` pairs were started on neither side."""
     notes: list[str] = []
     if len(found.only_base) or len(found.only_new):
         notes.append(f"{len(found.only_base)} rows are in the base only, {len(found.only_new)} in the new results only")
@@ -51,7 +51,7 @@ def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:
 
 
 def on_stationary(judged: pd.DataFrame, counted: bool) -> list[str]:
-    """On answers that are stationary only: how many on each side, or that they are `counted` as solved."""
+    """Note answers that are stationary only: how many on each side, or that they are `counted` as solved."""
     if counted:
         return ["stationary answers are counted as solved (--count-stationary)"]
     base, new = (int((judged[f"status_{side}"] == str(Status.STATIONARY)).sum()) for side in ("base", "new"))
@@ -60,8 +60,8 @@ def on_stationary(judged: pd.DataFrame, counted: bool) -> list[str]:
     )
 
 
-def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -> list[str]:
-    """On what times are worth here; `interleaved`: both sides are one run, `here`: some pair is of one machine."""
+def on_times(judged: pd.DataFrame, noise: Noise, interleaved: bool, here: bool) -> list[str]:
+    """Note how far times can be trusted; `interleaved`: both sides are one run, `here`: some pair is of one machine."""
     timed = judged["ratio"].notna()
     if not timed.any():
         return []
@@ -75,24 +75,24 @@ def on_times(judged: pd.DataFrame, told: Noise, interleaved: bool, here: bool) -
     below = int(judged["below"].sum())
     if below:
         notes.append(f"{below} pairs take less than {FLOOR:g} s on both sides: below the floor, times of calls")
-    if not interleaved and math.isnan(told.drift):
+    if not interleaved and math.isnan(noise.drift):
         notes.append("no equal reference solves: nobody knows how much the machine drifted between the two runs")
-    elif not interleaved and told.drift > 1 + told.margin:
+    elif not interleaved and noise.drift > 1 + noise.margin:
         notes.append(
-            f"by its reference solves the machine may differ by a factor {told.drift:.3g} between the two runs: times "
+            f"by its reference solves the machine may differ by a factor {noise.drift:.3g} between the two runs: times "
             "within that are the machine's"
         )
-    if math.isfinite(told.equal):
+    if math.isfinite(noise.equal):
         notes.append(
-            f"equal builds differ by {told.equal - 1:.1%} in this job: one process beside another is taken to differ "
-            f"by {math.expm1(told.bias):.1%} by itself"
+            f"equal builds differ by {noise.equal - 1:.1%} in this job: one process beside another is taken to differ "
+            f"by {math.expm1(noise.bias):.1%} by itself"
         )
     else:
         notes.append(
             f"no builds of equal code in this job (--noise): one process beside another is assumed to differ by "
-            f"{math.expm1(told.bias):.1%} by itself; where it differs by more, changes are seen that are none"
+            f"{math.expm1(noise.bias):.1%} by itself; where it differs by more, changes are seen that are none"
         )
-    if told.unsteady:
-        listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in told.unsteady)[:4])
+    if noise.unsteady:
+        listed = ", ".join(sorted(f"{name} of {solver}" for solver, name in noise.unsteady)[:4])
         notes.append(f"counters that differ between equal builds were left out: {listed}")
     return notes

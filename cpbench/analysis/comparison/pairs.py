@@ -1,4 +1,4 @@
-"""Which rows of two tables are one pair, and which have no partner: nothing is guessed.
+"""Pairing of the rows of two tables: rows without a partner are listed, nothing is guessed.
 
 A pair is one problem (its mathematics: the fingerprint), solver, options, route request, tolerance, measure, start and
 number of threads. Where that is not unique on a side, the set, the step of a scene and the name of the problem tell
@@ -48,7 +48,7 @@ class Matched:
 
 
 def prepared(table: pd.DataFrame) -> pd.DataFrame:
-    """The columns of a table of results that a comparison looks at, each present, with `time`."""
+    """Return the columns of a table of results that a comparison uses, each present, with `time`."""
     clean = rows_of.normalised(table, _READ)
     options = clean["options"].where(clean["options"] != "", "{}")
     threads = clean["threads"].fillna(1.0)
@@ -84,7 +84,8 @@ def match(base: pd.DataFrame, new: pd.DataFrame, loose: Sequence[str] = ()) -> M
 
 
 def labelled(table: pd.DataFrame, first: str, second: str) -> tuple[pd.DataFrame, pd.DataFrame, tuple[str, ...]]:
-    """The rows of two solvers of one table, or of two labels, and what is then no part of the key.
+    """Return the rows of two solvers of one table, or of two labels, and the columns that are then no part of the
+    key.
 
     Two names of solvers (`x@base`, `x@head`) have all their options and routes compared; where one of them is a label
     (`nsgs[omega=1.3]`), both are. Raises CpbenchError, UnknownName.
@@ -101,7 +102,7 @@ def labelled(table: pd.DataFrame, first: str, second: str) -> tuple[pd.DataFrame
 
 
 def _codes(sides: list[pd.DataFrame], key: list[str]) -> list[pd.Series[int]]:
-    """A number for each row of the two sides, the same for the same key."""
+    """Number the rows of the two sides, the same for the same key."""
     both = pd.concat([side[[*key, *FINER]] for side in sides], keys=[0, 1], names=["side", None])
     code = both.groupby(key, sort=False, dropna=False).ngroup()
     for column in FINER:
@@ -114,7 +115,7 @@ def _codes(sides: list[pd.DataFrame], key: list[str]) -> list[pd.Series[int]]:
 
 
 def _changed(base: pd.DataFrame, new: pd.DataFrame) -> tuple[str, ...]:
-    """Names of problems of which neither side knows the other's fingerprint."""
+    """Return the names of problems whose fingerprints differ between the sides."""
     gone = base.loc[~base["fingerprint"].isin(new["fingerprint"].unique()), ["problem", "node"]].drop_duplicates()
     come = new.loc[~new["fingerprint"].isin(base["fingerprint"].unique()), ["problem", "node"]].drop_duplicates()
     return tuple(sorted(gone.merge(come, on=["problem", "node"])["problem"].unique()))

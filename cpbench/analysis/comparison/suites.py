@@ -23,7 +23,7 @@ import pandas as pd
 from scipy import stats
 
 from cpbench.analysis import bootstrap
-from cpbench.analysis.comparison.gates import Verdict
+from cpbench.analysis.comparison.gates import PairVerdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.times import LEVEL, holm
 
@@ -61,13 +61,13 @@ class Suite:
     high: float
     p: float
     wilcoxon: float
-    time: Verdict | None
+    time: PairVerdict | None
     why: str
-    counts: dict[Verdict, int]
+    counts: dict[PairVerdict, int]
 
 
 def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tuple[Suite, ...]:
-    """The suites of judged pairs (`comparison.compare`), in order of label."""
+    """Return the suites of judged pairs (`comparison.compare`), in order of label."""
     parts = [_measured(str(label), own, noise, seed) for label, own in pairs.groupby("label_new", sort=True)]
     adjusted = holm([part.p for part in parts])
     return tuple(_decided(replace(part, p=p), noise, alpha) for part, p in zip(parts, adjusted, strict=True))
@@ -76,7 +76,7 @@ def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tupl
 def mean_ratio(
     ratios: pd.Series[float], families: pd.Series[str], problems: pd.Series[str], seed: int = 0
 ) -> tuple[float, float, float, int]:
-    """Geometric mean, interval and number of families; NaN where one problem leaves no interval.
+    """Return the geometric mean, interval and number of families; NaN where one problem leaves no interval.
 
     Problems of one family only are resampled one by one. A problem without a family is one by itself.
 
@@ -127,7 +127,7 @@ def _measured(label: str, own: pd.DataFrame, noise: Noise, seed: int) -> Suite:
         wilcoxon=wilcoxon,
         time=None,
         why="",
-        counts={verdict: int(counts.get(str(verdict), 0)) for verdict in Verdict},
+        counts={verdict: int(counts.get(str(verdict), 0)) for verdict in PairVerdict},
     )
 
 
@@ -137,16 +137,16 @@ def _decided(suite: Suite, noise: Noise, alpha: float) -> Suite:
     edge = 1 + noise.delta
     apart = suite.low > 1 or suite.high < 1
     if suite.p < alpha and apart and (suite.ratio > edge or suite.ratio < 1 / edge):
-        verdict = Verdict.REGRESSED if suite.ratio > 1 else Verdict.IMPROVED
+        verdict = PairVerdict.REGRESSED if suite.ratio > 1 else PairVerdict.IMPROVED
         return replace(suite, time=verdict)
     near = 1 + noise.margin  # a noisy machine does not make two times the same
     if 1 / near <= suite.low and suite.high <= near:
-        return replace(suite, time=Verdict.SAME)
-    return replace(suite, time=Verdict.INCONCLUSIVE, why=_wanting(suite, noise, apart))
+        return replace(suite, time=PairVerdict.SAME)
+    return replace(suite, time=PairVerdict.INCONCLUSIVE, why=_wanting(suite, noise, apart))
 
 
 def _wanting(suite: Suite, noise: Noise, apart: bool) -> str:
-    """What would decide."""
+    """Return what would decide an open verdict."""
     if suite.timed < FEWEST:
         return f"at least {FEWEST} problems that both sides solve would decide, or more repeats"
     if not math.isfinite(suite.low):

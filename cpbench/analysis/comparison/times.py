@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from cpbench.analysis.comparison.gates import UNDECIDED, Verdict
+from cpbench.analysis.comparison.gates import UNDECIDED, PairVerdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.profiles import FLOOR
 
@@ -41,7 +41,7 @@ COLUMNS = ("ratio", "low", "high", "p", "below", "comparable", "significant", "t
 
 
 def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alpha: float) -> pd.DataFrame:
-    """What the times of pairs say, one row a pair.
+    """Judge the times of pairs, one row a pair.
 
     Columns: `ratio` new over base (NaN unless both sides were solved and timed) with its interval [`low`, `high`] (NaN
     without repeats) and `p` (adjusted), as the module says; `below`: both shorter than the floor; `comparable`: above
@@ -68,9 +68,9 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alp
     decisive = (significant != 0) & (np.abs(log) > math.log(noise.strays)) & agrees
     within = comparable & (low >= 1 / (1 + noise.delta)) & (high <= 1 + noise.delta)
     verdict = np.full(len(pairs), UNDECIDED, dtype=object)
-    verdict[comparable] = str(Verdict.INCONCLUSIVE)
-    verdict[within & ~decisive] = str(Verdict.SAME)
-    verdict[decisive] = np.where(log[decisive] > 0, str(Verdict.REGRESSED), str(Verdict.IMPROVED))
+    verdict[comparable] = str(PairVerdict.INCONCLUSIVE)
+    verdict[within & ~decisive] = str(PairVerdict.SAME)
+    verdict[decisive] = np.where(log[decisive] > 0, str(PairVerdict.REGRESSED), str(PairVerdict.IMPROVED))
     found = pd.DataFrame(
         {
             "ratio": ratio,
@@ -84,11 +84,11 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alp
         },
         index=pairs.index,
     )
-    return found.assign(time_why=_told(found, decisive, noise))
+    return found.assign(time_why=_reasons(found, decisive, noise))
 
 
 def adjusted(p: Floats) -> Floats:
-    """P-values adjusted for the rate of false discoveries; NaN is no test.
+    """Adjust p-values for the rate of false discoveries; NaN is no test.
 
     >>> adjusted(np.array([0.01, 0.04, math.nan])).tolist()
     [0.02, 0.04, nan]
@@ -101,7 +101,7 @@ def adjusted(p: Floats) -> Floats:
 
 
 def samples_of(text: str, solve: float, time: float, flags: str) -> list[float]:
-    """The times of one row [s]: its repeats, each with what comes before and after a solve.
+    """Return the times of one row [s]: its repeats, each with what comes before and after a solve.
 
     A program that remembers what it has solved has one time, its first.
 
@@ -118,7 +118,7 @@ def samples_of(text: str, solve: float, time: float, flags: str) -> list[float]:
 
 
 def _tested(pairs: pd.DataFrame, chosen: np.ndarray) -> tuple[Floats, Floats, Floats, Floats]:
-    """Ratio, its interval and p of every chosen pair; pairs of equally many samples are tested in one go."""
+    """Test every chosen pair: ratio, its interval and p; pairs of equally many samples are tested in one go."""
     ratio, low, high, p = (np.full(len(pairs), math.nan) for _ in range(4))
     places: dict[tuple[int, int], list[int]] = {}
     taken: dict[int, tuple[list[float], list[float]]] = {}
@@ -141,7 +141,7 @@ def _tested(pairs: pd.DataFrame, chosen: np.ndarray) -> tuple[Floats, Floats, Fl
 
 
 def ranked(x: np.ndarray, y: np.ndarray) -> tuple[Floats, Floats, Floats]:
-    """Ratio and interval by the ranks of all differences y − x, of rows of logarithms."""
+    """Return the ratio and interval by the ranks of all differences y − x, of rows of logarithms."""
     n, m = x.shape[1], y.shape[1]
     gaps = np.sort((y[:, :, None] - x[:, None, :]).reshape(len(x), n * m), axis=1)
     beyond = _beyond(min(n, m), max(n, m))
@@ -150,8 +150,9 @@ def ranked(x: np.ndarray, y: np.ndarray) -> tuple[Floats, Floats, Floats]:
 
 @lru_cache(maxsize=256)
 def _beyond(n: int, m: int) -> int:
-    """The largest k with P(U ≤ k − 1) ≤ (1 − LEVEL)/2, of U between samples of n ≤ m: the rank at which an interval
-    begins; of many samples by the normal law."""
+    """Return the rank at which an interval begins: the largest k with P(U ≤ k − 1) ≤ (1 − LEVEL)/2, of U between
+    samples of n ≤ m; of many samples by the normal law.
+    """
     tail = (1 - LEVEL) / 2
     if n * m > MANY:
         return int(n * m / 2 - stats.norm.ppf(1 - tail) * math.sqrt(n * m * (n + m + 1) / 12))
@@ -166,7 +167,7 @@ def _beyond(n: int, m: int) -> int:
 
 
 def _welch(x: np.ndarray, y: np.ndarray) -> tuple[Floats, Floats, Floats]:
-    """Interval of the ratio of geometric means and p by Welch's t, of rows of logarithms.
+    """Return the interval of the ratio of geometric means and p by Welch's t, of rows of logarithms.
 
     Samples that do not vary at all are given the resolution of the clock.
     """
@@ -180,8 +181,8 @@ def _welch(x: np.ndarray, y: np.ndarray) -> tuple[Floats, Floats, Floats]:
     return np.exp(gap - half), np.exp(gap + half), 2 * stats.t.sf(np.abs(gap) / error, freedom)
 
 
-def _told(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
-    """What is said of each comparable pair."""
+def _reasons(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[str]:
+    """Describe the times of each comparable pair in words."""
     why = np.full(len(found), UNDECIDED, dtype=object)
     comparable = found["comparable"].to_numpy()
     moment = f", of one moment: one pair decides beyond {noise.strays:.3g}, with the processor's time"
@@ -195,7 +196,7 @@ def _told(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Series[
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """P-values adjusted after Holm, Scand. J. Statist. 6 (1979); NaN is no test.
+    """Adjust p-values after Holm, Scand. J. Statist. 6 (1979); NaN is no test.
 
     >>> holm([0.01, 0.04, 0.03, math.nan])
     [0.03, 0.06, 0.06, nan]

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.comparison import gates, noise, notes, pairs, suites, times
-from cpbench.analysis.comparison.gates import Verdict
+from cpbench.analysis.comparison.gates import PairVerdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.suites import Suite
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import counting_stationary
 from cpbench.errors import CpbenchError
 from cpbench.verification import VERIFIED
@@ -29,8 +29,8 @@ NOT_AGAIN = "not confirmed"
 
 
 @dataclass(frozen=True)
-class Side:
-    """One side: a name to be told by, a table (`analysis.table`), and what its file says beside the rows.
+class ComparisonSide:
+    """One side: its name, a table (`analysis.table`), and the facts of its file beside the rows.
 
     A table without times (a baseline) is compared by status, error and counters. `references` are the repeated
     reference solves, `machines` what each host is.
@@ -47,10 +47,11 @@ class Side:
 
 
 @dataclass(frozen=True)
-class Settings:
-    """How much counts. `margin` : relative change of times; `counter_margin` : of counters. `alpha` : level of tests.
-    `same_machine` : the two files are of one machine, whatever it is called in them. `count_stationary` : stationary
-    answers are among the solved."""
+class Thresholds:
+    """Thresholds of a comparison. `margin` : relative change of times; `counter_margin` : of counters. `alpha` :
+    level of tests. `same_machine` : the two files are of one machine, whatever it is called in them.
+    `count_stationary` : stationary answers are among the solved.
+    """
 
     margin: float = 0.05
     counter_margin: float = 0.05
@@ -72,10 +73,10 @@ class Comparison:
     suites : by label. idle : pairs that started on neither side. notes : what else a reader has to know.
     """
 
-    base: Side
-    new: Side
-    settings: Settings
-    verdict: Verdict
+    base: ComparisonSide
+    new: ComparisonSide
+    settings: Thresholds
+    verdict: PairVerdict
     pairs: pd.DataFrame
     suites: tuple[Suite, ...]
     noise: Noise
@@ -90,15 +91,16 @@ class Comparison:
         pairs = ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) or "no pair"
         return f"Comparison of {self.new.name} with {self.base.name}: {self.verdict} ({pairs})"
 
-    def of(self, verdict: Verdict) -> pd.DataFrame:
+    def of(self, verdict: PairVerdict) -> pd.DataFrame:
         """The pairs of a verdict, those that no clock decided first."""
         own = self.pairs[self.pairs["verdict"] == verdict]
         order = own["gate"].map({"status": 0, "error": 1, "counters": 2, "time": 3})
         return own.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")
 
     def became(self, status: str) -> pd.DataFrame:
-        """The pairs that have this status on the new side, and not on the base; not those that were run again and
-        did not come to it."""
+        """Return the pairs that have this status on the new side, and not on the base; without repeated pairs that
+        did not confirm it.
+        """
         now = (self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)
         return self.pairs[now & (self.pairs["kind"] != NOT_AGAIN)]
 
@@ -116,13 +118,16 @@ class Comparison:
         return {name: count for name, count in counts.items() if count}
 
 
-def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.DataFrame | None = None) -> Comparison:
+def compare(
+    base: ComparisonSide, new: ComparisonSide, settings: Thresholds = Thresholds(), equal: pd.DataFrame | None = None
+) -> Comparison:
     """Compare two results files. `equal` : pairs of the same code (`equal_pairs`), which tell the noise.
 
     Raises CpbenchError where no pair is common.
 
     >>> rows = pd.DataFrame({"problem": ["p", "q"], "label": "s", "solver": "s", "status": ["solved", "wrong"]})
-    >>> found = compare(Side("old", rows), Side("new", rows.assign(status=["timeout", "wrong"])))
+    >>> old, new = rows, rows.assign(status=["timeout", "wrong"])
+    >>> found = compare(ComparisonSide("old", old), ComparisonSide("new", new))
     >>> str(found.verdict), found.pairs["why"].tolist()
     ('regressed', ['solved → timeout', ''])
     """
@@ -130,10 +135,10 @@ def compare(base: Side, new: Side, settings: Settings = Settings(), equal: pd.Da
 
 
 def compare_labels(
-    run: Side,
+    run: ComparisonSide,
     base: str,
     new: str,
-    settings: Settings = Settings(),
+    settings: Thresholds = Thresholds(),
     equal: tuple[str, str] | None = None,
 ) -> Comparison:
     """Compare two solvers, or two labels, of one run: two builds that were interleaved. `equal` : two labels of equal
@@ -143,12 +148,12 @@ def compare_labels(
     return _compare(*sides, settings, loose, _equal_pairs(run, equal) if equal else None)
 
 
-def equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
-    """The pairs of two labels of equal code in a run; raises CpbenchError, UnknownName."""
+def equal_pairs(run: ComparisonSide, labels: tuple[str, str]) -> pd.DataFrame:
+    """Return the pairs of two labels of equal code in a run; raises CpbenchError, UnknownName."""
     return _equal_pairs(_prepared(run), labels)
 
 
-def _equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
+def _equal_pairs(run: ComparisonSide, labels: tuple[str, str]) -> pd.DataFrame:
     (one, other), loose = _sides(run, *labels)
     found = pairs.match(one.table, other.table, loose).pairs
     if not len(found):
@@ -156,17 +161,21 @@ def _equal_pairs(run: Side, labels: tuple[str, str]) -> pd.DataFrame:
     return found
 
 
-def _prepared(side: Side, settings: Settings = Settings()) -> Side:
+def _prepared(side: ComparisonSide, settings: Thresholds = Thresholds()) -> ComparisonSide:
     table = counting_stationary(side.table) if settings.count_stationary else side.table
     return replace(side, table=pairs.prepared(table))
 
 
-def _sides(run: Side, first: str, second: str) -> tuple[tuple[Side, Side], tuple[str, ...]]:
+def _sides(
+    run: ComparisonSide, first: str, second: str
+) -> tuple[tuple[ComparisonSide, ComparisonSide], tuple[str, ...]]:
     one, other, loose = pairs.labelled(run.table, first, second)
     return (replace(run, name=first, table=one), replace(run, name=second, table=other)), loose
 
 
-def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], equal: pd.DataFrame | None) -> Comparison:
+def _compare(
+    base: ComparisonSide, new: ComparisonSide, settings: Thresholds, loose: Sequence[str], equal: pd.DataFrame | None
+) -> Comparison:
     found = pairs.match(base.table, new.table, loose)
     if not len(found.pairs):
         raise CpbenchError(_nothing_common(base, new))
@@ -174,9 +183,9 @@ def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], eq
     own = found.pairs[started].reset_index(drop=True)
     interleaved = bool(loose)  # two labels of one run
     one_machine = _one_machine(own, base, new, settings, interleaved)
-    told = _noise(base, new, settings, interleaved, equal)
-    judged = _judged(own, one_machine, told, settings)
-    by_label = suites.by_label(judged, told, settings.alpha, settings.seed)
+    noise = _noise(base, new, settings, interleaved, equal)
+    judged = _judged(own, one_machine, noise, settings)
+    by_label = suites.by_label(judged, noise, settings.alpha, settings.seed)
     return Comparison(
         base=base,
         new=new,
@@ -184,7 +193,7 @@ def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], eq
         verdict=worst(judged, by_label),
         pairs=judged,
         suites=by_label,
-        noise=told,
+        noise=noise,
         only_base=found.only_base,
         only_new=found.only_new,
         changed=found.changed,
@@ -193,12 +202,14 @@ def _compare(base: Side, new: Side, settings: Settings, loose: Sequence[str], eq
             *notes.on_publishing([base.table, new.table], [base.meta, new.meta]),
             *notes.on_pairs(judged, found, int((~started).sum())),
             *notes.on_stationary(judged, settings.count_stationary),
-            *notes.on_times(judged, told, interleaved, bool(one_machine.any())),
+            *notes.on_times(judged, noise, interleaved, bool(one_machine.any())),
         ),
     )
 
 
-def _one_machine(own: pd.DataFrame, base: Side, new: Side, settings: Settings, interleaved: bool) -> pd.Series[bool]:
+def _one_machine(
+    own: pd.DataFrame, base: ComparisonSide, new: ComparisonSide, settings: Thresholds, interleaved: bool
+) -> pd.Series[bool]:
     if settings.same_machine:
         return pd.Series(True, index=own.index)
     if interleaved:
@@ -206,7 +217,9 @@ def _one_machine(own: pd.DataFrame, base: Side, new: Side, settings: Settings, i
     return noise.one_machine(own, [base.machines, new.machines])
 
 
-def _noise(base: Side, new: Side, settings: Settings, interleaved: bool, equal: pd.DataFrame | None) -> Noise:
+def _noise(
+    base: ComparisonSide, new: ComparisonSide, settings: Thresholds, interleaved: bool, equal: pd.DataFrame | None
+) -> Noise:
     drift, spread = noise.drift([new.references] if interleaved else [base.references, new.references])
     if base.meta.get("reference") != new.meta.get("reference"):
         drift = math.nan  # another solve, which tells nothing of the machine
@@ -223,40 +236,40 @@ def _noise(base: Side, new: Side, settings: Settings, interleaved: bool, equal: 
     return replace(told, equal=max(mean, 1 / mean), stray=max(far, told.stray), unsteady=steady)
 
 
-def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], told: Noise, settings: Settings) -> pd.DataFrame:
-    """Pairs with what their times say, and their ruling."""
+def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, settings: Thresholds) -> pd.DataFrame:
+    """Return pairs with what their times say, and their ruling."""
     ruling = gates.rulings(own)
-    gates.by_status(own, ruling, told.strays)
+    gates.by_status(own, ruling, noise.strays)
     gates.by_error(own, ruling)
-    counted = gates.by_counters(own, settings.counter_margin, told.unsteady)
-    timed = times.by_time(own, one_machine, told, settings.alpha)
-    moved = counted["verdict"].map({str(Verdict.REGRESSED): 1, str(Verdict.IMPROVED): -1}).fillna(0).astype(int)
+    counted = gates.by_counters(own, settings.counter_margin, noise.unsteady)
+    timed = times.by_time(own, one_machine, noise, settings.alpha)
+    moved = counted["verdict"].map({str(PairVerdict.REGRESSED): 1, str(PairVerdict.IMPROVED): -1}).fillna(0).astype(int)
     against = (moved * timed["significant"]) < 0
     why = counted["why"].astype(str) + ", but " + timed["time_why"].astype(str)  # of no pairs they are no texts yet
-    gates.rule(ruling, "counters", Verdict.INCONCLUSIVE, against, "counters against time", why)
-    for verdict in (Verdict.REGRESSED, Verdict.INCONCLUSIVE, Verdict.IMPROVED):
+    gates.rule(ruling, "counters", PairVerdict.INCONCLUSIVE, against, "counters against time", why)
+    for verdict in (PairVerdict.REGRESSED, PairVerdict.INCONCLUSIVE, PairVerdict.IMPROVED):
         gates.rule(ruling, "counters", verdict, counted["verdict"] == verdict, "counters", counted["why"])
-    for verdict in (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.SAME, Verdict.INCONCLUSIVE):
+    for verdict in (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.SAME, PairVerdict.INCONCLUSIVE):
         gates.rule(ruling, "time", verdict, timed["time_verdict"] == verdict, "time", timed["time_why"])
-    gates.rule(ruling, "counters", Verdict.SAME, counted["verdict"] == Verdict.SAME, "", "")
-    gates.rule(ruling, "status", Verdict.SAME, pd.Series(True, index=own.index), "", "")
+    gates.rule(ruling, "counters", PairVerdict.SAME, counted["verdict"] == PairVerdict.SAME, "", "")
+    gates.rule(ruling, "status", PairVerdict.SAME, pd.Series(True, index=own.index), "", "")
     solved = {f"solved_{side}": own[f"status_{side}"].isin(VERIFIED) for side in ("base", "new")}
     return pd.concat([own.assign(**solved), timed, ruling], axis=1)
 
 
-def worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> Verdict:
-    """The verdict on the whole: `Comparison.verdict`."""
+def worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> PairVerdict:
+    """Return the verdict on the whole: `Comparison.verdict`."""
     if not len(judged):
-        return Verdict.INCONCLUSIVE
+        return PairVerdict.INCONCLUSIVE
     by_time = judged["gate"] == "time"
-    decided = set(judged.loc[~(by_time & (judged["verdict"] == Verdict.INCONCLUSIVE)), "verdict"].unique())
+    decided = set(judged.loc[~(by_time & (judged["verdict"] == PairVerdict.INCONCLUSIVE)), "verdict"].unique())
     decided |= {str(suite.time) for suite in by_label if suite.time is not None}
-    order = (Verdict.REGRESSED, Verdict.INCONCLUSIVE, Verdict.IMPROVED)
-    return next((verdict for verdict in order if verdict in decided), Verdict.SAME)
+    order = (PairVerdict.REGRESSED, PairVerdict.INCONCLUSIVE, PairVerdict.IMPROVED)
+    return next((verdict for verdict in order if verdict in decided), PairVerdict.SAME)
 
 
-def _nothing_common(base: Side, new: Side) -> str:
-    def names(side: Side, column: str) -> set[str]:
+def _nothing_common(base: ComparisonSide, new: ComparisonSide) -> str:
+    def names(side: ComparisonSide, column: str) -> set[str]:
         return set(side.table[column].dropna().astype(str))
 
     problems = len(names(base, "fingerprint") & names(new, "fingerprint"))

@@ -28,7 +28,7 @@ def _readonly(kind, ndim=1):
     error_model="numpy",
 )
 def count_blocks(indptr, indices, at, blocks):
-    """blocks[c] : how many d x d blocks of contact c hold an entry; at : work, (d,)."""
+    """Set blocks[c] to how many d x d blocks of contact c hold an entry; at : work, (d,)."""
     d = at.size
     for c in range(blocks.size):
         for a in range(d):
@@ -51,7 +51,9 @@ def count_blocks(indptr, indices, at, blocks):
 
 @njit(inline="always", error_model="numpy")
 def _merge(indptr, indices, data, c, at, J, S):
-    """Blocks of contact c side by side in S, (d, ·), their columns in J, c among them; returns how many they are."""
+    """Place blocks of contact c side by side in S, (d, ·), their columns in J, c among them; return how many they
+    are.
+    """
     d = at.size
     for a in range(d):
         at[a] = indptr[c * d + a]

@@ -29,7 +29,7 @@ _TABLE, _BLOCKS = _readonly(float64, 2), _readonly(float64, 3)
     error_model="numpy",
 )
 def sample_groups(indptr, indices, member, members, most):
-    """How many columns, and groups of 2, 3 and 5 columns, the bodies touch; at most `most` bodies are looked at."""
+    """Count the columns, and groups of 2, 3 and 5 columns, that the bodies touch; look at `most` bodies at most."""
     bodies = member.size - 1
     step = max(1, bodies // most)
     columns, pairs, triples, fives = 0, 0, 0, 0
@@ -65,7 +65,7 @@ def sample_groups(indptr, indices, member, members, most):
     error_model="numpy",
 )
 def count_touched(indptr, indices, member, members, group_of, d, touch, start):
-    """Fills touch and start from the rows of a CSR matrix."""
+    """Fill touch and start from the rows of a CSR matrix."""
     marked = np.full(group_of[-1] + 1 if group_of.size else 0, -1, dtype=np.int64)
     for b in range(member.size - 1):
         count = 0
@@ -95,7 +95,7 @@ def count_touched(indptr, indices, member, members, group_of, d, touch, start):
     error_model="numpy",
 )
 def gather(indptr, indices, data, member, members, group_of, d, touch, start, group, values):
-    """Fills `group` and `values` (zero before)."""
+    """Fill `group` and `values` (zero before)."""
     groups = group_of[-1] + 1 if group_of.size else 0
     marked = np.full(groups, -1, dtype=np.int64)
     place = np.empty(groups, dtype=np.int64)
@@ -135,7 +135,7 @@ def gather(indptr, indices, data, member, members, group_of, d, touch, start, gr
 
 @njit(types.void(_BLOCKS, _COUNTS, int64, float64[::1]), cache=True, error_model="numpy")
 def multiply(inverses, start, first, values):
-    """Q_b = A_b⁻¹C_b in place for the bodies first, first + 1, ... whose inverses are given."""
+    """Compute Q_b = A_b⁻¹C_b in place for the bodies first, first + 1, ... whose inverses are given."""
     size = inverses.shape[1]
     for k in range(inverses.shape[0]):
         body = values[start[first + k] : start[first + k + 1]]
@@ -152,7 +152,7 @@ def multiply(inverses, start, first, values):
 
 @njit(types.void(_BLOCKS, _COUNTS, int64, float64[::1]), cache=True, error_model="numpy")
 def substitute(lower, start, first, values):
-    """L_b⁻¹C_b in place for the bodies first, first + 1, ... whose Cholesky factors are given."""
+    """Compute L_b⁻¹C_b in place for the bodies first, first + 1, ... whose Cholesky factors are given."""
     size = lower.shape[1]
     for k in range(lower.shape[0]):
         body = values[start[first + k] : start[first + k + 1]]
@@ -170,7 +170,9 @@ def substitute(lower, start, first, values):
 
 @njit(types.void(_COUNTS, _LABELS, int64[::1], int32[::1], int64[::1]), cache=True, error_model="numpy")
 def transpose_touch(touch, group, by_group, body, slot):
-    """The bodies of every group, in increasing order, and the place of the pair in `group`; by_group comes zero."""
+    """List the bodies of every group, in increasing order, and the place of the pair in `group`; by_group comes
+    zero.
+    """
     for g in group:
         by_group[g + 1] += 1
     for g in range(by_group.size - 1):
@@ -186,7 +188,7 @@ def transpose_touch(touch, group, by_group, body, slot):
 
 @njit(types.UniTuple(int64, 2)(_COUNTS, _LABELS, _COUNTS, _LABELS, int64, int64[::1]), cache=True, error_model="numpy")
 def count_blocks(by_group, body, touch, group, columns, begin):
-    """The blocks of W: begin[i] are those above row i; returns their sum and the most terms of a row."""
+    """Count the blocks of W: begin[i] are those above row i; return their sum and the most terms of a row."""
     marked = np.full(columns, -1, dtype=np.int32)
     total, most = 0, 0
     for i in range(by_group.size - 1):
@@ -205,7 +207,7 @@ def count_blocks(by_group, body, touch, group, columns, begin):
 
 @njit(types.void(_LABELS, _LABELS, int32[::1], uint64[::1]), cache=True, error_model="numpy")
 def _merge(one, other, found, position):
-    """The union of two increasing lists, and the places of their elements in it."""
+    """Merge two increasing lists, and record the places of their elements in the union."""
     # unsigned throughout: a signed index is tested for its sign at every access
     u, v, n, step, end, other_end = uint64(0), uint64(0), uint64(0), uint64(1), uint64(one.size), uint64(other.size)
     while u < end and v < other_end:
@@ -230,7 +232,7 @@ def _merge(one, other, found, position):
 
 @njit(types.void(_DATA, int64, int64, _DATA, int64, float64[:, ::1]), cache=True, error_model="numpy")
 def _block_row(p, stride, size, q, width, terms):
-    """terms = pᵀq, p of shape (size, rows of terms) with rows `stride` apart, q of shape (size, width)."""
+    """Compute terms = pᵀq, p of shape (size, rows of terms) with rows `stride` apart, q of shape (size, width)."""
     if terms.shape[0] == 3 and size % 3 == 0:
         t0, t1, t2 = terms[0, :width], terms[1, :width], terms[2, :width]
         for k in range(0, size, 3):
@@ -293,7 +295,7 @@ def multiply_blocks(
     indices,
     W,
 ):
-    """W as canonical CSR: indptr, indices and W are filled; returns how many entries are zero.
+    """Fill indptr, indices and W, canonical CSR; return how many entries are zero.
 
     `begin` and `most` are as count_blocks told them.
 

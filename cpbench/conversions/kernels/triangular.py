@@ -21,7 +21,8 @@ _INDEX, _LONG, _DATA = _readonly(int32), _readonly(int64), _readonly(float64)
 
 @njit(int64(_INDEX, _INDEX, int64, int32[::1], int64, int32[::1], int32[::1]), cache=True, error_model="numpy")
 def _levels(indptr, indices, start, part, label, queue, depth):
-    """Breadth-first from `start` within the nodes of that label: fills queue and depth, returns how many it found.
+    """Search breadth-first from `start` among the nodes of that label: fill queue and depth, return how many were
+    reached.
 
     The label of what was found becomes -label - 2, so that nothing is found twice.
     """
@@ -41,7 +42,7 @@ def _levels(indptr, indices, start, part, label, queue, depth):
 
 @njit(types.void(int32[::1], int32[::1], int32[::1]), cache=True, error_model="numpy")
 def _halve_levels(queue, depth, order):
-    """Orders a long part (a band, a path): its middle level last, before that the two halves, likewise."""
+    """Order a long part (a band, a path): its middle level last, before that the two halves, likewise."""
     levels = depth[queue[queue.size - 1]] + 1
     start = np.empty(levels + 1, dtype=np.int32)
     start[levels] = queue.size
@@ -63,7 +64,7 @@ def _halve_levels(queue, depth, order):
 
 @njit(types.void(_INDEX, _INDEX, int32[::1]), cache=True, error_model="numpy")
 def dissect(indptr, indices, order):
-    """order[i] : the node eliminated as number i, for a symmetric graph (loops do not matter)."""
+    """Set order[i] to the node eliminated as number i, for a symmetric graph (loops do not matter)."""
     n = order.size
     part, depth, queue = np.zeros(n, dtype=np.int32), np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
     for i in range(n):
@@ -142,7 +143,7 @@ def dissect(indptr, indices, order):
 
 @njit(int64(_INDEX, _INDEX, _INDEX, int64, int32[::1], int64[::1]), cache=True, error_model="numpy")
 def eliminate(indptr, indices, order, limit, parent, count):
-    """The elimination tree of a symmetric graph in that order, and the entries of each column of its factor L.
+    """Compute the elimination tree of a symmetric graph in that order, and the entries of each column of its factor L.
 
     Returns the entries of L, or -1 as soon as they exceed `limit`.
     """
@@ -182,7 +183,7 @@ def eliminate(indptr, indices, order, limit, parent, count):
 
 @njit(int64[::1](_INDEX, _LONG, int64), cache=True, error_model="numpy")
 def gather_up(parent, own, limit):
-    """The sum of `own` over the nodes of every subtree, at most `limit`."""
+    """Sum `own` over the nodes of every subtree, at most `limit`."""
     total = own.copy()
     for k in range(parent.size):
         total[k] = min(total[k], limit)
@@ -197,7 +198,7 @@ def gather_up(parent, own, limit):
     error_model="numpy",
 )
 def _reach(b_index, top, stamp, begin, end, l_index, column_of, mark, at, work):
-    """The nodes reached from those in b_index, at work[top:n], each before those it leads to; returns top.
+    """Find the nodes reached from those in b_index, at work[top:n], each before those it leads to; return top.
 
     Node i leads to l_index[begin[j]:end[j]] with j = column_of[i], nowhere when j < 0. `work` is the list and a stack.
     """
@@ -235,7 +236,7 @@ def _reach(b_index, top, stamp, begin, end, l_index, column_of, mark, at, work):
 
 @njit(types.Tuple((int32[::1], float64[::1]))(int32[::1], float64[::1], int64), cache=True, error_model="numpy")
 def _room(index, value, needed):
-    """The same arrays, or copies with twice the room where they have less than needed."""
+    """Return the same arrays, or copies with twice the room where they have less than needed."""
     if needed <= index.size:
         return index, value
     more_index, more_value = np.empty(2 * needed, dtype=np.int32), np.empty(2 * needed)
@@ -253,7 +254,7 @@ _TRIANGLE = types.Tuple((int64[::1], int32[::1], float64[::1]))
     error_model="numpy",
 )
 def factor(a_ptr, a_index, a, threshold, room):
-    """PA = LU by columns (Gilbert and Peierls 1988).
+    """Factor PA = LU by columns (Gilbert and Peierls 1988).
 
     The diagonal entry of A is the pivot when it is at least `threshold` times the greatest candidate. L and U are
     expected to have `room` entries each.
@@ -318,7 +319,9 @@ def factor(a_ptr, a_index, a, threshold, room):
 
 @njit(_TRIANGLE(_LONG, _INDEX, _DATA, _DATA, _INDEX, _INDEX, _DATA), cache=True, error_model="numpy")
 def solve(t_ptr, t_index, t, diagonal, b_ptr, b_index, b):
-    """X = T⁻¹B, all by columns, for T with these entries off its diagonal; the entries of a column are in no order."""
+    """Solve TX = B, all by columns, for T with these entries off its diagonal; the entries of a column are in no
+    order.
+    """
     n, columns = t_ptr.size - 1, b_ptr.size - 1
     mark, at, work = np.full(n, -1, dtype=np.int32), np.empty(n, dtype=np.int64), np.empty(2 * n, dtype=np.int32)
     column_of, x = np.arange(n).astype(np.int32), np.zeros(n)
@@ -346,7 +349,7 @@ def solve(t_ptr, t_index, t, diagonal, b_ptr, b_index, b):
 
 @njit(types.void(_INDEX, _INDEX, _DATA, _INDEX, _INDEX, _DATA, float64[:, ::1]), cache=True, error_model="numpy")
 def add_product(y_ptr, y_index, y, x_ptr, x_index, x, M):
-    """M += Y X for Y and X by rows and M dense."""
+    """Add YX to M for Y and X by rows and M dense."""
     line = np.zeros(M.shape[1])  # stays in cache, where a row of M would be fetched at random places
     for i in range(M.shape[0]):
         for e in range(y_ptr[i], y_ptr[i + 1]):
@@ -363,7 +366,7 @@ def add_product(y_ptr, y_index, y, x_ptr, x_index, x, M):
 
 @njit(types.void(types.Array(float64, 2, "C", readonly=True), _LONG, int32[::1], float64[::1]), cache=True)
 def compress(M, indptr, indices, data):
-    """The nonzero entries of M by rows, indptr given."""
+    """Compress the nonzero entries of a dense M by rows, indptr given."""
     for i in range(M.shape[0]):
         row, k = M[i], indptr[i]
         for j in range(row.size):

@@ -1,4 +1,4 @@
-"""One interpreter for all maps: it goes through a list of operations, so that no map is ever compiled by itself.
+"""Interpreter of all maps: it goes through a list of operations, so that no map is ever compiled by itself.
 
 The numbers of the operators are those of `cpbench.expressions.operators`, written out: as constants they become one
 jump table.
@@ -24,7 +24,9 @@ _NUMBERS = types.Array(int64, 1, "C", readonly=True)
     error_model="numpy",
 )
 def run(operations, z, constants, outputs, values, result):
-    """result[i] = the value of number outputs[i]; operations : rows (head, left, right); values : work, one a value."""
+    """Set result[i] to the value of number outputs[i]; operations : rows (head, left, right); values : work, one a
+    value.
+    """
     n = z.size
     for k in range(n):
         values[k] = z[k]

@@ -1,4 +1,4 @@
-"""What a comparison found, written for a terminal, a CI summary, a test report and programs."""
+"""Results of a comparison, written for a terminal, a CI summary, a test report and programs."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Side, Verdict
+from cpbench.analysis.comparison import Comparison, ComparisonSide, PairVerdict
 from cpbench.analysis.comparison.suites import Suite
 from cpbench.report.comparison import words
 
@@ -41,17 +41,17 @@ JSON = ("options", "counters_base", "counters_new")
 
 
 def document(found: Comparison) -> str:
-    """The whole file."""
+    """Write the whole file."""
     counts = found.pairs["verdict"].value_counts()
     noise = found.noise
-    told: dict[str, Any] = {
+    document: dict[str, Any] = {
         "schema": SCHEMA,
         "verdict": str(found.verdict),
         "base": _side(found.base),
         "new": _side(found.new),
         "settings": asdict(found.settings),
         "noise": {name: getattr(noise, name) for name in ("delta", "drift", "spread", "equal", "stray", "bias")},
-        "counts": {str(verdict): int(counts.get(str(verdict), 0)) for verdict in Verdict},
+        "counts": {str(verdict): int(counts.get(str(verdict), 0)) for verdict in PairVerdict},
         "suites": [_suite(suite) for suite in found.suites],
         "pairs": _pairs(found),
         "only_base": _rows(found.only_base),
@@ -59,17 +59,17 @@ def document(found: Comparison) -> str:
         "changed": list(found.changed),
         "notes": list(found.notes),
     }
-    return json.dumps(_valid(told), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json.dumps(_valid(document), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _side(side: Side) -> dict[str, Any]:
+def _side(side: ComparisonSide) -> dict[str, Any]:
     return {"name": side.name, **{name: side.meta.get(name) for name in ("date", "cpbench", "machine")}}
 
 
 def _suite(suite: Suite) -> dict[str, Any]:
-    told = asdict(suite)
-    counts = told.pop("counts")
-    return {**told, **{str(verdict): count for verdict, count in counts.items()}}
+    fields = asdict(suite)
+    counts = fields.pop("counts")
+    return {**fields, **{str(verdict): count for verdict, count in counts.items()}}
 
 
 def _pairs(found: Comparison) -> list[dict[str, Any]]:
@@ -92,7 +92,7 @@ def _read(text: str) -> Any:
 
 
 def _valid(value: Any) -> Any:
-    """With null for NaN and texts for infinities, which JSON does not have; lone surrogates as they are written."""
+    """Replace NaN by null and infinities by texts, which JSON does not have; lone surrogates as they are written."""
     if isinstance(value, dict):
         return {str(name): _valid(part) for name, part in value.items()}
     if isinstance(value, list | tuple):

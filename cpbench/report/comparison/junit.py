@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.gates import WORST
 from cpbench.analysis.comparison.suites import Suite
 from cpbench.plurals import counted
@@ -20,7 +20,7 @@ from cpbench.report.text import one_line
 
 
 def document(found: Comparison) -> str:
-    """The whole file."""
+    """Write the whole file."""
     root = ElementTree.Element("testsuites", name="cpbench compare")
     rows = {str(label): own for label, own in found.pairs.groupby("label_new", sort=True)}
     for suite in found.suites:
@@ -48,7 +48,7 @@ def _suite(found: Comparison, suite: Suite, own: pd.DataFrame) -> ElementTree.El
 
 
 def _names(own: pd.DataFrame) -> list[str]:
-    """The problems, and what tells pairs of one problem apart where there are several."""
+    """Name the problems, with what tells pairs of one problem apart where there are several."""
     names = own["problem"].astype(str)
     for column in ("tolerance", "start", "set", "label_base", "step", "options", "fingerprint"):
         twice = names.duplicated(keep=False)
@@ -64,12 +64,12 @@ def _case(found: Comparison, suite: str, name: str, pair: pd.Series) -> ElementT
     time = f"{seconds if math.isfinite(seconds) else 0.0:.6f}"
     case = ElementTree.Element("testcase", name=name, classname=suite, time=time)
     why = one_line(pair["why"])
-    if pair["verdict"] == Verdict.REGRESSED:
+    if pair["verdict"] == PairVerdict.REGRESSED:
         failure = ElementTree.SubElement(case, "failure", message=why, type=one_line(pair["kind"]))
         failure.text = words.again(found, pair)
-    elif pair["verdict"] == Verdict.INCONCLUSIVE:
+    elif pair["verdict"] == PairVerdict.INCONCLUSIVE:
         ElementTree.SubElement(case, "skipped", message=f"inconclusive: {why}")
-    elif pair["verdict"] == Verdict.IMPROVED:
+    elif pair["verdict"] == PairVerdict.IMPROVED:
         ElementTree.SubElement(case, "system-out").text = f"improved: {why}"
     elif pair["status_new"] in WORST:
         before = f"{pair['status_new']}, as before: {one_line(pair['message_new'])}".removesuffix(": ")
@@ -79,11 +79,11 @@ def _case(found: Comparison, suite: str, name: str, pair: pd.Series) -> ElementT
 
 def _whole(suite: Suite, name: str) -> ElementTree.Element:
     case = ElementTree.Element("testcase", name="time of all pairs", classname=name, time="0.000000")
-    told = f"{words.times_of(suite)} times the time, {counted(suite.timed, 'pair')}"
-    if suite.time == Verdict.REGRESSED:
-        ElementTree.SubElement(case, "failure", message=told, type="time").text = f"p = {suite.p:.2g}"
-    elif suite.time == Verdict.INCONCLUSIVE:
-        ElementTree.SubElement(case, "skipped", message=f"inconclusive: {told}; {suite.why}")
+    ratio_text = f"{words.times_of(suite)} times the time, {counted(suite.timed, 'pair')}"
+    if suite.time == PairVerdict.REGRESSED:
+        ElementTree.SubElement(case, "failure", message=ratio_text, type="time").text = f"p = {suite.p:.2g}"
+    elif suite.time == PairVerdict.INCONCLUSIVE:
+        ElementTree.SubElement(case, "skipped", message=f"inconclusive: {ratio_text}; {suite.why}")
     else:
-        ElementTree.SubElement(case, "system-out").text = f"{suite.time}: {told}"
+        ElementTree.SubElement(case, "system-out").text = f"{suite.time}: {ratio_text}"
     return case

@@ -6,28 +6,28 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.noise import BIAS
 from cpbench.report.comparison import words
 from cpbench.report.text import code, counted, cut, listed, plain, table
 
 MARKS = {
-    Verdict.REGRESSED: "❌",
-    Verdict.INCONCLUSIVE: "❔",
-    Verdict.SAME: "✅",
-    Verdict.IMPROVED: "✅",
+    PairVerdict.REGRESSED: "❌",
+    PairVerdict.INCONCLUSIVE: "❔",
+    PairVerdict.SAME: "✅",
+    PairVerdict.IMPROVED: "✅",
 }
 LISTED = 50
 """The most pairs of a table; a summary of a CI job holds 1 MiB. The rest is counted, and is in the JSON."""
 
 
 def document(found: Comparison) -> str:
-    """The whole summary."""
+    """Write the whole summary."""
     return "\n\n".join(_parts(found)) + "\n"
 
 
 def section(found: Comparison) -> Iterator[str]:
-    """The same as a section of a report about the new side."""
+    """Yield the summary as a section of a report about the new side."""
     yield f"## Compared with {code(found.base.name)}"
     for part in _parts(found):
         yield f"#{part}" if part.startswith("## ") else part
@@ -36,23 +36,23 @@ def section(found: Comparison) -> Iterator[str]:
 def _parts(found: Comparison) -> Iterator[str]:
     yield f"**{MARKS[found.verdict]} {str(found.verdict).capitalize()}**: {plain(words.headline(found))}."
     yield f"{code(found.base.name)} → {code(found.new.name)}" + "".join(
-        f"; {plain(told)}" for told in words.versions(found)
+        f"; {plain(version)}" for version in words.versions(found)
     )
-    yield from _section(found, Verdict.REGRESSED, found.of(Verdict.REGRESSED))
+    yield from _section(found, PairVerdict.REGRESSED, found.of(PairVerdict.REGRESSED))
     yield from _suites(found)
-    yield from _section(found, Verdict.IMPROVED, found.of(Verdict.IMPROVED))
+    yield from _section(found, PairVerdict.IMPROVED, found.of(PairVerdict.IMPROVED))
     yield from _inconclusive(found)
     yield from _notes(found)
 
 
-def _section(found: Comparison, verdict: Verdict, own: pd.DataFrame) -> Iterator[str]:
-    """Pairs of a verdict, after the labels whose times have it."""
-    labels = [suite for suite in found.suites if suite.time == verdict and verdict != Verdict.INCONCLUSIVE]
+def _section(found: Comparison, verdict: PairVerdict, own: pd.DataFrame) -> Iterator[str]:
+    """Yield pairs of a verdict, after the labels whose times have it."""
+    labels = [suite for suite in found.suites if suite.time == verdict and verdict != PairVerdict.INCONCLUSIVE]
     if not len(own) and not labels:
         return
-    told = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
-    yield f"## {str(verdict).capitalize()} ({', '.join(told)})"
-    regressed = verdict == Verdict.REGRESSED
+    counts = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
+    yield f"## {str(verdict).capitalize()} ({', '.join(counts)})"
+    regressed = verdict == PairVerdict.REGRESSED
     rows: list[list[str]] = []
     for suite in labels:
         cells = [f"all {suite.timed} timed", code(suite.label), "time", f"{words.times_of(suite)} times the time"]
@@ -97,9 +97,9 @@ def _suites(found: Comparison) -> Iterator[str]:
 
 
 def _inconclusive(found: Comparison) -> Iterator[str]:
-    own = found.of(Verdict.INCONCLUSIVE)
+    own = found.of(PairVerdict.INCONCLUSIVE)
     by_time = own["gate"] == "time"
-    yield from _section(found, Verdict.INCONCLUSIVE, own[~by_time])
+    yield from _section(found, PairVerdict.INCONCLUSIVE, own[~by_time])
     if by_time.any():
         labels = own.loc[by_time, "label_new"].value_counts().sort_index()
         yield (

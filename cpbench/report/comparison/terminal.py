@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.report.comparison import words
 from cpbench.report.text import counted, cut, one_line
 
@@ -15,13 +15,13 @@ LISTED = 10
 
 
 def lines(found: Comparison) -> Iterator[str]:
-    """Verdict, what regressed with the commands that show it, labels, notes."""
+    """Yield the verdict, regressions with the commands that show them, labels, notes."""
     yield f"{found.verdict}: {words.headline(found)}"
-    for told in words.versions(found):
-        yield f"  {one_line(told)}"
-    for verdict in (Verdict.REGRESSED, Verdict.IMPROVED):
+    for version in words.versions(found):
+        yield f"  {one_line(version)}"
+    for verdict in (PairVerdict.REGRESSED, PairVerdict.IMPROVED):
         yield from _pairs(found, found.of(verdict), str(verdict))
-    open_pairs = found.of(Verdict.INCONCLUSIVE)
+    open_pairs = found.of(PairVerdict.INCONCLUSIVE)
     yield from _pairs(found, open_pairs[open_pairs["gate"] != "time"], "inconclusive")
     if any(suite.time is not None for suite in found.suites):
         yield f"time of each label, geometric mean of new over base; {words.margin(found)}"
@@ -30,7 +30,7 @@ def lines(found: Comparison) -> Iterator[str]:
                 families = counted(suite.families, "family", "families")
                 pairs = f"{counted(suite.timed, 'pair')}, {families}"
                 yield f"  {one_line(suite.label)}: {words.times_of(suite)} ({pairs}): {words.on_time(suite)}"
-                if suite.time == Verdict.REGRESSED:
+                if suite.time == PairVerdict.REGRESSED:
                     yield f"    {words.again(found, words.slowest(found, suite.label))}"
     for note in found.notes:
         yield f"note: {cut(note, 300)}"
@@ -42,7 +42,7 @@ def _pairs(found: Comparison, own: pd.DataFrame, what: str) -> Iterator[str]:
     yield f"{what} ({len(own)}):"
     for _, pair in own.head(LISTED).iterrows():
         yield f"  {one_line(pair['problem'])}, {one_line(pair['label_new'])}: {cut(pair['why'], 120)}"
-        if what == Verdict.REGRESSED:
+        if what == PairVerdict.REGRESSED:
             yield f"    {words.again(found, pair)}"
     if len(own) > LISTED:
         yield f"  and {len(own) - LISTED} more"

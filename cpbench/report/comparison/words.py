@@ -10,32 +10,35 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis.comparison import Comparison, Verdict
+from cpbench.analysis.comparison import Comparison, PairVerdict
 from cpbench.analysis.comparison.suites import Suite
 from cpbench.report.text import counted, solve_command
 
-ORDER = (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.SAME, Verdict.INCONCLUSIVE)
+ORDER = (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.SAME, PairVerdict.INCONCLUSIVE)
 
 
 def headline(found: Comparison) -> str:
-    """The verdict and what it rests on, in one sentence."""
+    """Return the verdict and its evidence in one sentence."""
     sure = found.pairs[found.pairs["gate"] != "time"]
-    counts = {v: int((sure["verdict"] == v).sum()) for v in (Verdict.REGRESSED, Verdict.IMPROVED, Verdict.INCONCLUSIVE)}
-    told = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
+    counts = {
+        v: int((sure["verdict"] == v).sum())
+        for v in (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.INCONCLUSIVE)
+    }
+    parts = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
     by_time = [suite for suite in found.suites if suite.time is not None]
     if by_time:
         times = {v: sum(suite.time == v for suite in by_time) for v in ORDER}
         of = f"times of {counted(len(by_time), 'label')}: "
-        told.append(of + ", ".join(f"{count} {v}" for v, count in times.items() if count))
+        parts.append(of + ", ".join(f"{count} {v}" for v, count in times.items() if count))
     alone = found.pairs[(found.pairs["gate"] == "time") & found.pairs["verdict"].isin([*ORDER[:2]])]
     if len(alone):
-        told.append(f"{counted(len(alone), 'pair')} far {'slower or faster'} by itself")
-    rest = "; ".join(told) or "status, error and counters of all pairs are the same"
+        parts.append(f"{counted(len(alone), 'pair')} far {'slower or faster'} by itself")
+    rest = "; ".join(parts) or "status, error and counters of all pairs are the same"
     return f"{counted(len(found.pairs), 'pair')} compared: {rest}"
 
 
 def times_of(suite: Suite) -> str:
-    """Geometric mean with its interval."""
+    """Format the geometric mean with its interval."""
     if not suite.timed:
         return "—"
     if math.isnan(suite.low):
@@ -44,14 +47,14 @@ def times_of(suite: Suite) -> str:
 
 
 def on_time(suite: Suite) -> str:
-    """The verdict on a label's times, and what would decide where it is open."""
+    """Describe the verdict on a label's times, and what would decide where it is open."""
     if suite.time is None:
         return "not compared"
     return f"{suite.time}: {suite.why}" if suite.why else str(suite.time)
 
 
 def margin(found: Comparison) -> str:
-    """What δ is here, and why."""
+    """Describe δ here, and why."""
     noise = found.noise
     parts = [f"margin {noise.margin:.1%}"]
     if math.isfinite(noise.drift) and noise.drift > 1:
@@ -65,23 +68,23 @@ def margin(found: Comparison) -> str:
 
 
 def versions(found: Comparison) -> list[str]:
-    """Solvers whose version differs between the sides, and the versions of cpbench where they differ."""
-    told: list[str] = []
+    """Return solvers whose version differs between the sides, and the versions of cpbench where they differ."""
+    changes: list[str] = []
     sides = (found.base, found.new)
     ours = [str(side.meta.get("cpbench", "")) for side in sides]
     if all(ours) and ours[0] != ours[1]:
-        told.append(f"cpbench {ours[0]} → {ours[1]}")
+        changes.append(f"cpbench {ours[0]} → {ours[1]}")
     known = found.pairs[(found.pairs["version_base"] != "") & (found.pairs["version_new"] != "")]
     moved = known[known["version_base"] != known["version_new"]]
     for solver, base, new in sorted(
         set(zip(moved["solver"], moved["version_base"], moved["version_new"], strict=True))
     ):
-        told.append(f"{solver} {base} → {new}")
-    return told
+        changes.append(f"{solver} {base} → {new}")
+    return changes
 
 
 def again(found: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
-    """The command that runs the new side of a pair again."""
+    """Return the command that runs the new side of a pair again."""
     own = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
     row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds", "origin")}}
     here = str(Path.cwd()) + os.sep
@@ -90,6 +93,6 @@ def again(found: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
 
 
 def slowest(found: Comparison, label: str) -> pd.Series[Any]:
-    """The pair of a label whose time grew most."""
+    """Return the pair of a label whose time grew most."""
     own = found.pairs[(found.pairs["label_new"] == label) & found.pairs["comparable"]]
     return own.loc[own["ratio"].idxmax()]

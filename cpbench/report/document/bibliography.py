@@ -40,7 +40,7 @@ class Bibliography:
     _keys: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def cite(self, what: str, name: str, citation: str) -> str:
-        r"""The call that cites a solver or collection; '' for one without a citation.
+        r"""Return the call that cites a solver or collection; '' for one without a citation.
 
         >>> found = Bibliography()
         >>> found.cite("solver", "lemke", "Lemke 1965"), found.cite("solver", "lemke2", "Lemke 1965")
@@ -59,7 +59,7 @@ class Bibliography:
         return f"\\cite{{{self._keys[place]}}}"
 
     def text(self) -> str:
-        """The whole file."""
+        """Write the whole file."""
         return "\n".join([METHODS, *(self._entry(place) for place in self._of)])
 
     def _entry(self, place: tuple[str, str]) -> str:

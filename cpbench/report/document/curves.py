@@ -39,7 +39,7 @@ def figure(
     caption: str,
     key: str,
 ) -> str:
-    """The curves of `labels` in one column, with their legend below."""
+    """Write the curves of `labels` in one column, with their legend below."""
     upto = right_end(profile)
     body = "\n".join(_plot(curve, upto, kinds, looks, legend=True) for curve in _chosen(profile, labels))
     return (
@@ -57,7 +57,9 @@ def panels(
     caption: str,
     key: str,
 ) -> str:
-    """Small multiples two columns wide: a panel a profile, by its title in TeX, all with the same curves and axes."""
+    """Write small multiples two columns wide: a panel a profile, by its title in TeX, all with the same curves and
+    axes.
+    """
     upto = max((right_end(profile) for profile in profiles.values()), default=2.0)
     parts: list[str] = []
     last = len(profiles) - 1
@@ -81,7 +83,7 @@ def panels(
 
 
 def _chosen(profile: Profile, labels: Sequence[str]) -> list[Curve]:
-    """The curves in the order of the labels; flat ones at 0 among them."""
+    """Return the curves in the order of the labels; flat ones at 0 among them."""
     found = {curve.label: curve for curve in profile.curves}
     return [found[label] for label in labels]
 

@@ -34,7 +34,7 @@ _MARKED = re.compile(r"\*\*(.+?)\*\*|\*(.+?)\*|`(.+?)`", re.DOTALL)
 
 
 def text(value: Any) -> str:
-    r"""`value` as running text on one line.
+    r"""Write `value` as running text on one line.
 
     >>> text("\\input{x} 50 % a--b")
     '\\textbackslash{}input\\{x\\} 50 \\% a{-}{-}b'
@@ -45,7 +45,7 @@ def text(value: Any) -> str:
 
 
 def label(value: Any) -> str:
-    r"""`value` in typewriter type, which may be broken behind its punctuation.
+    r"""Write `value` in typewriter type, which may be broken behind its punctuation.
 
     >>> label("lemke@inner8")
     '\\texttt{lemke@\\allowbreak{}inner8}'
@@ -54,12 +54,12 @@ def label(value: Any) -> str:
 
 
 def breakable(value: Any) -> str:
-    r"""Text that may be broken behind its punctuation."""
+    r"""Write text that may be broken behind its punctuation."""
     return re.sub(r"(\{-\}|\\_|@|=|\{,\}|\[|/)", r"\1\\allowbreak{}", text(value))
 
 
 def markdown(source: str) -> str:
-    r"""Paragraphs with bold, italics and code, as the methods of the Markdown report have.
+    r"""Write paragraphs with bold, italics and code, as the methods of the Markdown report have.
 
     >>> markdown("**Time.** A *median*\nof `t`")
     '\\textbf{Time.} A \\emph{median} of \\texttt{t}'
@@ -82,7 +82,7 @@ def _inline(source: str) -> str:
 
 
 def _spaced(part: str) -> str:
-    """Text with a blank at either end where there was one."""
+    """Write text with a blank at either end where there was one."""
     return (" " if part[:1] == " " else "") + text(part) + (" " if part[-1:] == " " and part.strip() else "")
 
 

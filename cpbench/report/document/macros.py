@@ -40,7 +40,7 @@ class Macros:
         return self._values
 
     def text(self) -> str:
-        """The definitions, one a line."""
+        """Write the definitions, one a line."""
         return "".join(f"\\newcommand{{\\{name}}}{{{value}}}\n" for name, value in self._values.items())
 
     def _free(self, name: str) -> str:
@@ -54,7 +54,7 @@ class Macros:
 
 
 def letters(words: str) -> str:
-    """Words as letters, each with a capital.
+    """Spell words as letters, each with a capital.
 
     >>> letters("nsgs[omega=0.8]"), letters("fc-lcp_inner16"), letters("ν ∂x")
     ('NsgsOmegaZeroPointEight', 'FcLcpInnerOneSix', 'NuX')
@@ -71,7 +71,7 @@ def letters(words: str) -> str:
 
 
 def _latin(character: str) -> str:
-    """ASCII letters of a letter: without its accent, or the name of a Greek one; '' of any other."""
+    """Return ASCII letters of a letter: without its accent, or the name of a Greek one; '' of any other."""
     base = unicodedata.normalize("NFD", character)[0]
     if base.isascii():
         return base
@@ -80,6 +80,6 @@ def _latin(character: str) -> str:
 
 
 def _suffix(place: int) -> str:
-    """B, C, ..., Z, AB, AC, ...: 1 is the second of its name."""
+    """Return B, C, ..., Z, AB, AC, ...: 1 is the second of its name."""
     high, low = divmod(place, 26)
     return (_suffix(high - 1) if high > 1 else "A" if high else "") + chr(ord("A") + low)

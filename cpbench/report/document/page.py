@@ -16,8 +16,8 @@ import pandas as pd
 
 from cpbench.analysis import cautions, means, profiles, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import attended
-from cpbench.analysis.table import Group
+from cpbench.analysis.participation import participating
+from cpbench.analysis.table import ResultGroup
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import UnknownName
 from cpbench.report.document import curves
@@ -125,14 +125,14 @@ def _body(
     pairs = macros.define(("pairs",), str(len(rows)))
     solved = macros.define(("solved",), str(int(rows_of.solved(rows).sum())))
     problems = macros.define(("problems",), str(rows["fingerprint"].nunique()))
-    told = f"{solved} of {pairs} pairs of a problem and a solver were solved; there are {problems} problems."
+    sentence = f"{solved} of {pairs} pairs of a problem and a solver were solved; there are {problems} problems."
     if run.stationary:
-        told += f" {text(run.stationary.capitalize())}."
-    told += "".join(f" {text(remark)}." for remark in run.remarks)
-    yield f"\\section{{Overview}}\n{told}"
+        sentence += f" {text(run.stationary.capitalize())}."
+    sentence += "".join(f" {text(remark)}." for remark in run.remarks)
+    yield f"\\section{{Overview}}\n{sentence}"
     yield from _methods(run, macros)
     for group, own in rows_of.groups(rows):
-        yield from _group(run, macros, group, attended(own), facets)
+        yield from _group(run, macros, group, participating(own), facets)
     yield "\\onecolumn"  # a wide table stands where it is written
     yield from _solvers(run, references)
     yield from _collections(run, macros, references, citations)
@@ -140,7 +140,7 @@ def _body(
 
 
 def _methods(run: Run, macros: Macros) -> Iterator[str]:
-    """The paragraph that a paper needs."""
+    """Yield the paragraph that a paper needs."""
     tolerances = ", ".join(small(t) for t in sorted(set(run.rows["tolerance"])))
     most = rows_of.limit(run.rows)
     limit = macros.define(("limit",), duration(most) if math.isfinite(most) else "none")
@@ -157,8 +157,8 @@ def _methods(run: Run, macros: Macros) -> Iterator[str]:
     )
 
 
-def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: Collection[str]) -> Iterator[str]:
-    """Section of a formulation: sentences, table, profile, small multiples."""
+def _group(run: Run, macros: Macros, group: ResultGroup, rows: pd.DataFrame, facets: Collection[str]) -> Iterator[str]:
+    """Yield section of a formulation: sentences, table, profile, small multiples."""
     name = group_name_text(run, group)
     words = (name,)
     problems = int(rows["fingerprint"].nunique())
@@ -176,7 +176,7 @@ def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: C
         "charged the limit."
     )
     notes = cautions.footnotes(rows, run.meta.get("solvers") or {})
-    made = solved_table(macros, words, counts, f"{caption}\\label{{tab:{letters(name)}}}", notes)
+    table_text = solved_table(macros, words, counts, f"{caption}\\label{{tab:{letters(name)}}}", notes)
     profile = profiles.performance_profile(times, problems)
     labels = profile.leading(EMPHASISED)
     key = f"fig:{letters(name)}"
@@ -184,7 +184,7 @@ def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: C
     where = f"table~\\ref{{tab:{letters(name)}}}" + (f", figure~\\ref{{{key}}}" if labels else "")
     most_solved = macros.define((*words, str(best["label"]), "solved"), str(best["solved"]))
     yield f"Of {number} problems {some} are solved by some solver, {most_solved} by {label(best['label'])} ({where})."
-    yield made
+    yield table_text
     if not labels:
         return
     kinds = rows_of.label_kinds(rows)
@@ -196,14 +196,14 @@ def _group(run: Run, macros: Macros, group: Group, rows: pd.DataFrame, facets: C
     )
     yield curves.figure(profile, labels, kinds, run.looks, guide, key)
     for facet in facets:
-        found, told = _by_family(ranked) if facet == "family" else _by_tolerance(run, group, ranked)
+        found, caption_end = _by_family(ranked) if facet == "family" else _by_tolerance(run, group, ranked)
         if len(found) > 1:
-            caption = f"Performance profiles of {text(name)}, by {facet}, of the same solvers. {told}"
+            caption = f"Performance profiles of {text(name)}, by {facet}, of the same solvers. {caption_end}"
             yield curves.panels(found, labels, kinds, run.looks, caption, f"{key}{facet}")
 
 
 def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
-    """A profile a family, by its title in TeX; its ratios are taken among its own problems."""
+    """Return a profile a family, by its title in TeX; its ratios are taken among its own problems."""
     sizes = rows.groupby("family")["fingerprint"].nunique().sort_index().sort_values(ascending=False, kind="stable")
     found: dict[str, profiles.Profile] = {}
     for family in sizes.index[:FAMILIES]:
@@ -215,7 +215,7 @@ def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
 
 
 def _with_labels(own: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with every label among them: who has none in this family has a pair that is not solved."""
+    """Add every label to the rows: one without a pair in this family gets a pair that is not solved."""
     absent = rows.drop_duplicates("label")
     absent = absent[~absent["label"].isin(own["label"])]
     first = own.iloc[0]
@@ -225,25 +225,27 @@ def _with_labels(own: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([own, filled], ignore_index=True)
 
 
-def _by_tolerance(run: Run, group: Group, rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
-    """A profile a tolerance: those that were run, or looser ones that the answers are held against."""
+def _by_tolerance(run: Run, group: ResultGroup, rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
+    """Return a profile a tolerance: those that were run, or looser ones that the answers are held against."""
     same = [
         (other.tolerance, own)
         for other, own in rows_of.groups(run.rows)
         if (other.node, other.start, other.threads, other.set, other.measure)
         == (group.node, group.start, group.threads, group.set, group.measure)
     ]
-    told = ""
+    caption_end = ""
     if len(same) == 1:
         same = [(looser, judged_at(rows, looser)) for looser in LOOSER if looser > group.tolerance] + same
-        told = f"The answers, asked for at {small(group.tolerance)}, are judged at each; times are of what was asked."
+        caption_end = (
+            f"The answers, asked for at {small(group.tolerance)}, are judged at each; times are of what was asked."
+        )
     labels = set(rows["label"])
     found: dict[str, profiles.Profile] = {}
     for tolerance, own in sorted(same, key=lambda pair: -pair[0]):
         ranked = own[rows_of.ranked(own) & own["label"].isin(labels)]
         problems = counted(int(own["fingerprint"].nunique()), "problem")
         found[f"tolerance {small(tolerance)}: {problems}"] = profiles.performance_profile(rows_of.times(ranked))
-    return found, told
+    return found, caption_end
 
 
 def _solvers(run: Run, references: Bibliography) -> Iterator[str]:

@@ -18,16 +18,16 @@ LINES = 42
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], spec: str, caption: str) -> str:
-    """A floating table of cells that are TeX already, or several where it is longer than a page."""
+    """Write a floating table of cells that are TeX already, or several where it is longer than a page."""
     return "\n\n".join(_tables(head, list(rows), spec, caption))
 
 
 def _tables(head: Sequence[str], rows: Sequence[Sequence[str]], spec: str, caption: str) -> Iterator[str]:
     for start in range(0, max(1, len(rows)), LINES):
         body = "".join(f"  {' & '.join(row)} \\\\\n" for row in rows[start : start + LINES])
-        told = caption if not start else "Continued."
+        heading = caption if not start else "Continued."
         yield (
-            f"\\begin{{table}}[!htbp]\n\\caption{{{told}}}\n\\centering\\scriptsize\\setlength{{\\tabcolsep}}{{3pt}}\n"
+            f"\\begin{{table}}[!htbp]\n\\caption{{{heading}}}\n\\centering\\scriptsize\\setlength{{\\tabcolsep}}{{3pt}}\n"
             f"\\begin{{tabular}}{{@{{}}{spec}@{{}}}}\n\\toprule\n  {' & '.join(head)} \\\\\n\\midrule\n{body}"
             f"\\bottomrule\n\\end{{tabular}}\n\\end{{table}}"
         )
@@ -36,7 +36,7 @@ def _tables(head: Sequence[str], rows: Sequence[Sequence[str]], spec: str, capti
 def solved_table(
     macros: Macros, words: tuple[str, ...], counts: Any, caption: str, notes: Sequence[Footnote] = ()
 ) -> str:
-    """What each label solved and how fast, of `analysis.summary.solve_counts`; defines a macro for each number."""
+    """Write what each label solved and how fast, of `analysis.summary.solve_counts`; define a macro for each number."""
     rows: list[list[str]] = []
     for r in counts.itertuples(index=False):
         named = (*words, r.label)
@@ -63,7 +63,7 @@ def solved_table(
 
 
 def duration(value: float) -> str:
-    r"""A time with its unit, which is never on another line.
+    r"""Write a time with its unit, which is never on another line.
 
     >>> duration(0.00123), duration(4.5e-5), duration(math.inf), duration(math.nan)
     ('1.23~ms', '45~\\ensuremath{\\mu}s', '\\ensuremath{\\infty}', '---')
@@ -72,7 +72,7 @@ def duration(value: float) -> str:
 
 
 def small(value: float) -> str:
-    r"""A tolerance or a limit in math mode.
+    r"""Write a tolerance or a limit in math mode.
 
     >>> small(1e-6), small(10.0)
     ('$10^{-6}$', '$10$')

@@ -20,11 +20,11 @@ import pandas as pd
 
 from cpbench.analysis import histories, metrics, multi_start
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
-from cpbench.analysis.portraits import Portrait
-from cpbench.analysis.table import CHARGED, Group
+from cpbench.analysis.participation import REFUSED
+from cpbench.analysis.table import CHARGED, ResultGroup
+from cpbench.analysis.thumbnails import Thumbnail
 from cpbench.analysis.tolerances import Ladders, ladders
 from cpbench.report.html.container import Column
 from cpbench.report.matrix import SYMBOLS
@@ -44,7 +44,7 @@ PLAIN = ("target_error", "verify", "wall", "repeats", "solve_iqr", "jobs", "code
 
 
 def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
-    """Columns and facts of a run."""
+    """Return columns and facts of a run."""
     parts = run.parts
     rows = _one_after_another([part for _, part in parts]) if parts else run.rows
     whole = len(rows) <= WHOLE
@@ -77,7 +77,7 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "metrics": [
             {"name": m.name, "unit": m.unit, "floor": m.floor, "doc": m.doc, "count": bool(m.counter)} for m in known
         ],
-        "problems": {**_problems(rows, prints), "portrait": _portraits(run, prints, list(labels))},
+        "problems": {**_problems(rows, prints), "thumbnail": _thumbnails(run, prints, list(labels))},
         "labels": _labels(run, rows, list(labels)),
         "groups": _groups(run, parts, problem, label, places),
         "texts": texts,
@@ -86,7 +86,7 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
 
 
 def _one_after_another(parts: list[pd.DataFrame]) -> pd.DataFrame:
-    """The rows of all parts, numbered; those of one are not copied."""
+    """Join the rows of all parts, numbered; those of one are not copied."""
     return parts[0].reset_index(drop=True) if len(parts) == 1 else pd.concat(parts, ignore_index=True)
 
 
@@ -96,7 +96,9 @@ def _codes(values: pd.Series) -> tuple[Column, list[str]]:
 
 
 def _metrics(rows: pd.DataFrame, whole: bool) -> list[metrics.Metric]:
-    """Those that some solved row has; on a page of many rows the first and the counts of iterations and bytes."""
+    """Return the metrics that some solved row has; on a page of many rows the first and the counts of iterations and
+    bytes.
+    """
     done = rows_of.solved(rows).to_numpy(dtype=bool)
     names = list(metrics.METRICS) if whole else ["time", "iterations", "memory"]
     found = [metrics.METRICS[name] for name in names]
@@ -120,7 +122,9 @@ def _statuses(judged: Ladders) -> dict[str, Any]:
 
 
 def _details(run: Run, rows: pd.DataFrame, whole: bool) -> tuple[dict[str, Column], dict[str, list[str]]]:
-    """The facts of single pairs: `detail` is 0 for a row without them, else its place, from 1, in all the others."""
+    """Return the facts of single pairs: `detail` is 0 for a row without them, else its place, from 1, in all the
+    others.
+    """
     kept = rows if whole else rows.loc[_chosen(rows)]
     detail = np.zeros(len(rows), dtype=np.int64)
     detail[kept.index.to_numpy()] = np.arange(1, len(kept) + 1)
@@ -143,14 +147,14 @@ def _numeric(values: pd.Series) -> pd.Series[float]:
 
 
 def _chosen(rows: pd.DataFrame) -> pd.Index[Any]:
-    """The failures that are kept of many rows: by turns of every solver and status."""
+    """Choose the failures that are kept of many rows: by turns of every solver and status."""
     failed = ~rows_of.met(rows) & ~rows["status"].isin(REFUSED)
     turn = rows.loc[failed, ["label", "status", "node"]].groupby(["label", "status", "node"], sort=False).cumcount()
     return pd.Index(np.sort(turn.sort_values(kind="stable").index[:KEPT].to_numpy()))
 
 
 def _digits(text: str) -> str:
-    """JSON of numbers with four digits, which is what is shown of them."""
+    """Write JSON of numbers with four digits, as many as are shown."""
 
     def short(value: Any) -> Any:
         if isinstance(value, float):
@@ -172,8 +176,8 @@ def _commands(run: Run, rows: pd.DataFrame) -> list[str]:
 
 
 def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]:
-    told = ["fingerprint", "problem", "address", "sizes", "sequence", "step"]
-    first = rows[told].drop_duplicates("fingerprint").set_index("fingerprint").loc[list(prints)]
+    identity = ["fingerprint", "problem", "address", "sizes", "sequence", "step"]
+    first = rows[identity].drop_duplicates("fingerprint").set_index("fingerprint").loc[list(prints)]
     family = families_of(rows).reindex(list(prints)).fillna("")
     names = rows_of.problem_names(first.reset_index())
     return {
@@ -186,11 +190,11 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
     }
 
 
-def _portraits(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Portrait | None]:
-    """Pictures of the problems; an answer by somebody who is left out of the report is nobody's."""
-    made, told = run.portraits(), set(labels)
-    found: list[Portrait | None] = []
-    for one in (made.get(multi_start.original(print_)) for print_ in prints):
+def _thumbnails(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
+    """Return pictures of the problems; an answer of a solver left out of the report has no label."""
+    thumbnails, told = run.thumbnails(), set(labels)
+    found: list[Thumbnail | None] = []
+    for one in (thumbnails.get(multi_start.original(print_)) for print_ in prints):
         known = one is None or one.get("answer", {}).get("label", "") in {"", *told}
         found.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
     return found
@@ -215,12 +219,14 @@ def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, li
 
 def _groups(
     run: Run,
-    parts: Sequence[tuple[Group, pd.DataFrame]],
+    parts: Sequence[tuple[ResultGroup, pd.DataFrame]],
     problem: Column,
     label: Column,
     places: Mapping[str, int],
 ) -> list[dict[str, Any]]:
-    """What tells groups apart, the stretch of rows of each, its problems in order of name, labels in their order."""
+    """Describe the groups: settings, the stretch of rows of each, its problems in order of name, labels in their
+    order.
+    """
     found: list[dict[str, Any]] = []
     first = 0
     for group, rows in parts:
@@ -249,7 +255,9 @@ def _groups(
 
 
 def _paths(run: Run, rows: pd.DataFrame, problem: Column, label: Column) -> dict[str, Column]:
-    """Iterates that were better than all before them, of the recorded solves: nothing else shows in any figure."""
+    """Return iterates that were better than all before them, of the recorded solves: nothing else shows in any
+    figure.
+    """
     if not len(run.histories):
         return {}
     place = pd.Series(np.arange(len(rows)), index=rows["key"])

@@ -25,7 +25,7 @@ LEVEL = 5
 
 
 def packed(columns: Mapping[str, Column], facts: Mapping[str, Any]) -> str:
-    """The text; integers take the smallest type that holds them.
+    """Pack columns and facts into a text; integers take the smallest type that holds them.
 
     >>> columns, facts = unpacked(packed({"x": np.array([1.5]), "k": np.array([7, 300])}, {"title": "</script>"}))
     >>> columns["x"].tolist(), columns["k"].tolist(), columns["k"].dtype.name, facts["title"]
@@ -40,7 +40,7 @@ def packed(columns: Mapping[str, Column], facts: Mapping[str, Any]) -> str:
 
 
 def unpacked(text: str) -> tuple[dict[str, Column], Any]:
-    """What a text holds: columns and facts, as the page reads them."""
+    """Unpack columns and facts from a text, as the page reads them."""
     data = gzip.decompress(base64.b64decode(text))
     head = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
     columns = {
@@ -59,13 +59,13 @@ def _typed(values: Column) -> tuple[str, Column]:
 
 
 def _header(parts: Mapping[str, tuple[str, Column]], facts: Mapping[str, Any], begin: int) -> bytes:
-    """Length and header, for columns that begin at `begin`."""
+    """Return the length and header, for columns that begin at `begin`."""
     places: dict[str, dict[str, Any]] = {}
     for name, (kind, values) in parts.items():
         places[name] = {"type": kind, "at": begin, "count": len(values)}
         begin += _round(values.nbytes)
-    told = json.dumps({"columns": places, "facts": facts}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    text = told.encode("utf-8", errors="replace")
+    header = json.dumps({"columns": places, "facts": facts}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = header.encode("utf-8", errors="replace")
     text = text.ljust(_round(len(text) + 4) - 4, b" ")
     return len(text).to_bytes(4, "little") + text
 

@@ -1,4 +1,4 @@
-"""What did not go well: false claims, failures by reason, solvers that could not run."""
+"""Section of failures: false claims, failures by reason, solvers that could not run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.analysis import attendance, reliability
+from cpbench.analysis import participation, reliability
 from cpbench.report.html.markup import Markup, code, element, prose, table
 from cpbench.report.methods import LOSSES
 from cpbench.report.run import Run, each
@@ -18,13 +18,13 @@ LISTED = 60
 
 
 def false_claims(run: Run) -> Iterator[Markup]:
-    """Answers that were called right and are not, each with the command that runs it again."""
+    """Yield answers that were claimed right and are not, each with the command that runs it again."""
     found = run.false_claims
     if not len(found):
         yield element("p", "Every claim of a solver held on the problem it was given.")
         return
-    told = f"{counted(len(found), 'answer')} that a solver called right, and whose error is beyond the tolerance"
-    yield element("p", told + (f"; the first {LISTED}." if len(found) > LISTED else "."), class_="scope")
+    heading = f"{counted(len(found), 'answer')} that a solver called right, and whose error is beyond the tolerance"
+    yield element("p", heading + (f"; the first {LISTED}." if len(found) > LISTED else "."), class_="scope")
     lines = (
         [r["problem"], r["label"], r["status"], number(r["error"]), f"{r['tolerance']:g}", code(_again(run, r))]
         for _, r in found.head(LISTED).iterrows()
@@ -34,7 +34,9 @@ def false_claims(run: Run) -> Iterator[Markup]:
 
 
 def reasons(run: Run) -> Iterator[Markup]:
-    """Failed here and solved there; outcomes and messages that are alike in one line; lost answers; who was absent."""
+    """Yield failures that others solved; outcomes and messages that are alike in one line; lost answers; unavailable
+    solvers.
+    """
     if run.failures:
         yield element("h3", "Failed here, solved there: ", element("span", data_group_name=""))
         yield element("div", data_figure="failed")
@@ -61,11 +63,11 @@ def reasons(run: Run) -> Iterator[Markup]:
         head = ["route", "answers lost", "worst factor"]
         lines = ([code(r.route), r.lost, number(r.factor)] for r in each(lost))
         yield table("Conversions that lost answers", head, lines, right=[1, 2])
-    planned = attendance.left_out_lines(run.meta.get("left_out") or [])
+    planned = participation.left_out_lines(run.meta.get("left_out") or [])
     if planned:
         yield element("h3", "Could not be run")
         yield element("ul", *(element("li", line) for line in planned))
-    gone = attendance.absences(run.rows)
+    gone = participation.absences(run.rows)
     if gone:
         yield element("h3", "Not available here")
         lines = (

@@ -17,7 +17,7 @@ class Markup(str):
 
 
 def text(value: Any) -> Markup:
-    """`value` as HTML, unless it is.
+    """Return `value` as HTML, unless it is.
 
     >>> text("<script>alert(1)</script>"), text(Markup("<b>bold</b>"))
     ('&lt;script&gt;alert(1)&lt;/script&gt;', '<b>bold</b>')
@@ -28,13 +28,15 @@ def text(value: Any) -> Markup:
 
 
 def element(name: str, *children: Any, **attributes: str) -> Markup:
-    """An element; an attribute's trailing `_` is dropped, an inner one is a hyphen.
+    """Return an element; an attribute's trailing `_` is dropped, an inner one is a hyphen.
 
     >>> element("p", "a < b", class_="note", data_x='"')
     '<p class="note" data-x="&quot;">a &lt; b</p>'
     """
-    told = "".join(f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items())
-    return Markup(f"<{name}{told}>{''.join(text(child) for child in children)}</{name}>")
+    attribute_text = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items()
+    )
+    return Markup(f"<{name}{attribute_text}>{''.join(text(child) for child in children)}</{name}>")
 
 
 def code(value: Any) -> Markup:
@@ -42,7 +44,7 @@ def code(value: Any) -> Markup:
 
 
 def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[Any]], right: Iterable[int] = ()) -> Markup:
-    """A table in a box that scrolls; the first column names its row, the columns `right` are numbers."""
+    """Return a table in a box that scrolls; the first column names its row, the columns `right` are numbers."""
     numbers = set(right)
 
     def cell(name: str, k: int, value: Any, **given: str) -> Markup:
@@ -63,7 +65,7 @@ def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[Any]], righ
 
 
 def prose(markdown: str) -> Markup:
-    """Paragraphs of our own running Markdown: bold, emphasis, code.
+    """Return paragraphs of our own running Markdown: bold, emphasis, code.
 
     >>> prose("**A.** *b* `c`\\n<d>")
     '<p><strong>A.</strong> <em>b</em> <code>c</code> &lt;d&gt;</p>'

@@ -7,9 +7,9 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from cpbench.analysis import attendance
+from cpbench.analysis import participation
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, code, element, table
 from cpbench.report.run import Run, group_name_text
@@ -18,8 +18,9 @@ from cpbench.verification import Status
 
 
 def overview(run: Run) -> Iterator[Markup]:
-    """The places of the answer, its figure and its ranking, then the answers of all formulations and the numbers of the
-    run."""
+    """Yield the places of the answer, its figure and its ranking, then the answers of all formulations and the
+    numbers of the run.
+    """
     rows = run.rows
     if not len(rows):
         yield element("p", "No pair was planned: no solver is reached from the problems that were read.")
@@ -27,8 +28,8 @@ def overview(run: Run) -> Iterator[Markup]:
     yield from _publishing(run)
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:
-        told = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
-        yield element("p", told, class_="note warning")
+        sentence = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
+        yield element("p", sentence, class_="note warning")
     if run.remarks:
         yield element("p", " ".join(f"{remark}." for remark in run.remarks), class_="note warning")
     yield from _choices(run)
@@ -46,7 +47,7 @@ def _choices(run: Run) -> Iterator[Markup]:
     """A button a group, with the solver to use, where there are several."""
     if len(run.parts) > 1:
         winners = {ranking.group: ranking.winner for ranking in run.rankings}
-        made = (
+        buttons = (
             element(
                 "button",
                 element("strong", group_name_text(run, group)),
@@ -57,11 +58,11 @@ def _choices(run: Run) -> Iterator[Markup]:
             )
             for place, (group, _) in enumerate(run.parts)
         )
-        yield element("div", *made, class_="choices", role="group", aria_label="Formulations", tabindex="0")
+        yield element("div", *buttons, class_="choices", role="group", aria_label="Formulations", tabindex="0")
 
 
 def _formulations(run: Run) -> Iterator[Markup]:
-    """The answers of all groups, where there are several, each to be chosen."""
+    """Yield the answers of all groups, where there are several, each to be chosen."""
     if len(run.parts) < 2:
         return
     places = {group: place for place, (group, _) in enumerate(run.parts)}
@@ -76,7 +77,7 @@ def _formulations(run: Run) -> Iterator[Markup]:
 
 
 def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
-    """How much was run, and what came of it; what could not be run is told apart."""
+    """Yield how much was run and with which results; pairs that could not be run are counted apart."""
     rows = run.rows
     never = int(rows["status"].isin(REFUSED).sum())
     facts = {
@@ -89,8 +90,8 @@ def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
         "false claims": len(run.false_claims),
     }
     yield element("h3", "The run")
-    told = [element("div", element("dt", name), element("dd", value)) for name, value in facts.items()]
-    yield element("dl", *told, class_="facts")
+    numbers = [element("div", element("dt", name), element("dd", value)) for name, value in facts.items()]
+    yield element("dl", *numbers, class_="facts")
     yield _settings(run)
     if len(rows) > WHOLE:
         told_of_many = (
@@ -116,11 +117,11 @@ def _publishing(run: Run) -> Iterator[Markup]:
     if run.left_out:
         names = ", ".join(sorted(run.left_out))
         yield element("p", f"Left out, since publishing their figures is restricted: {names}.", class_="note")
-    found = attendance.restricted(run.rows, run.meta.get("solvers") or {})
+    found = participation.restricted(run.rows, run.meta.get("solvers") or {})
     if found:
         terms: dict[str, list[str]] = {}
-        for name, said in found.items():
-            terms.setdefault(said, []).append(name)
-        told = " ".join(f"{', '.join(names)}: {said}." for said, names in terms.items())
+        for name, reason in found.items():
+            terms.setdefault(reason, []).append(name)
+        sentence = " ".join(f"{', '.join(names)}: {reason}." for reason, names in terms.items())
         first = "Not to be published as it is; --publishable leaves these out. "
-        yield element("p", element("strong", first), told, class_="note warning")
+        yield element("p", element("strong", first), sentence, class_="note warning")

@@ -25,7 +25,7 @@ from cpbench.report.text import one_line
 NAME = "report.html"
 SCRIPTS = (
     "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
-    "portrait.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
+    "thumbnail.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
     "answer.js", "address.js", "failed.js", "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""
@@ -43,15 +43,15 @@ def write(run: Run, title: str) -> Path:
 
 
 def page(run: Run, title: str) -> str:
-    """The HTML of a run."""
+    """Write the HTML of a run."""
     columns, facts = columns_of(run)
     rankings_of = {ranking.group: ranking for ranking in run.rankings}
-    for told, (group, rows) in zip(facts["groups"], run.parts, strict=True):
-        told["answer"] = rankings.answer(rankings_of.get(group))
-        symbols = sorted({symbol for code in told["problems"] for symbol in facts["problems"]["sizes"][code]})
-        told["ranking"] = rankings.ranking(rows)
-        told["bands"] = rankings.bands(rows) if facts["whole"] else None
-        told["growth"] = rankings.growth(rows, symbols)
+    for group_facts, (group, rows) in zip(facts["groups"], run.parts, strict=True):
+        group_facts["answer"] = rankings.answer(rankings_of.get(group))
+        symbols = sorted({symbol for code in group_facts["problems"] for symbol in facts["problems"]["sizes"][code]})
+        group_facts["ranking"] = rankings.ranking(rows)
+        group_facts["bands"] = rankings.bands(rows) if facts["whole"] else None
+        group_facts["growth"] = rankings.growth(rows, symbols)
     problems = [(rows["fingerprint"].nunique(), int(rows_of.solved(rows).sum())) for _, rows in run.parts]
     facts["first"] = problems.index(max(problems)) if problems else 0
     facts["warm"] = rankings.warm(run.read)
@@ -75,6 +75,6 @@ def _asset(name: str) -> str:
 
 
 def _policy(scripts: list[str]) -> str:
-    """Only these scripts, styles and data of the page itself, no network at all."""
+    """Return a policy that allows only these scripts, styles and data of the page itself, no network at all."""
     hashes = " ".join(f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'" for s in scripts)
     return f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"

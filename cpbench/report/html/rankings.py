@@ -1,4 +1,4 @@
-"""What a page says of a whole group, whatever is filtered: ranking with intervals, bands around the curves of its
+"""Data of a whole group, whatever is filtered: ranking with intervals, bands around the curves of its
 profile, growth with size, warm starts."""
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pandas as pd
 from cpbench.analysis import bands as around
 from cpbench.analysis import bootstrap, means, metrics, scaling, starts, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.attendance import REFUSED
+from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import performance_profile
 from cpbench.analysis.ranking import Ranking
 
@@ -25,19 +25,19 @@ DIGITS = 4
 
 
 def ranking(rows: pd.DataFrame) -> dict[str, Any]:
-    """One line a label, most solved first: what it solved with its interval over families, and its times."""
+    """Rank labels, one line each, most solved first: what it solved with its interval over families, and its times."""
     times = rows_of.times(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, rows_of.limit(rows)))
     started = rows_of.spread(rows, (~rows["status"].isin(REFUSED)).to_numpy(), False)
     around = bootstrap.intervals(bootstrap.solve_rate(times, started), bootstrap.families_of(rows))
-    told = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
+    ranking_table = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
     if around.families < bootstrap.FEW:  # an interval says nothing there
-        told = told.assign(low=math.nan, high=math.nan)
+        ranking_table = ranking_table.assign(low=math.nan, high=math.nan)
     columns = ["label", "kind", "ranked", "ran", "solved", "stationary", "false", "fastest", "median", "slowdown"]
     return {
         "families": around.families,
         "few": around.families < bootstrap.FEW,
-        "lines": records(told[[*columns, "mean", "low", "high"]]),
+        "lines": records(ranking_table[[*columns, "mean", "low", "high"]]),
     }
 
 
@@ -55,8 +55,10 @@ def answer(ranking: Ranking | None) -> dict[str, Any]:
 
 
 def bands(rows: pd.DataFrame) -> dict[str, Any]:
-    """Bands around the leading curves of the performance profile of the times, nothing filtered: ends at each τ, in the
-    order of `labels`. No labels where nobody's times may be compared, or where families are too few for a band."""
+    """Compute bands around the leading curves of the performance profile of the times, nothing filtered: ends at
+    each τ, in the order of `labels`. No labels where no times may be compared, or where families are too few for a
+    band.
+    """
     compared = rows_of.only_ranked(rows)
     time = metrics.METRICS["time"]
     found = metrics.measured(compared, time).values
@@ -68,38 +70,43 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
     if bootstrap.clusters(everywhere.index, families)[1] < bootstrap.FEW:
         return {"labels": []}
     leading = performance_profile(everywhere, len(everywhere), floor).leading(BANDED)
-    made = around.profile_bands(everywhere, families, labels=leading, floor=floor)
-    ends = {name: end.round(DIGITS).T.to_numpy().tolist() for name, end in (("low", made.low), ("high", made.high))}
+    estimated = around.profile_bands(everywhere, families, labels=leading, floor=floor)
+    ends = {
+        name: end.round(DIGITS).T.to_numpy().tolist()
+        for name, end in (("low", estimated.low), ("high", estimated.high))
+    }
     return {
-        "families": made.families,
-        "few": made.few,
-        "replicates": made.replicates,
-        "taus": made.low.index.tolist(),
-        "labels": list(made.low.columns),
+        "families": estimated.families,
+        "few": estimated.few,
+        "replicates": estimated.replicates,
+        "taus": estimated.low.index.tolist(),
+        "labels": list(estimated.low.columns),
         **ends,
     }
 
 
 def growth(rows: pd.DataFrame, symbols: Sequence[str]) -> Mapping[str, Records]:
-    """How the time of each label grows with each dimension that varies enough, where that can be told."""
+    """Fit how the time of each label grows with each dimension that varies enough."""
     found: dict[str, Records] = {}
     ranked = rows_of.only_ranked(rows)
     for symbol in symbols:
         lines = scaling.scaling(ranked, symbol) if len(ranked) else pd.DataFrame(columns=list(scaling.COLUMNS))
-        told = lines[lines["reason"] == ""]
-        if len(told):
+        fitted = lines[lines["reason"] == ""]
+        if len(fitted):
             names = ["label", "slope", "low", "high", "intercept", "solved", "stopped", "least", "largest"]
-            found[symbol] = records(told[names])
+            found[symbol] = records(fitted[names])
     return found
 
 
 def warm(table: pd.DataFrame) -> Records:
-    """Warm against cold over the whole run, one line a formulation, label and start; no line without such pairs."""
+    """Compare warm and cold starts over the whole run, one line a formulation, label and start; no line without such
+    pairs.
+    """
     return records(starts.gains(starts.pairs(table)))
 
 
 def records(frame: pd.DataFrame) -> Records:
-    """Columns as lists that JSON can hold: what is no number, or infinite, is null."""
+    """Return columns as lists that JSON can hold: null for values that are no number, or infinite."""
     return {str(name): [_clean(value) for value in frame[name].tolist()] for name in frame}
 
 

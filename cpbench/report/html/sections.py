@@ -56,18 +56,18 @@ LINKS = {
 
 
 def sections(run: Run, title: str) -> tuple[Markup, Markup]:
-    """All sections, and the links to them."""
+    """Return all sections, and the links to them."""
     there = dict(_present(run))
-    made: list[Markup] = []
+    elements: list[Markup] = []
     for name, inside in there.items():
         heading = element("h1", title) if name == "overview" else element("h2", TITLES[name])
-        made.append(element("section", heading, *inside, id=name))
+        elements.append(element("section", heading, *inside, id=name))
     links = [element("li", element("a", LINKS[name], href=f"#{name}")) for name in there]
-    return Markup("\n".join(made)), Markup("".join(links))
+    return Markup("\n".join(elements)), Markup("".join(links))
 
 
 def _present(run: Run) -> Iterator[tuple[str, list[Markup]]]:
-    """Those that have something to say."""
+    """Yield the sections that are not empty."""
     yield "overview", list(overview(run))
     absent = set() if len(run.histories) else {"errors"}
     absent |= set() if (run.rows["sequence"] != "").any() or run.rows["start"].nunique() > 1 else {"sequences"}

@@ -17,7 +17,7 @@ from cpbench.verification import Status
 
 
 def solvers(run: Run) -> Iterator[Markup]:
-    """Versions, licences, methods and citations; which were tuned, and what that took."""
+    """Yield versions, licences, methods and citations; which were tuned, and what that took."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"].unique())
     used = run.rows[run.rows["version"] != ""].groupby("solver")["version"].unique()
@@ -30,15 +30,15 @@ def solvers(run: Run) -> Iterator[Markup]:
         licence = sheet.get("licence", "") or "—"
         cited = sheet.get("citation", "")
         method = element("div", sheet.get("summary", "")) + (element("div", cited, class_="scope") if cited else "")
-        told = f"{licence}; publishing: {restriction}" if restriction else licence
-        lines.append([name, sheet.get("node", ""), versions or "—", told, Markup(method)])
+        terms = f"{licence}; publishing: {restriction}" if restriction else licence
+        lines.append([name, sheet.get("node", ""), versions or "—", terms, Markup(method)])
     if lines:
         yield table("Solvers", ["solver", "solves", "version", "licence", "method and source"], lines)
     found = tunings(run)
     if found:
         yield element("h3", "Tuned")
         names = run.rows.groupby("label")["fingerprint"].unique()
-        told = (
+        terms = (
             [
                 label,
                 record.get("method", ""),
@@ -50,18 +50,20 @@ def solvers(run: Run) -> Iterator[Markup]:
         )
         yield element("p", "Their options were searched for on problems before this run.", class_="scope")
         head = ["solver", "search", "configurations", "took", "problems of this report it has seen"]
-        yield table("Tuned solvers", head, told, right=[2, 3])
+        yield table("Tuned solvers", head, terms, right=[2, 3])
 
 
 def problems(run: Run) -> Iterator[Markup]:
-    """Families of problems with their source and licence, as far as their files tell; nothing where none does."""
-    made = run.portraits()
+    """Yield families of problems with their source and licence, as far as their files give them; nothing where none
+    does.
+    """
+    thumbnails = run.thumbnails()
     first = run.rows.drop_duplicates("fingerprint")
     found: dict[tuple[str, str, str, str], int] = {}
     for fingerprint, node, family in zip(first["fingerprint"], first["node"], first["family"], strict=True):
-        told = made.get(multi_start.original(str(fingerprint)), {})
-        source = "; ".join(filter(None, (told.get("source", ""), told.get("citation", ""))))
-        key = (str(node), str(family) or "(none)", source, str(told.get("licence", "")))
+        thumbnail = thumbnails.get(multi_start.original(str(fingerprint)), {})
+        source = "; ".join(filter(None, (thumbnail.get("source", ""), thumbnail.get("citation", ""))))
+        key = (str(node), str(family) or "(none)", source, str(thumbnail.get("licence", "")))
         found[key] = found.get(key, 0) + 1
     if any(source or licence for _, _, source, licence in found):
         yield element("p", "What the files of the problems say; the sheet of each pair says it of its problem.")
@@ -73,7 +75,7 @@ def problems(run: Run) -> Iterator[Markup]:
 
 
 def machine(run: Run) -> Iterator[Markup]:
-    """Facts of the machine, its drift during the run, files that were refused."""
+    """Yield facts of the machine, its drift during the run, files that were refused."""
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
     hosts = sorted(set(run.rows["host"].unique()) - {""})
     facts |= {"hosts": ", ".join(hosts)} if hosts else {}
@@ -83,16 +85,19 @@ def machine(run: Run) -> Iterator[Markup]:
     took = [float(r["seconds"]) for r in run.meta.get("references") or [] if r["seconds"] == r["seconds"]]
     if len(took) > 1:
         spread = max(took) / min(took)
-        told = (
+        sentence = (
             f"A solve that is always the same was repeated {len(took)} times during the run: it took "
             f"{seconds(min(took))} to {seconds(max(took))}, a drift of the machine by a factor {spread:.2f}."
         )
         if spread > DRIFT:
             yield element(
-                "p", told, f" Time ratios below {spread:.2g} are within this machine's noise.", class_="note warning"
+                "p",
+                sentence,
+                f" Time ratios below {spread:.2g} are within this machine's noise.",
+                class_="note warning",
             )
         else:
-            yield element("p", told)
+            yield element("p", sentence)
     refused = [(str(address), str(reason)) for address, reason in run.meta.get("refused") or []]
     if refused:
         here = str(Path.cwd()) + os.sep

@@ -32,12 +32,12 @@ _LACKS = "vl-convert-python, which carries the charts: pip install cpbench[page]
 
 
 def lacking() -> str:
-    """Why there can be no page with charts, '' where there can."""
+    """Return why there can be no page with charts, '' where there can."""
     return "" if importlib.util.find_spec("vl_convert") else f"no report.html: it needs {_LACKS}"
 
 
 def script() -> str:
-    """The library's JavaScript, 0.9 MB; from the user's cache directory when it was made before.
+    """Return the library's JavaScript, 0.9 MB; from the user's cache directory when it was made before.
 
     Raises Unavailable where the package that carries it is not installed.
     """
@@ -54,13 +54,13 @@ def script() -> str:
     try:
         return kept.read_text(encoding="utf-8")
     except OSError:
-        made = vl_convert.javascript_bundle(SNIPPET)
-    _keep(kept, made)
-    return made
+        bundle = vl_convert.javascript_bundle(SNIPPET)
+    _keep(kept, bundle)
+    return bundle
 
 
 def _keep(path: Path, text: str) -> None:
-    """Whole or not at all; where nothing can be kept it is made anew each time, in a few seconds."""
+    """Write the file whole or not at all; without a cache it is made anew each time, in a few seconds."""
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

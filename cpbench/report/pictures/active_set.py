@@ -1,4 +1,4 @@
-"""Which of each complementary pair is zero in an answer, for lcp, mlcp, qp, ncp and micp.
+"""Active set: which of each complementary pair is zero in an answer, for lcp, mlcp, qp, ncp and micp.
 
 Above: the pairs over their sizes, on logarithmic axes with zero at the tolerance. Below: the same by number.
 """
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cpbench.analysis.active_sets import Pairs, Side, active_set
+from cpbench.analysis.active_sets import ActiveSide, Pairs, active_set
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Point, Problem
 from cpbench.report import canvas
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = {
-    Side.FIRST: canvas.BLUE,
-    Side.SECOND: "#C9C9C9",
-    Side.NEITHER: "#000000",
-    Side.BOTH: canvas.RED,
-    Side.NEGATIVE: canvas.RED,
+    ActiveSide.FIRST: canvas.BLUE,
+    ActiveSide.SECOND: "#C9C9C9",
+    ActiveSide.NEITHER: "#000000",
+    ActiveSide.BOTH: canvas.RED,
+    ActiveSide.NEGATIVE: canvas.RED,
 }
 FLOOR = 1e-3
 """Anything below this share of the tolerance is drawn on the axis."""
@@ -31,7 +31,7 @@ FLOOR = 1e-3
 
 @figure_kind("active-set", answer=Need.REQUIRED, tolerance="Size, relative to the largest, up to which a number is 0.")
 def draw(problem: Problem, point: Point, *, tolerance: float = 1e-6) -> Drawing:
-    """A column of two panels for each kind of pair."""
+    """Draw a column of two panels for each kind of pair."""
     if not 0 < tolerance < 1:
         raise CpbenchError(f"--tolerance {tolerance:g}: is a share, between 0 and 1")
     found = active_set(problem, point, tolerance)
@@ -64,8 +64,8 @@ def _scatter(axes: Axes, pairs: Pairs, tolerance: float, size: float) -> None:
         axis(tolerance, color="#B5B5B5", linewidth=0.8, zorder=1)
     for side, colour in COLOURS.items():
         own = pairs.side == str(side)
-        ink = "#8A8A8A" if side is Side.SECOND else colour
-        marker = "x" if side in (Side.BOTH, Side.NEGATIVE) else "o"
+        ink = "#8A8A8A" if side is ActiveSide.SECOND else colour
+        marker = "x" if side in (ActiveSide.BOTH, ActiveSide.NEGATIVE) else "o"
         axes.scatter(x[own], y[own], s=11, color=ink, marker=marker, linewidths=0.9, zorder=3, clip_on=False)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -76,11 +76,11 @@ def _scatter(axes: Axes, pairs: Pairs, tolerance: float, size: float) -> None:
         axis.set_minor_locator(NullLocator())
     first, second = canvas.literal(pairs.first), canvas.literal(pairs.second)
     zero, rest = np.sqrt(low * tolerance), np.sqrt(high * tolerance)
-    bad = pairs.count(Side.BOTH) + pairs.count(Side.NEGATIVE)
+    bad = pairs.count(ActiveSide.BOTH) + pairs.count(ActiveSide.NEGATIVE)
     for u, v, side_count, words, colour in (
-        (rest, zero * 3, pairs.count(Side.FIRST), f"{first} > 0", canvas.BLUE),
-        (zero * 1.2, rest, pairs.count(Side.SECOND), f"{second} > 0", "#5E5E5E"),
-        (zero * 1.2, zero * 3, pairs.count(Side.NEITHER), "both 0", "#000000"),
+        (rest, zero * 3, pairs.count(ActiveSide.FIRST), f"{first} > 0", canvas.BLUE),
+        (zero * 1.2, rest, pairs.count(ActiveSide.SECOND), f"{second} > 0", "#5E5E5E"),
+        (zero * 1.2, zero * 3, pairs.count(ActiveSide.NEITHER), "both 0", "#000000"),
         (rest, rest, bad, "neither 0", "#A34700"),
     ):
         axes.text(

@@ -42,7 +42,7 @@ BELOW = 0.25
     facets="Facets ν of the polygons.",
 )
 def draw(problem: Problem | None = None, point: Point | None = None, *, contact: int = -1, facets: int = 8) -> Drawing:
-    """K_μ with both pyramids, r on it, and u and û from its tip."""
+    """Draw K_μ with both pyramids, r on it, and u and û from its tip."""
     if problem is None:
         problem = example()
         point = solve(problem, "nsgs").point
@@ -59,7 +59,7 @@ def draw(problem: Problem | None = None, point: Point | None = None, *, contact:
     figure = canvas.page(canvas.COLUMN, 2.7)
     axes: Any = figure.add_axes((-0.15, -0.23, 1.3, 1.45), projection="3d", computed_zorder=False)
     _cone(axes, mu, facets)
-    said = "It has no answer." if states is None else _vectors(axes, states, place)
+    sentence = "It has no answer." if states is None else _vectors(axes, states, place)
     along = np.array([1.0, 0.0])
     if states is not None and states.state[place] != str(State.OPEN):
         along = states.r[place, 1:]
@@ -70,18 +70,18 @@ def draw(problem: Problem | None = None, point: Point | None = None, *, contact:
     where = named if problem.nc == 1 else f"{named}, contact {place}"
     guide = (
         rf"Grey: $K_\mu$, reactions with $|r_\mathrm{{T}}| \leq \mu r_\mathrm{{N}}$, $\mu$ = {mu:.3g}; solid and "
-        f"dashed edges: inner and outer pyramids with ν = {facets}. {said}"
+        f"dashed edges: inner and outer pyramids with ν = {facets}. {sentence}"
     )
     return Drawing(figure, f"Friction cone: {where}", guide)
 
 
 def example() -> FrictionContact:
-    """One contact that slides."""
+    """Return one contact that slides."""
     return FrictionContact(W=np.eye(3), q=np.array([-1.0, 1.2, 0.9]), mu=np.array([0.6]), name="a contact that slides")
 
 
 def chosen(problem: ContactProblem, states: ContactStates | None, contact: int) -> int:
-    """The contact that was asked for, or one worth seeing; raises ProblemError when there is none of that number."""
+    """Return the requested contact, or one worth seeing; raises ProblemError when there is none of that number."""
     if contact == -1 and problem.nc:
         return int(np.argmax(problem.mu > 0)) if states is None else most_rubbing(states)
     if not 0 <= contact < problem.nc:
@@ -98,7 +98,7 @@ def _what(problem: Problem) -> str:
 
 
 def _cone(axes: Axes3D, mu: float, facets: int) -> None:
-    """The cone up to TOP, and the edges of the two pyramids."""
+    """Draw the cone up to TOP, and the edges of the two pyramids."""
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     rim = np.array([np.cos(turn), np.sin(turn)]) * mu * TOP
     height = np.array([[0.0], [1.0]])
@@ -116,7 +116,7 @@ def _cone(axes: Axes3D, mu: float, facets: int) -> None:
 
 
 def _vectors(axes: Axes3D, states: ContactStates, place: int) -> str:
-    """r over r_N; u and û in a scale of their own; what the guide says of them."""
+    """Draw r over r_N; u and û in a scale of their own; return the guide's sentence about them."""
     r, u, mu = states.r[place], states.u[place], float(states.mu[place, 0])
     hat = de_saxce(u[None, :], np.array([mu]))[0]
     state = State(str(states.state[place]))
@@ -152,7 +152,7 @@ def _vectors(axes: Axes3D, states: ContactStates, place: int) -> str:
 
 
 def _arrow(axes: Axes3D, end: Vector, colour: str, label: str) -> None:
-    """An arrow from the tip of the cone; (N, T1, T2) are drawn as (T1, T2, N)."""
+    """Draw an arrow from the tip of the cone; (N, T1, T2) are drawn as (T1, T2, N)."""
     a, b, c = end[[1, 2, 0]]
     axes.quiver(0, 0, 0, a, b, c, color=colour, linewidth=2.0, arrow_length_ratio=0.13, zorder=10)
     tip = 1.1 * np.array([a, b, c])
@@ -160,7 +160,7 @@ def _arrow(axes: Axes3D, end: Vector, colour: str, label: str) -> None:
 
 
 def _view(axes: Axes3D, along: Vector, mu: float) -> None:
-    """Equal axes, seen nearly across the plane of r and u, so that the right angle is one."""
+    """Set equal axes, seen nearly across the plane of r and u, so that the right angle is one."""
     reach, height = 1.08 * max(TOP * mu, NARROW), TOP * 1.07
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
@@ -182,8 +182,9 @@ def _view(axes: Axes3D, along: Vector, mu: float) -> None:
 
 
 def _name_axis(axes: Any, end: tuple[float, float, float], label: str) -> None:
-    """The label beside the end of an axis, on the side that is farthest from its line and from the arrows and words
-    that are there, as they are seen."""
+    """Write the label beside the end of an axis, on the side that is farthest from its line and from the arrows and
+    words that are there, as they are seen.
+    """
     from mpl_toolkits.mplot3d import proj3d
     from mpl_toolkits.mplot3d.art3d import Text3D
 

@@ -71,14 +71,14 @@ def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1
 
 
 def _counts(figure: Figure, states: ContactStates) -> None:
-    """`● 12 stick   ▲ 5 slip   ○ 3 open` above the picture, which is its legend."""
+    """Write `● 12 stick ▲ 5 slip ○ 3 open` above the picture, which is its legend."""
     for k, state in enumerate(State):
         words = f"{SIGNS[state]} {states.count(state)} {state}"
         figure.text(0.13 + 0.27 * k, 0.965, words, color=INKS[state], fontsize=8, fontweight="bold", va="center")
 
 
 def _map(figure: Figure, contacts: Contacts, states: ContactStates, view: str) -> str:
-    """Positions in a plane, with the forces on the first body of each contact."""
+    """Draw positions in a plane, with the forces on the first body of each contact."""
     position = np.asarray(contacts.position)
     spread = np.ptp(position, axis=0)
     if not view:
@@ -123,7 +123,7 @@ def _disk(figure: Figure, states: ContactStates) -> str:
     many = 1.0 if len(states.r) <= 100 else 0.45
     for state in (State.STICK, State.SLIP):
         own = states.state == str(state)
-        share = _kept_in(states.share[own])
+        share = _clip_to_radius(states.share[own])
         if state is State.SLIP:
             axes.quiver(
                 *share.T, *(0.14 * states.against[own]).T, color=canvas.RED, angles="xy", scale_units="xy", scale=1.0,
@@ -146,26 +146,26 @@ def _disk(figure: Figure, states: ContactStates) -> str:
     )
 
 
-def _kept_in(share: Dense) -> Dense:
-    """What is farther out than FARTHEST, brought there."""
+def _clip_to_radius(share: Dense) -> Dense:
+    """Clip vectors longer than FARTHEST to that length."""
     size = np.linalg.norm(share, axis=1, keepdims=True)
     return share * np.minimum(1.0, FARTHEST / np.maximum(size, FARTHEST))
 
 
 def _outside(states: ContactStates) -> str:
-    """What the guide says of reactions that no contact may have, nothing of an admissible answer."""
+    """Return the guide's sentence about reactions that no contact may have, '' for an admissible answer."""
     size = np.linalg.norm(states.share, axis=1)
     beyond = int((size > 1.01).sum())
     return f" Outside are {counted(beyond, 'reaction')}, up to {canvas.number(float(size.max()))}." if beyond else ""
 
 
 def _strip(figure: Figure, states: ContactStates) -> str:
-    """Plane problems: the same on a line, r_N upwards."""
+    """Draw plane problems on a line, r_N upwards."""
     axes: Axes = figure.add_axes((0.16, 0.115, 0.81, 0.80))
     axes.axvspan(-1.0, 1.0, color="#F0F0F0", zorder=0)
     for state in (State.STICK, State.SLIP):
         own = states.state == str(state)
-        axes.scatter(_kept_in(states.share[own])[:, 0], states.r[own, 0], zorder=4, **LOOKS[state])
+        axes.scatter(_clip_to_radius(states.share[own])[:, 0], states.r[own, 0], zorder=4, **LOOKS[state])
     far = max(1.15, 1.08 * min(FARTHEST, float(np.abs(states.share).max(initial=0.0))))
     axes.set_xlim(-far, far)
     axes.set_ylim(bottom=0.0)

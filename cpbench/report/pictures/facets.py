@@ -1,4 +1,4 @@
-"""What facets in place of Coulomb's disk do: friction against the direction of sliding, and errors against ν.
+"""Errors of facets in place of Coulomb's disk: friction against the direction of sliding, and errors against ν.
 
 Measured: one contact is solved by fc-lcp-inner, fc-lcp-outer and Lemke's method, sliding in 360 directions. With FILE
 it is a contact of that problem alone (its W_cc and μ), without it W = I, μ = 0.5.
@@ -43,7 +43,7 @@ def draw(
     facets: tuple[int, ...] = (4, 8, 16, 64),
     contact: int = -1,
 ) -> Drawing:
-    """Polar panel and error panel."""
+    """Draw a polar panel and an error panel."""
     mu, W, named = _contact(problem, contact)
     counts = sorted(set(facets))
     slides = [faceted_slide(side, count, mu, W) for count in counts for side in SIDES]
@@ -65,7 +65,7 @@ def draw(
 
 
 def _contact(problem: Problem | None, contact: int) -> tuple[float, Dense | None, str]:
-    """μ and W_cc of one contact, and what it is called."""
+    """Return μ and W_cc of one contact, and its name."""
     if problem is None:
         return 0.5, None, r"one contact, $\mu$ = 0.5"
     if getattr(problem, "dimension", 0) != 3 or problem.node not in ("fc", "fcm", "gfc"):
@@ -102,7 +102,7 @@ def _polar(axes: Any, slides: Sequence[FacetedSlide]) -> None:
 
 
 def _errors(upper: Axes, lower: Axes, slides: Sequence[FacetedSlide]) -> None:
-    """Friction above, slip angle below, against ν; marks are measured, lines are the formulas."""
+    """Draw friction above, slip angle below, against ν; marks are measured, lines are the formulas."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
     counts = sorted({s.facets for s in slides})
@@ -141,7 +141,7 @@ def _errors(upper: Axes, lower: Axes, slides: Sequence[FacetedSlide]) -> None:
 
 
 def _ticks(low: float, high: float) -> list[float]:
-    """At least three round numbers of a logarithmic axis where it has them, and no more than need be."""
+    """Return at least three round numbers of a logarithmic axis where it has them, and no more than need be."""
     found: list[float] = []
     for steps in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)):
         found = [s * 10.0**k for k in range(-9, 4) for s in steps if low <= s * 10.0**k <= high]

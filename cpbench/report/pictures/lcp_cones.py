@@ -35,7 +35,7 @@ NAMES: dict[tuple[int, ...], str] = {(): r"$z = 0$", (0,): r"$z_1 > 0$", (1,): r
 
 @figure_kind("lcp-cones")
 def draw(problem: Problem, point: Point | None = None) -> Drawing:
-    """Two panels."""
+    """Draw two panels."""
     cones = complementary_cones(problem)
     assert isinstance(problem, LCP)
     path, found = lemke_path(problem), solutions(cones)
@@ -44,7 +44,7 @@ def draw(problem: Problem, point: Point | None = None) -> Drawing:
     _plane_of_z(figure.add_axes((0.565, 0.125, 0.41, 0.86)), dense(problem.M), problem.q, path, found)
     guide = (
         f"$M$ is {_kind(problem)}. $q$ lies in {counted(sum(c.z is not None for c in cones), 'cone')}: "
-        f"{counted(len(found), 'solution')} (circles). {_told(path)}"
+        f"{counted(len(found), 'solution')} (circles). {_lemke_sentence(path)}"
     )
     return Drawing(figure, f"Complementary cones: {canvas.literal(problem.name or 'lcp')}", guide)
 
@@ -55,8 +55,8 @@ def _kind(problem: LCP) -> str:
     return "no P-matrix: complementary cones overlap, are flat, or leave gaps"
 
 
-def _told(path: LemkePath) -> str:
-    """How Lemke's method did, and where to see it."""
+def _lemke_sentence(path: LemkePath) -> str:
+    """Return how Lemke's method did, and where to see it."""
     if not len(path.cover):
         return r"$q \geq 0$, so that $z = 0$ is one and Lemke's method does not pivot."
     end = "ends in a ray, without a solution, after" if path.ray else "comes to a solution in"
@@ -106,7 +106,7 @@ def _plane_of_q(axes: Axes, cones: list[ComplementaryCone], q: Vector, path: Lem
 
 
 def _pivots(axes: Axes, places: Dense, aside: float, offset: tuple[float, float]) -> None:
-    """Numbered points on the line, a step that turns back drawn beside it."""
+    """Draw numbered points on the line, a step that turns back drawn beside it."""
     for k, place in enumerate(places):
         if k:
             back = k > 1 and float((place - places[k - 1]) @ (places[k - 1] - places[k - 2])) < 0
@@ -163,21 +163,21 @@ def _plane_of_z(axes: Axes, M: Dense, q: Vector, path: LemkePath, found: list[Ve
 
 
 def _within(foot: Vector, along: Vector, low: float, high: float) -> Dense:
-    """Places on a line inside the square [low, high]², not too near its sides; (k, 2)."""
+    """Return places on a line inside the square [low, high]², not too near its sides; (k, 2)."""
     places = foot + np.linspace(-3.0, 3.0, 601)[:, None] * (high - low) * along
     margin = 0.1 * (high - low)
     return places[((places > low + margin) & (places < high - margin)).all(axis=1)]
 
 
 def _free(candidates: Dense, taken: list[Vector]) -> Vector:
-    """The candidate farthest from everything that is there; words are wider than high."""
+    """Return the candidate farthest from everything that is there; words are wider than high."""
     between = (candidates[:, None, :] - np.array(taken)[None, :, :]) / (3.0, 1.0)
     apart = np.linalg.norm(between, axis=2).min(axis=1)
     return candidates[int(np.argmax(apart))]
 
 
 def _sector(g: Dense) -> Dense:
-    """The cone of two unit vectors up to the unit circle: columns of corners."""
+    """Return the cone of two unit vectors up to the unit circle: columns of corners."""
     first, second = np.arctan2(g[1], g[0])
     turn = (second - first + np.pi) % (2.0 * np.pi) - np.pi
     arc = first + turn * np.linspace(0.0, 1.0, 33)
@@ -185,7 +185,7 @@ def _sector(g: Dense) -> Dense:
 
 
 def _inside_cone(g: Dense, degenerate: bool) -> Dense:
-    """Places for a name in the unit square, along the edges of a flat cone, else well between them; (k, 2)."""
+    """Return places for a name in the unit square, along the edges of a flat cone, else well between them; (k, 2)."""
     rays = g.T if degenerate else _sector(g)[:, 8:26].T
     rays = rays[np.abs(rays).max(axis=1) > 1e-9]
     if not len(rays):

@@ -27,7 +27,7 @@ LEVELS = (-4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0)
 
 @figure_kind("ncp-functions", problem=Need.NONE, weight="λ of the penalized function (37), between 0 and 1.")
 def draw(problem: Problem | None = None, point: Point | None = None, *, weight: float = 0.5) -> Drawing:
-    """Four panels with one colour scale."""
+    """Draw four panels with one colour scale."""
     if not 0.0 < weight < 1.0:
         raise CpbenchError(f"--weight {weight:g}: λ of (37) lies between 0 and 1, without the ends")
     figure = canvas.page(canvas.COLUMN, 3.75)

@@ -34,7 +34,7 @@ LEAST = 0.16
 
 @figure_kind("sparsity")
 def draw(problem: Problem, point: Point | None = None) -> Drawing:
-    """A panel a matrix that has entries, in common scale of shades."""
+    """Draw a panel a matrix that has entries, in common scale of shades."""
     places, data = arranged(problem), problem.data()
     if not places:
         raise NotApplicable("sparsity", f"this {problem.node} has no matrix with entries")
@@ -44,9 +44,9 @@ def draw(problem: Problem, point: Point | None = None) -> Drawing:
     figure = _grid(problem, blocks, places, _shares(wide, high), _shares(high, wide))
     entries = sum(matrices.nnz(M) for M in blocks.values())
     whole = sum(M.shape[0] * M.shape[1] for M in blocks.values())
-    told = [sized(symbols_of(problem, name), M) for name, M in blocks.items()]
+    titles = [sized(symbols_of(problem, name), M) for name, M in blocks.items()]
     guide = (
-        f"{canvas.joined([f'{n}: {t}' for n, t in zip(blocks, told, strict=True)])}; {entries} nonzeros, "
+        f"{canvas.joined([f'{n}: {t}' for n, t in zip(blocks, titles, strict=True)])}; {entries} nonzeros, "
         f"{100 * entries / whole:.3g} % of the entries. A cell is an entry or a square of entries, darker the larger "
         "its largest, over six decades; small ones are light grey, zeros white."
     )
@@ -54,7 +54,7 @@ def draw(problem: Problem, point: Point | None = None) -> Drawing:
 
 
 def _shares(sizes: list[int], others: list[int]) -> list[float]:
-    """Sizes over the largest of all, none too small to see."""
+    """Return sizes over the largest of all, none too small to see."""
     largest = max(*sizes, *others)
     return [max(size / largest, LEAST) for size in sizes]
 
@@ -81,7 +81,7 @@ def _grid(
 
 
 def _panel(axes: Axes, problem: Problem, name: str, M: Matrix, largest: float) -> None:
-    """Shades by the logarithm of the largest entry of a cell."""
+    """Draw shades by the logarithm of the largest entry of a cell."""
     block = getattr(problem, "dimension", 1) if isinstance(problem, ContactProblem) else 1
     coarse = coarsened(M, CELLS, block)
     with np.errstate(divide="ignore"):

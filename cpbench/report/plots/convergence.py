@@ -32,7 +32,7 @@ FLOOR = 1e-17
     told="Dotted: the residual that the solver told of the iterate.",
 )
 def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Drawing:
-    """One curve a solver with a history of the problem."""
+    """Draw one curve a solver with a history of the problem."""
     chosen = choose(run, choice)
     require_histories(chosen)
     own, problem = _of_one(chosen.rows, chosen.histories, name)
@@ -54,7 +54,8 @@ def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Dra
     axes.set_xlabel("time, conversion and set-up included, log scale")
     axes.set_ylabel("judged error of the iterate")
     lines = [
-        legend.Line(figures.shorten(label), f"{paths[label]['error'].min():.0e}", places.get(label)) for label in ends
+        legend.LegendLine(figures.shorten(label), f"{paths[label]['error'].min():.0e}", places.get(label))
+        for label in ends
     ]
     legend.beside(beside, "least error   lowest first", lines, ["dashed: the tolerance"], 0.05, run_canvas.LINES)
     guide = (
@@ -67,7 +68,7 @@ def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Dra
 
 
 def _of_one(rows: pd.DataFrame, paths: pd.DataFrame, name: str) -> tuple[pd.DataFrame, str]:
-    """The rows of one problem: the only one with histories, or the only one of that name."""
+    """Return the rows of one problem: the only one with histories, or the only one of that name."""
     recorded = rows[rows["key"].isin(paths["key"])]
     names = rows_of.problem_names(recorded)
     known = sorted({str(known) for known in names})

@@ -21,7 +21,7 @@ from cpbench.report.text import counted, number
     per="Dimension of the problem (n, m, nc) that a unit of the budget is.",
 )
 def draw(run: Run, choice: Choice, *, metric: str = "time", per: str = "") -> Drawing:
-    """One step curve a solver, the leading ones in colour."""
+    """Draw one step curve a solver, the leading ones in colour."""
     chosen = choose(run, choice)
     found, left_out = chosen.measured(metric)
     units = size_units(chosen.rows, per) if per else None

@@ -32,7 +32,7 @@ MARKS: dict[str, dict[str, Any]] = {
 
 @figure_kind("deadline", problem=Need.NONE, deadline="The deadline: 1ms, 0.5s.")
 def draw(run: Run, choice: Choice, *, deadline: float = math.nan) -> Drawing:
-    """A line a solver, the one with the fewest misses on top."""
+    """Draw a line a solver, the one with the fewest misses on top."""
     if not deadline > 0 or math.isinf(deadline):
         raise CpbenchError("--deadline is missing: give a time that counts, as --deadline 1ms")
     chosen = choose(run, choice)

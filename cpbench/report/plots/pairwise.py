@@ -34,7 +34,7 @@ RATIOS = (10.0, 100.0)
     against="The two solvers, as A,B.",
 )
 def draw(run: Run, choice: Choice, *, metric: str = "time", against: str = "") -> Drawing:
-    """A point a problem; what one of the two did not solve lies in its band beyond the largest cost."""
+    """Draw a point a problem; a problem that one of the two did not solve lies in its band beyond the largest cost."""
     chosen = choose(run, choice)
     found, left_out = chosen.measured(metric)
     known = [str(label) for label in found.values.columns]
@@ -92,7 +92,9 @@ def _scatter(axes: Axes, both: pd.DataFrame, one: str, other: str, metric: Metri
 
 
 def _clear(taken: np.ndarray, low: float, high: float) -> float:
-    """A place in a band, on its log scale, that is farthest from the points in it; the middle where all are alike."""
+    """Return a place in a band, on its log scale, that is farthest from the points in it; the middle where all are
+    alike.
+    """
     places = low * (high / low) ** np.linspace(0.15, 0.85, 15)
     apart = np.abs(np.log(places[:, None] / taken)).min(axis=1, initial=math.inf)
     best = places[apart >= apart.max() - 1e-12]

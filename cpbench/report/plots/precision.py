@@ -8,7 +8,7 @@ from __future__ import annotations
 from cpbench.analysis import histories
 from cpbench.errors import CpbenchError
 from cpbench.report import convergence, run_canvas
-from cpbench.report.chosen import Choice, Chosen, choose
+from cpbench.report.chosen import Choice, SelectedRows, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.report.run import Run
 from cpbench.report.text import listed_plainly
@@ -16,7 +16,7 @@ from cpbench.report.text import listed_plainly
 
 @figure_kind("precision", problem=Need.NONE)
 def draw(run: Run, choice: Choice) -> Drawing:
-    """One curve a solver with histories, the one that gets furthest in the first colour."""
+    """Draw one curve a solver with histories, the one that gets furthest in the first colour."""
     chosen = choose(run, choice)
     require_histories(chosen)
     found = histories.work_precision(chosen.rows, chosen.histories)
@@ -29,7 +29,7 @@ def draw(run: Run, choice: Choice) -> Drawing:
     return run_canvas.drawn(figure, f"Error against time, {chosen.scope()}", guide, chosen)
 
 
-def require_histories(chosen: Chosen) -> None:
-    """Raises CpbenchError when no iterate of these rows was kept."""
+def require_histories(chosen: SelectedRows) -> None:
+    """Raise CpbenchError when no iterate of these rows was kept."""
     if not chosen.rows["key"].isin(chosen.histories["key"]).any():
         raise CpbenchError("no iterates were kept of these rows: run with --history, for solvers that tell theirs")

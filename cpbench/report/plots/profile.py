@@ -26,7 +26,7 @@ BANDS = 3
     bands=f"Bootstrap bands around the {BANDS} leading curves.",
 )
 def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False) -> Drawing:
-    """The profile of the solvers shown, against the best of them."""
+    """Draw the profile of the solvers shown, against the best of them."""
     chosen = choose(run, choice)
     found, left_out = chosen.measured(metric)
     profile = performance_profile(found.values, chosen.problems, found.metric.floor)
@@ -39,24 +39,24 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     if bands and places:
         families = bootstrap.families_of(chosen.rows)
         floor = found.metric.floor or 0.0
-        made = around.profile_bands(found.values, families, floor=floor)
+        estimated = around.profile_bands(found.values, families, floor=floor)
         upto = figures.right_end(profile)
         for label, place in list(places.items())[:BANDS]:
-            tau = [*made.low.index, upto]
-            low, high = ([*end[label], end[label].iloc[-1]] for end in (made.low, made.high))
+            tau = [*estimated.low.index, upto]
+            low, high = ([*end[label], end[label].iloc[-1]] for end in (estimated.low, estimated.high))
             axes.fill_between(tau, low, high, step="post", color=legend.colour(place), alpha=0.16, linewidth=0)
-        few = "; with so few a rough guess" if made.few else ""
+        few = "; with so few a rough guess" if estimated.few else ""
         banded = (
-            f" Bands: 95 % at each τ by itself, {counted(made.families, 'family', 'families')} drawn again "
-            f"{made.replicates} times{few}."
+            f" Bands: 95 % at each τ by itself, {counted(estimated.families, 'family', 'families')} drawn again "
+            f"{estimated.replicates} times{few}."
         )
     swapped = pairwise.reversals(found.values, profile.leading(legend.EMPHASISED), floor=found.metric.floor)
     caution = ""
     if swapped:
         shown = listed_plainly([f"{one} is above {other}" for one, other in swapped], 3)
         caution = f" At τ = 2 {shown} only because of the other solvers shown; pairwise, the order reverses."
-    told = cautions.caution(found.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
-    beware = f" {told}" if told else ""
+    warning = cautions.caution(found.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
+    beware = f" {warning}" if warning else ""
     least_told = run_canvas.amount(profile.floor, found.metric)
     floor_told = f" Values below {least_told} are set to {least_told}." if profile.floor else ""
     guide = figures.profile_guide(chosen.problems, cost, least) + floor_told + banded + caution + beware + left_out

@@ -28,7 +28,7 @@ PANELS, ACROSS = 12, 4
 
 @figure_kind("scaling", problem=Need.NONE, size="Dimension: n, m, nc, ... (default: the one that varies most).")
 def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
-    """Panels of the solvers with most solved problems, by slope."""
+    """Draw panels of the solvers with most solved problems, by slope."""
     chosen = choose(run, choice)
     symbol = size or scaling.widest(chosen.rows)
     points = scaling.points(chosen.rows, symbol)
@@ -71,7 +71,7 @@ def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
 
 
 def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
-    """Dots, triangles, line and slope of one solver."""
+    """Draw dots, triangles, line and slope of one solver."""
     axes.plot(points["x"], points["seconds"], linestyle="none", marker=".", markersize=2.5, color="#D4D4D4", zorder=1)
     own = points[points["label"] == record["label"]]
     done, stopped = own[~own["stopped"]], own[own["stopped"]]
@@ -81,10 +81,10 @@ def _panel(axes: Axes, points: pd.DataFrame, record: pd.Series[Any]) -> None:
     axes.plot(stopped["x"], stopped["seconds"], linestyle="none", marker="^", **open_look, zorder=3)
     figures.log_axis(axes, "x", number)
     figures.log_axis(axes, "y", seconds)
-    told = "no slope: " + ("few sizes" if "factor" in record["reason"] else "few solved")
+    slope_text = "no slope: " + ("few sizes" if "factor" in record["reason"] else "few solved")
     if not record["reason"]:
         axes.plot(*scaling.line(record), color=canvas.INK, linewidth=1.1, zorder=4)
-        told = f"b = {record['slope']:.2f} [{record['low']:.2f}, {record['high']:.2f}]"
+        slope_text = f"b = {record['slope']:.2f} [{record['low']:.2f}, {record['high']:.2f}]"
     axes.set_title(figures.shorten(one_line(record["label"]), 24), fontsize=7.5, loc="left", pad=12)
-    axes.text(0.0, 1.03, told, transform=axes.transAxes, fontsize=6.5, color="#444444", va="bottom")
+    axes.text(0.0, 1.03, slope_text, transform=axes.transAxes, fontsize=6.5, color="#444444", va="bottom")
     axes.tick_params(labelsize=6)

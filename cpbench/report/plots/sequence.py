@@ -29,7 +29,7 @@ SOLVERS = 4
 
 @figure_kind("sequence", problem=Need.NONE, sequence="Name of the sequence, where there are several.")
 def draw(run: Run, choice: Choice, *, sequence: str = "") -> Drawing:
-    """Panels that share the steps; the solvers that solved most of them."""
+    """Draw panels that share the steps; the solvers that solved most of them."""
     chosen = choose(run, choice, every_start=True)
     name, found = walk.steps(chosen.rows, sequence)
     solved = (
@@ -56,7 +56,7 @@ def draw(run: Run, choice: Choice, *, sequence: str = "") -> Drawing:
     starts = sorted({str(start) for start in found["start"]} - {COLD})
     notes = [f"solid: start {', '.join(starts)}; dashed: cold"] if starts else []
     notes += ["gaps: not solved"]
-    lines = [legend.Line(figures.shorten(label, 24), str(int(solved[label])), places[label]) for label in shown]
+    lines = [legend.LegendLine(figures.shorten(label, 24), str(int(solved[label])), places[label]) for label in shown]
     legend.beside(beside, "solved   at all starts", lines, notes)
     others = found["label"].nunique() - len(shown)
     fell = int(found["fell_back"].sum())
@@ -80,7 +80,7 @@ def draw(run: Run, choice: Choice, *, sequence: str = "") -> Drawing:
 
 
 def _panel(axes: Axes, found: pd.DataFrame, column: str, places: dict[str, int], tolerance: float) -> None:
-    """One quantity of every solver over the steps."""
+    """Draw one quantity of every solver over the steps."""
     for (label, start), own in found[found["label"].isin(list(places))].groupby(["label", "start"]):
         if column == "ratio" and start == COLD:
             continue

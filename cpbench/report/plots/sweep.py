@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @figure_kind("sweep", problem=Need.NONE, option="The option; facets for routes with facets.")
 def draw(run: Run, choice: Choice, *, option: str = "") -> Drawing:
-    """Two panels over the option's values: share of the problems solved, and mean time."""
+    """Draw two panels over the option's values: share of the problems solved, and mean time."""
     chosen = choose(run, choice)
     name, found = sweep(chosen.rows, option, chosen.problems)
     if not len(found):
@@ -43,7 +43,7 @@ def draw(run: Run, choice: Choice, *, option: str = "") -> Drawing:
         _dress(axes, found, column, word, chosen.problems)
     beside = figure.add_axes((0.71, 0.48 / height, 0.285, 1 - 0.6 / height))
     best = found.groupby("series")["solved"].max()
-    lines = [legend.Line(_between(label, 24), str(int(best[label])), places.get(label)) for label in series]
+    lines = [legend.LegendLine(_between(label, 24), str(int(best[label])), places.get(label)) for label in series]
     legend.beside(beside, "most solved   solver", lines, most=run_canvas.LINES)
     guide = (
         f"Left: the fraction of the {counted(chosen.problems, 'problem')} that the solver solved with this value of "
@@ -54,7 +54,7 @@ def draw(run: Run, choice: Choice, *, option: str = "") -> Drawing:
 
 
 def _between(label: str, length: int) -> str:
-    """A label that fits; names of a sweep often differ at their ends.
+    """Shorten a label; names of a sweep often differ at their ends.
 
     >>> _between("casadi-ipopt-mlcp@innerν", 18)
     'casadi-ip…p@innerν'
@@ -64,7 +64,7 @@ def _between(label: str, length: int) -> str:
 
 
 def _dress(axes: Axes, found: pd.DataFrame, column: str, word: str, problems: int) -> None:
-    """Scales and labels of a panel; values over more than a decade, all positive, are on a log scale."""
+    """Set scales and labels of a panel; values over more than a decade, all positive, are on a log scale."""
     least, most = float(found["value"].min()), float(found["value"].max())
     if word == "ν" or (least > 0 and most > 10 * least):
         figures.log_axis(axes, "x", number)

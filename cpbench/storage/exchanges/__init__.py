@@ -1,1 +1,1 @@
-"""What other programs read and write: one exchange, or one family of them, a module."""
+"""Exchanges with other programs: one exchange, or one family of them, a module."""

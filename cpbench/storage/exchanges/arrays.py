@@ -37,19 +37,19 @@ class _ArrayExchange(Exchange):
     """Problems and answers as named arrays; where these lie is a subclass's matter."""
 
     @abstractmethod
-    def _put(self, path: Path, arrays: Arrays, told: bytes | None) -> None:
+    def _put(self, path: Path, arrays: Arrays, header_bytes: bytes | None) -> None:
         """Write arrays, and the header of a problem; raises OSError."""
 
     @abstractmethod
     def _get(self, path: Path, wanted: Iterable[str]) -> tuple[Arrays, bytes]:
-        """Those of the arrays that are there, and the header, b"" where there is none; raises FormatError."""
+        """Return those of the arrays that are there, and the header (b"" without one); raises FormatError."""
 
     def _put_maps(self, problem: Problem) -> Arrays:
-        """The nonlinear maps of a problem as arrays, where the exchange carries any."""
+        """Return the nonlinear maps of a problem as arrays, where the exchange carries any."""
         return {}
 
     def _get_maps(self, path: Path, cls: type[Problem]) -> Mapping[str, Map]:
-        """The maps of a problem of class `cls`; raises FormatError."""
+        """Return the maps of a problem of class `cls`; raises FormatError."""
         return {}
 
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
@@ -101,12 +101,12 @@ class NpyFolder(_ArrayExchange):
     name = "npy-dir"
     summary = "a folder of .npy files and problem.json"
 
-    def _put(self, path: Path, arrays: Arrays, told: bytes | None) -> None:
+    def _put(self, path: Path, arrays: Arrays, header_bytes: bytes | None) -> None:
         path.mkdir(exist_ok=True)
         for left in path.iterdir():  # nobody is to read an array of the problem before
             left.unlink()
-        if told is not None:
-            (path / HEADER).write_bytes(told)
+        if header_bytes is not None:
+            (path / HEADER).write_bytes(header_bytes)
         for name, array in arrays.items():
             np.save(path / f"{name}.npy", array, allow_pickle=False)
 
@@ -129,21 +129,21 @@ class NpzFile(_ArrayExchange):
     summary = "one .npz archive, problem.json in it as bytes"
     suffix = ".npz"
 
-    def _put(self, path: Path, arrays: Arrays, told: bytes | None) -> None:
+    def _put(self, path: Path, arrays: Arrays, header_bytes: bytes | None) -> None:
         entries = dict(arrays)
-        if told is not None:
-            entries[HEADER] = np.frombuffer(told, np.uint8)
+        if header_bytes is not None:
+            entries[HEADER] = np.frombuffer(header_bytes, np.uint8)
         with path.open("wb") as file:  # a file, not a name, that savez might add a suffix to
             np.savez(file, allow_pickle=False, **entries)
 
     def _get(self, path: Path, wanted: Iterable[str]) -> tuple[Arrays, bytes]:
         found = read_npz(path)
-        told = found.get(HEADER, np.zeros(0, np.uint8))
-        return {name: found[name] for name in wanted if name in found}, told.tobytes()
+        header_bytes = found.get(HEADER, np.zeros(0, np.uint8))
+        return {name: found[name] for name in wanted if name in found}, header_bytes.tobytes()
 
 
 def _bytes(folder: Path, name: str) -> bytes | None:
-    """A file of a folder, None when it is not there; raises FormatError."""
+    """Read a file of a folder, None when it is not there; raises FormatError."""
     try:
         with open(os.path.join(folder, name), "rb", buffering=0) as file:
             return file.readall()

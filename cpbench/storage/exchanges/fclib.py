@@ -28,7 +28,7 @@ class FCLIBFile(HDF5File):
     format = "fclib"
 
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
-        """FCLIB's matrices are sparse, whatever `dense` asks for."""
+        """Write the problem; FCLIB's matrices are sparse, whatever `dense` asks for."""
         super().write_problem(problem, path)
 
     def read_problem(self, path: Path) -> Problem:

@@ -17,7 +17,7 @@ _LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 def encode(problem: Problem, maps: bool = False) -> bytes:
-    """The file for `problem`; raises FormatError where it is not all arrays, unless `maps` are allowed."""
+    """Return the file for `problem`; raises FormatError where it is not all arrays, unless `maps` are allowed."""
     if problem.maps() and not maps:
         raise FormatError(problem.name or problem.node, "", _no_maps(problem.node))
     others = (
@@ -32,8 +32,9 @@ def _no_maps(node: str) -> str:
 
 
 def decode(path: Path, text: bytes, maps: bool = False) -> tuple[type[Problem], dict[str, Any], list[str]]:
-    """Class, name and plain fields of the problem at `path`, and the names of its arrays; raises FormatError, also
-    where the problem has maps, unless these are allowed."""
+    """Return the class, name and plain fields of the problem at `path`, and the names of its arrays; raises
+    FormatError, also where the problem has maps, unless these are allowed.
+    """
     try:
         header = json.loads(text)
         cls = formulations.get(header.pop("node"))
@@ -52,7 +53,7 @@ def decode(path: Path, text: bytes, maps: bool = False) -> tuple[type[Problem], 
 
 
 def assemble(path: Path, cls: type[Problem], fields: Mapping[str, Any], arrays: Mapping[str, Any]) -> Problem:
-    """The problem from what `decode` found and its arrays by name; raises FormatError."""
+    """Return the problem from what `decode` found and its arrays by name; raises FormatError."""
     for f in dataclasses.fields(cls):
         if "shape" in f.metadata and f.default is dataclasses.MISSING and f.name not in arrays:
             raise FormatError(path, f.name, f"is missing, expected {' x '.join(f.metadata['shape'])} numbers")

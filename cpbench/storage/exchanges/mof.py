@@ -54,7 +54,7 @@ class MathOptFormat(Exchange):
         return f"the exchange {self.name} cannot carry it: {why}" if why else super().obstacle(problem)
 
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:
-        """The format has no dense matrices, whatever `dense` asks for."""
+        """Write the problem; the format has no dense matrices, whatever `dense` asks for."""
         if problem.node not in mof.MOF.writes:
             able = ", ".join(sorted(mof.MOF.writes))
             raise FormatError(path, "", f"mof takes {able}, not a problem of type {problem.node}")
@@ -84,7 +84,7 @@ class MathOptFormat(Exchange):
 
 
 def _listed(path: Path, found: Mapping[str, Any], name: str, size: int) -> Vector:
-    """The numbers of a list."""
+    """Return the numbers of a list as a vector."""
     values = found.get(name, [] if not size else None)
     if not isinstance(values, list):
         held = ", ".join(list(found)[:5]) or "nothing"
@@ -96,7 +96,7 @@ def _listed(path: Path, found: Mapping[str, Any], name: str, size: int) -> Vecto
 
 
 def _by_name(path: Path, found: Mapping[str, Any], group: str, label: str, size: int) -> Vector:
-    """The numbers under label[1], label[2], ..."""
+    """Return the numbers under label[1], label[2], ... as a vector."""
     entries = found.get(group, {})
     if not isinstance(entries, dict):
         raise FormatError(path, group, f"is a {type(entries).__name__}, expected numbers by name")

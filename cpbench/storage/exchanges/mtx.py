@@ -69,7 +69,7 @@ class MatrixMarket(Exchange):
 
 
 def encode(value: Matrix | Vector) -> bytes:
-    """A Matrix Market file."""
+    """Encode an array as a Matrix Market file."""
     return "\n".join((*_lines(value), "")).encode()
 
 

@@ -75,7 +75,7 @@ const Pair = (() => {
     const at = columns.detail[row] - 1;
     const text = (name) => (at < 0 ? "" : facts.texts[name][columns[`detail.${name}`][at]]);
     const value = (name) => (at < 0 ? NaN : (columns[`detail.${name}`]?.[at] ?? NaN));
-    const about = facts.problems.portrait[problem] ?? {},
+    const about = facts.problems.thumbnail[problem] ?? {},
       kind = text("kind"),
       flags = text("flags").split(",").filter(Boolean);
     const facts1 = list([
@@ -176,7 +176,7 @@ const Pair = (() => {
       [facts.problems.name[problem], " × ", label],
       facts1,
       h("h3", {}, "The problem"),
-      ...Portrait.draw(facts.problems.portrait[problem]),
+      ...Thumbnail.draw(facts.problems.thumbnail[problem]),
       ...times,
       ...(text("message") ? [h("h3", {}, "Its log: what it said"), h("pre", { tabindex: "0" }, text("message"))] : []),
       ...numbers("Residuals", text("parts")),

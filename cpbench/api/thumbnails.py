@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from cpbench import storage
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.portraits import Portrait, portrait
+from cpbench.analysis.thumbnails import Thumbnail, thumbnail
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context, limit_memory
@@ -88,20 +88,20 @@ class Sitter:
     error: float = 0.0
 
 
-class Portraits:
-    """Portraits by fingerprint, in the making from the moment on that this is made; a call waits for them.
+class Thumbnails:
+    """Thumbnails by fingerprint, in the making from the moment on that this is made; a call waits for them.
 
     The answers are those of `store`, the rows `table` is about; addresses that are relative are looked for from here
     and from the folder of the results.
     """
 
     def __init__(self, store: Store, table: pd.DataFrame) -> None:
-        self._found: dict[str, Portrait] = {}
+        self._found: dict[str, Thumbnail] = {}
         self._sitters = sitters(store, rows_of.normalised(table, COLUMNS))
         self._thread = threading.Thread(target=self._paint, daemon=True)
         self._thread.start()
 
-    def __call__(self) -> Mapping[str, Portrait]:
+    def __call__(self) -> Mapping[str, Thumbnail]:
         self._thread.join()
         return self._found
 
@@ -154,9 +154,9 @@ def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, fl
     return found
 
 
-def paint(asked: Sequence[Sitter]) -> dict[str, Portrait]:
-    """By fingerprint the portraits, or {"why": words}."""
-    found: dict[str, Portrait] = {one.fingerprint: {"why": SPENT} for one in asked}
+def paint(asked: Sequence[Sitter]) -> dict[str, Thumbnail]:
+    """By fingerprint the thumbnails, or {"why": words}."""
+    found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in asked}
     spent = 0
     for one, told in _read(asked[:MOST]):
         spent += len(zlib.compress(json.dumps(told).encode()))
@@ -166,7 +166,7 @@ def paint(asked: Sequence[Sitter]) -> dict[str, Portrait]:
     return found
 
 
-def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Portrait]]:
+def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
     """Each as it comes, until the time is over; after one that takes its process down, by another process."""
     left, end = list(asked), math.inf
     while left and time.monotonic() < end:
@@ -193,11 +193,11 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Portrait]]:
             left = [one for one in left if _source(one) != _source(last)]
 
 
-def _next(child: Child) -> tuple[Portrait, str]:
-    """The next portrait, or why there is none; the words again where the process cannot go on."""
+def _next(child: Child) -> tuple[Thumbnail, str]:
+    """The next thumbnail, or why there is none; the words again where the process cannot go on."""
     try:
         header, _ = wire.unpack(child.receive(PATIENCE))
-        return header["portrait"], ""
+        return header["thumbnail"], ""
     except TimedOut:
         why = SLOW
     except Died as death:
@@ -227,10 +227,10 @@ def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
             json.dumps(told, allow_nan=False)
         except Exception:  # whatever a file holds: the next one is read
             told = {"why": UNREADABLE}
-        channel.send_bytes(wire.pack({"portrait": told}))
+        channel.send_bytes(wire.pack({"thumbnail": told}))
 
 
-def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Portrait:
+def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:
     if one.place:
         problem = storage.load(one.place, format=one.format)
         if problem.fingerprint != one.fingerprint:
@@ -241,12 +241,12 @@ def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Portrait:
         return {"why": ABSENT}
     about = _about(problem)
     if not one.answer:
-        return {**portrait(problem), **about}
-    told = portrait(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
+        return {**thumbnail(problem), **about}
+    told = thumbnail(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
     return {**told, **about, "answer": {"label": one.label, "error": one.error}}
 
 
-def _about(problem: Problem) -> Portrait:
+def _about(problem: Problem) -> Thumbnail:
     """What the problem says of its licence and its source, cut to what a page has room for."""
     info = problem.info
     told = {"licence": info.licence, "source": info.source, "citation": info.citation}

@@ -1,4 +1,4 @@
-"""How like problems are, by their features.
+"""Similarity of problems, by their features.
 
 Distances are root mean squares over the features that either problem has, each over its standard deviation: of
 logarithms for sizes and scales, one unit where only one problem has it, at most CUT.
@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.analysis.experience import Experience
 from cpbench.analysis.table import Floats, Masks, Matrix
+from cpbench.analysis.training_cases import TrainingCases
 from cpbench.matrices import SYMMETRY_TOLERANCE
 
 CUT = 3.0
@@ -31,21 +31,21 @@ _FEATURES = len(_LOGARITHMS) + len(_SHARES) + len(_SIGNS)
 _LEAST_DEVIATION = 0.25
 
 
-def places(known: Experience) -> Matrix:
-    """The coordinates of every case, cases × features."""
+def places(known: TrainingCases) -> Matrix:
+    """Return the coordinates of every case, cases × features."""
     return np.array([coordinates(case.features) for case in known.cases]).reshape(len(known.cases), _FEATURES)
 
 
-def distances(asked: Matrix, theirs: Matrix, used: Masks) -> Matrix:
-    """d of every case from every problem asked about, asked × cases, in deviations of the cases that are used."""
+def distances(queries: Matrix, theirs: Matrix, used: Masks) -> Matrix:
+    """Return d of every case from every query problem, queries × cases, in deviations of the cases that are used."""
     there = ~np.isnan(theirs) & used[:, None]
     count = np.maximum(there.sum(axis=0), 1)
     mean = np.where(there, theirs, 0.0).sum(axis=0) / count
     spread = np.sqrt((np.where(there, theirs - mean, 0.0) ** 2).sum(axis=0) / count)
     unit = np.maximum(spread, _LEAST_DEVIATION)
-    total, either = (np.zeros((len(asked), len(theirs))) for _ in range(2))
+    total, either = (np.zeros((len(queries), len(theirs))) for _ in range(2))
     for feature in range(_FEATURES):
-        ours, others = asked[:, feature, None] / unit[feature], theirs[None, :, feature] / unit[feature]
+        ours, others = queries[:, feature, None] / unit[feature], theirs[None, :, feature] / unit[feature]
         one, other = ~np.isnan(ours), ~np.isnan(others)
         apart = np.where(one & other, np.minimum(np.abs(others - ours), CUT), 1.0)
         total += np.where(one | other, apart**2, 0.0)
@@ -54,7 +54,7 @@ def distances(asked: Matrix, theirs: Matrix, used: Masks) -> Matrix:
 
 
 def coordinates(features: Mapping[str, Any]) -> Floats:
-    """The features as numbers that may be subtracted; NaN for one that is not there."""
+    """Return the features as numbers that may be subtracted; NaN for one that is not there."""
     found: list[float] = []
     for name in _LOGARITHMS:
         value = float(features.get(name, math.nan)) + (name in _COUNTS)

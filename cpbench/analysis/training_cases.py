@@ -1,4 +1,4 @@
-"""What was measured, as a recommendation uses it: problems with their features, and what each label came to on them.
+"""Training cases of a recommendation: problems with their features, and the result of each label on them.
 
 An outcome is a time [s], ∞ for a label that was started and did not solve the problem (a claim that is false is a
 failure, however fast), NaN for one that was not started: no route, refused, not installed. Times are compared within
@@ -39,7 +39,7 @@ _INEXACT = [str(kind) for kind in Kind if not kind.exact]
 
 
 @dataclass(frozen=True)
-class Case:
+class TrainingCase:
     """A problem under one setting: its features and outcomes by label [s]."""
 
     problem: str
@@ -51,14 +51,14 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Experience:
-    """Cases that somebody solved, in order; `unsolved` counts those that nobody did, which rank nobody.
+class TrainingCases:
+    """Cases that some label solved, in order; `unsolved` counts those without, which rank no label.
 
     `unfinished` counts the problems that were left out because some of their pairs were not run yet; `requests` says
     how labels were reached, where not by an exact route that was found for them.
     """
 
-    cases: tuple[Case, ...]
+    cases: tuple[TrainingCase, ...]
     unsolved: int = 0
     unfinished: int = 0
     requests: Mapping[str, str] = field(default_factory=dict)
@@ -84,19 +84,19 @@ class Experience:
 
     @cached_property
     def origins(self) -> rows_of.Texts:
-        """Where each case is from: what is left out together with it."""
+        """Origin of each case: the cases of one origin are left out together."""
         families, prints = ([getattr(case, name) for case in self.cases] for name in ("family", "fingerprint"))
         return np.array(origins(families, prints), dtype=object)
 
 
-def experience(
+def collect_cases(
     table: pd.DataFrame,
     features: Mapping[str, Mapping[str, Any]],
     *,
     warm: bool = False,
     inexact: bool = False,
-) -> Experience:
-    """The cases of a normalised table of results whose rows were all run.
+) -> TrainingCases:
+    """Collect the cases of a normalised table of results whose rows were all run.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def experience(
 
     >>> rows = {"problem": "p", "fingerprint": "f", "node": "lcp", "label": ["a", "b", "c"], "start": "cold",
     ...         "status": ["solved", "wrong", "unsupported"], "solve": [0.5, 0.1, None], "sizes": '{"n": 3}'}
-    >>> found = experience(rows_of.normalised(pd.DataFrame(rows)), {})
+    >>> found = collect_cases(rows_of.normalised(pd.DataFrame(rows)), {})
     >>> found.cases[0].outcomes, dict(found.cases[0].features)
     ({'a': 0.5, 'b': inf}, {'node': 'lcp', 'n': 3.0})
     """
@@ -125,13 +125,17 @@ def experience(
     timed = rows_of.with_time(chosen[began]).drop_duplicates([*setting, "host", "label"])
     cases = list(_cases(timed, [*setting, "host"], features))
     solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
-    asked = chosen.drop_duplicates("label")
-    requests = {str(k): str(r) for k, r in zip(asked["label"], asked["request"], strict=True) if r not in ("", "exact")}
-    return Experience(solved, len(cases) - len(solved), unfinished, requests)
+    by_label = chosen.drop_duplicates("label")
+    requests = {
+        str(k): str(r) for k, r in zip(by_label["label"], by_label["request"], strict=True) if r not in ("", "exact")
+    }
+    return TrainingCases(solved, len(cases) - len(solved), unfinished, requests)
 
 
-def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, Mapping[str, Any]]) -> Iterator[Case]:
-    """The cases of rows that were run, in order of appearance; what tells of a problem is taken from its first row."""
+def _cases(
+    timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, Mapping[str, Any]]
+) -> Iterator[TrainingCase]:
+    """Yield the cases of rows that were run, in order of appearance; features are taken from a problem's first row."""
     number = timed.groupby(list(setting), dropna=False, sort=False).ngroup().to_numpy()
     rows = timed.iloc[np.argsort(number, kind="stable")]
     counts = np.bincount(number)
@@ -139,21 +143,21 @@ def _cases(timed: pd.DataFrame, setting: Sequence[str], features: Mapping[str, M
     begins = ends - counts
     first = rows.iloc[begins]
     place, sizes = sizes_read(first)
-    told = [first[name].tolist() for name in ("problem", "node", "family", "fingerprint")]
+    columns = [first[name].tolist() for name in ("problem", "node", "family", "fingerprint")]
     labels, seconds = rows["label"].tolist(), rows["time"].tolist()
     for problem, node, family, fingerprint, size, begin, end in zip(
-        *told, place, begins.tolist(), ends.tolist(), strict=True
+        *columns, place, begins.tolist(), ends.tolist(), strict=True
     ):
         facts = features.get(fingerprint) or {"node": node, **sizes[size]}
         outcomes = dict(zip(labels[begin:end], seconds[begin:end], strict=True))
-        yield Case(problem, node, family_of(family, problem), fingerprint, facts, outcomes)
+        yield TrainingCase(problem, node, family_of(family, problem), fingerprint, facts, outcomes)
 
 
 # ------------------------------------------------------------------------------------------------ text
 
 
-def to_text(found: Experience, without: Iterable[str] = (), about: str = "") -> str:
-    """The experience as JSON of three lines a case, sorted, with numbers of DIGITS digits: a table to ship.
+def to_text(found: TrainingCases, without: Iterable[str] = (), about: str = "") -> str:
+    """Write the cases as JSON of three lines a case, sorted, with numbers of DIGITS digits: a table to ship.
 
     Labels in `without` are left out; a failure is null. Cases that nobody else solved are left out with them.
     """
@@ -163,17 +167,17 @@ def to_text(found: Experience, without: Iterable[str] = (), about: str = "") -> 
         seconds = {k: v for k, v in sorted(case.outcomes.items()) if k not in hidden}
         if not any(map(math.isfinite, seconds.values())):
             continue
-        who = {"node": case.node, "family": case.family, "problem": case.problem, "fingerprint": case.fingerprint}
+        identity = {"node": case.node, "family": case.family, "problem": case.problem, "fingerprint": case.fingerprint}
         facts = {k: _rounded(v) for k, v in sorted(case.features.items()) if not isinstance(v, str)}
         times = {k: _rounded(v) if math.isfinite(v) else None for k, v in seconds.items()}
-        lines = (json.dumps(who)[:-1], f'"features": {json.dumps(facts)}', f'"seconds": {json.dumps(times)}}}')
+        lines = (json.dumps(identity)[:-1], f'"features": {json.dumps(facts)}', f'"seconds": {json.dumps(times)}}}')
         blocks.append(",\n ".join(lines))
     head = {"version": TEXT_VERSION, "about": about, "unsolved": found.unsolved}
     return json.dumps(head)[:-1] + ', "cases": [\n' + ",\n".join(blocks) + "\n]}\n"
 
 
-def from_text(text: str, name: str) -> Experience:
-    """The experience that `to_text` wrote; `name` tells in the error where the text is from.
+def from_text(text: str, name: str) -> TrainingCases:
+    """Read the cases that `to_text` wrote; `name` tells in the error where the text is from.
 
     Raises CpbenchError when it is none, or of another version.
     """
@@ -186,7 +190,7 @@ def from_text(text: str, name: str) -> Experience:
             )
         cases = [_case(item) for item in data["cases"]]
         solved = tuple(case for case in cases if any(map(math.isfinite, case.outcomes.values())))
-        return Experience(solved, int(data["unsolved"]) + len(cases) - len(solved))
+        return TrainingCases(solved, int(data["unsolved"]) + len(cases) - len(solved))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
         raise CpbenchError(
             f"{name}: is no table of recommendations ({type(cause).__name__}: {cause}); make one with: cpbench "
@@ -194,19 +198,19 @@ def from_text(text: str, name: str) -> Experience:
         ) from None
 
 
-def shipped_experience() -> Experience:
+def shipped_cases() -> TrainingCases:
     """Return what the built-in problems came to where this version was made."""
     return from_text(files("cpbench.analysis").joinpath(SHIPPED).read_text(encoding="utf-8"), SHIPPED)
 
 
-def _case(item: Mapping[str, Any]) -> Case:
+def _case(item: Mapping[str, Any]) -> TrainingCase:
     problem, node, family, fingerprint = (str(item[name]) for name in ("problem", "node", "family", "fingerprint"))
     facts = {str(k): float(v) for k, v in item["features"].items()}
     times = {str(k): math.inf if v is None else float(v) for k, v in item["seconds"].items()}
-    return Case(problem, node, family, fingerprint, {"node": node, **facts}, times)
+    return TrainingCase(problem, node, family, fingerprint, {"node": node, **facts}, times)
 
 
 def _rounded(value: float) -> float:
-    """A whole number as it is, any other with DIGITS significant digits."""
+    """Round to DIGITS significant digits, whole numbers not at all."""
     rounded = value if float(value).is_integer() else float(f"{value:.{DIGITS}g}")
     return int(rounded) if float(rounded).is_integer() and abs(rounded) < 2**53 else rounded

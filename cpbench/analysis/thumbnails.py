@@ -30,34 +30,35 @@ CONTACTS = 150
 FARTHEST = 2.0
 """Reactions farther outside the disk (of answers that are hardly admissible) are brought there."""
 
-Portrait = dict[str, Any]
-"""Plain data, as JSON holds them; `api.portraits` adds `licence`, `source` and `citation` of the problem."""
+Thumbnail = dict[str, Any]
+"""Plain data, as JSON holds them; `api.thumbnails` adds `licence`, `source` and `citation` of the problem."""
 
 
-def portrait(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Portrait:
-    """`cones` of an LCP with n = 2; else `blocks`, and `contacts` (or `unanswered`) of a contact problem.
+def thumbnail(problem: Problem, point: Point | None = None, tolerance: float = 1e-6) -> Thumbnail:
+    """Summarise a problem for its thumbnail: `cones` of an LCP with n = 2; else `blocks`, and `contacts` (or
+    `unanswered`) of a contact problem.
 
     Raises what `contact_states` raises of an answer that is none.
 
     >>> from cpbench.formulations.lcp import LCP
-    >>> portrait(LCP(M=np.diag([100.0, 0.0, -1.0]), q=np.ones(3)))["blocks"]
+    >>> thumbnail(LCP(M=np.diag([100.0, 0.0, -1.0]), q=np.ones(3)))["blocks"]
     [[{'name': 'M', 'rows': 3, 'cols': 3, 'nonzeros': 2, 'step': 1, 'cells': '600000004'}]]
     """
     if isinstance(problem, LCP) and problem.q.size == 2:
         return {"cones": _cones(problem)}
-    found: Portrait = {"blocks": _blocks(problem)}
+    found: Thumbnail = {"blocks": _blocks(problem)}
     if isinstance(problem, ContactProblem) and problem.nc:
-        told = (
+        summary = (
             {"unanswered": True}
             if point is None
             else {"contacts": _contacts(contact_states(problem, point, tolerance))}
         )
-        found |= told
+        found |= summary
     return found
 
 
 def _blocks(problem: Problem) -> list[list[dict[str, Any] | None]]:
-    """The matrices, in rows as they stand in the equations."""
+    """Shade the matrices, in rows as they stand in the equations."""
     data: dict[str, Any] = problem.data()
     places = arranged(problem)
     there: dict[str, Matrix] = {name: data[name] for row in places for name in row if name}
@@ -83,7 +84,7 @@ def _blocks(problem: Problem) -> list[list[dict[str, Any] | None]]:
 
 
 def _shades(values: Dense, largest: float) -> str:
-    """A digit a cell, row by row: 0 of zeros, DECADES of the largest.
+    """Encode a digit a cell, row by row: 0 of zeros, DECADES of the largest.
 
     >>> _shades(np.array([[1.0, 0.1], [0.0, 1e-9]]), 1.0)
     '6501'
@@ -95,7 +96,7 @@ def _shades(values: Dense, largest: float) -> str:
 
 
 def _contacts(states: ContactStates) -> dict[str, Any]:
-    """Counts of the states, and of the contacts that push r_T/(μ r_N) and r_N over the largest, in thousandths."""
+    """Count the states, and the contacts that push r_T/(μ r_N) and r_N over the largest, in thousandths."""
     pushing = np.flatnonzero(states.state != str(State.OPEN))
     normal = states.r[:, 0]
     shown = np.sort(pushing[np.argsort(-normal[pushing], kind="stable")[:CONTACTS]])
@@ -114,7 +115,7 @@ def _contacts(states: ContactStates) -> dict[str, Any]:
 
 
 def _cones(problem: LCP) -> dict[str, Any]:
-    """Unit vectors along the edges of the cones, the direction of q, the solutions."""
+    """Return unit vectors along the edges of the cones, the direction of q, the solutions."""
     cones = complementary_cones(problem)
     edges = [cone.generators / np.maximum(np.linalg.norm(cone.generators, axis=0), 1e-300) for cone in cones]
     return {

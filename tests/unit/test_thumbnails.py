@@ -16,8 +16,8 @@ from synthetic_results import meta, results_file, row, table
 
 from cpbench import storage
 from cpbench.analysis.contact_states import contact_states
-from cpbench.analysis.portraits import CELLS, CONTACTS, LEAST, portrait
-from cpbench.api import portraits
+from cpbench.analysis.thumbnails import CELLS, CONTACTS, LEAST, thumbnail
+from cpbench.api import thumbnails
 from cpbench.bench.results.answers import pack
 from cpbench.bench.results.store import Store
 from cpbench.errors import PointError
@@ -53,7 +53,7 @@ def fc(count: int, seed: int = 0, friction: float = 0.5) -> tuple[FrictionContac
 @pytest.mark.parametrize("n", [5, 48, 49, 200])
 def test_a_cell_is_filled_where_entries_are(n: int, rng: np.random.Generator) -> None:
     dense = np.where(rng.uniform(size=(n, n)) < 0.02, rng.uniform(size=(n, n)), 0.0) + np.diag(np.full(n, 3.0))
-    block = portrait(LCP(M=sp.csr_array(dense), q=np.ones(n)))["blocks"][0][0]
+    block = thumbnail(LCP(M=sp.csr_array(dense), q=np.ones(n)))["blocks"][0][0]
     found, step = cells(block), block["step"]
     assert max(found.shape) <= CELLS
     assert block["nonzeros"] == np.count_nonzero(dense)
@@ -66,7 +66,7 @@ def test_a_cell_is_filled_where_entries_are(n: int, rng: np.random.Generator) ->
 
 def test_blocks_stand_as_in_the_equations_and_small_ones_keep_some_cells() -> None:
     problem = MLCP(A=np.eye(300), B=np.eye(2), C=np.ones((300, 2)), D=np.ones((2, 300)), a=np.ones(300), b=np.ones(2))
-    rows = portrait(problem)["blocks"]
+    rows = thumbnail(problem)["blocks"]
     assert [[block["name"] for block in row] for row in rows] == [["A", "C"], ["D", "B"]]
     assert cells(rows[1][1]).tolist() == [[6, 0], [0, 6]]
     assert max(cells(rows[0][0]).shape) <= CELLS
@@ -75,7 +75,7 @@ def test_blocks_stand_as_in_the_equations_and_small_ones_keep_some_cells() -> No
 
 def test_contacts_of_an_answer() -> None:
     problem, point = fc(30)
-    told = portrait(problem, point)["contacts"]
+    told = thumbnail(problem, point)["contacts"]
     states = contact_states(problem, point)
     assert told["counts"] == {"stick": 10, "slip": 10, "open": 10}
     assert told["place"] == [c for c in range(30) if c % 3]
@@ -87,7 +87,7 @@ def test_contacts_of_an_answer() -> None:
 
 def test_many_contacts_are_cut_to_those_that_push_most_and_counted_all() -> None:
     problem, point = fc(900)
-    told = portrait(problem, point)["contacts"]
+    told = thumbnail(problem, point)["contacts"]
     assert sum(told["counts"].values()) == 900
     assert len(told["place"]) == CONTACTS
     normal = point.r.reshape(-1, 3)[:, 0]
@@ -96,18 +96,18 @@ def test_many_contacts_are_cut_to_those_that_push_most_and_counted_all() -> None
 
 def test_a_contact_problem_without_an_answer_says_so_and_a_wrong_one_is_refused() -> None:
     problem, _ = fc(3)
-    assert portrait(problem)["unanswered"]
+    assert thumbnail(problem)["unanswered"]
     with pytest.raises(PointError):
-        portrait(problem, FCPoint(r=np.full(9, math.nan)))
+        thumbnail(problem, FCPoint(r=np.full(9, math.nan)))
 
 
 def test_cones_of_the_plane() -> None:
-    told = portrait(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0])))["cones"]
+    told = thumbnail(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0])))["cones"]
     assert told["p"]
     assert told["solutions"] == [[1.333, 2.333]]  # (4/3, 7/3)
     assert [cone["active"] for cone in told["cones"] if cone["holds"]] == [[0, 1]]
     assert told["cones"][0]["edges"] == [[1000, 0], [0, 1000]]
-    none = portrait(LCP(M=-np.eye(2), q=-np.ones(2)))["cones"]
+    none = thumbnail(LCP(M=-np.eye(2), q=-np.ones(2)))["cones"]
     assert (none["p"], none["solutions"]) == (False, [])
 
 
@@ -115,13 +115,13 @@ def test_cones_of_the_plane() -> None:
 
 
 def asked(folder: Path, *given: dict[str, Any], answers: dict[str, bytes] | None = None) -> dict[str, Any]:
-    """The portraits of a results file with these rows."""
+    """The thumbnails of a results file with these rows."""
     path = results_file(folder / "results.sqlite", table(*given), meta())
     if answers:
         with Store(path, create=True) as store:
             store.add_kept(answers.items(), [], [])
     with Store(path) as store:
-        return dict(portraits.Portraits(store, store.table())())
+        return dict(thumbnails.Thumbnails(store, store.table())())
 
 
 def line(name: str, problem: Problem, address: object, label: str = "lemke", **given: Any) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def test_the_best_verified_answer_shows_what_contacts_do(tmp_path: Path) -> None
     kept = {"six/a": pack(FCPoint(r=np.zeros(18))), "six/b": pack(point), "six/c": pack(FCPoint(r=np.zeros(18)))}
     found = asked(tmp_path, *rows, answers=kept)[problem.fingerprint]
     assert found["answer"] == {"label": "b", "error": 1e-15}
-    assert found["contacts"] == portrait(problem, point)["contacts"]
+    assert found["contacts"] == thumbnail(problem, point)["contacts"]
 
 
 @pytest.mark.nightly
@@ -161,11 +161,11 @@ def test_what_is_gone_changed_or_hostile_gets_words_and_the_others_their_picture
     }  # fmt: skip
     rows = [line(name, problem, files[name]) for name, problem in problems.items()]
     found = asked(tmp_path, line("good", one, "good.h5"), *rows)  # an address beside the results
-    assert found[one.fingerprint] == portrait(one)
+    assert found[one.fingerprint] == thumbnail(one)
     why = {name: found[problem.fingerprint]["why"] for name, problem in problems.items()}
-    assert {why[name] for name in ("gone", "pipe", "zero", "broken")} == {portraits.ABSENT}
-    assert why["changed"] == portraits.OTHER
-    assert {why[name] for name in ("cut", "noise", "text")} == {portraits.UNREADABLE}
+    assert {why[name] for name in ("gone", "pipe", "zero", "broken")} == {thumbnails.ABSENT}
+    assert why["changed"] == thumbnails.OTHER
+    assert {why[name] for name in ("cut", "noise", "text")} == {thumbnails.UNREADABLE}
 
 
 @pytest.mark.nightly
@@ -174,19 +174,19 @@ def test_a_problem_of_a_generator_needs_no_file(tmp_path: Path) -> None:
     found = asked(tmp_path, line("murty", instance.problem, "nowhere/murty.h5", family="lcp-classics"))
     told = found[instance.problem.fingerprint]
     assert {"source", "licence", "citation"} <= set(told)
-    assert told.items() >= portrait(instance.problem).items()
+    assert told.items() >= thumbnail(instance.problem).items()
 
 
 @pytest.mark.nightly
 def test_who_is_slow_is_left_and_the_others_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(portraits, "PATIENCE", 0.02)
+    monkeypatch.setattr(thumbnails, "PATIENCE", 0.02)
     slow = [LCP(M=np.eye(2 + k), q=np.ones(2 + k)) for k in range(3)]
     instance = generators.get("lcp-classics").instances()[0]
     rows = [line(f"slow-{k}", problem, "", family="contact-sequence") for k, problem in enumerate(slow)]
     rows.append(line("murty", instance.problem, "", family="lcp-classics"))
-    monkeypatch.setattr(portraits, "SECONDS", 60.0)
+    monkeypatch.setattr(thumbnails, "SECONDS", 60.0)
     found = asked(tmp_path, *rows)
-    assert [found[problem.fingerprint]["why"] for problem in slow] == [portraits.SLOW] * 3
+    assert [found[problem.fingerprint]["why"] for problem in slow] == [thumbnails.SLOW] * 3
     assert len(found) == 4
 
 
@@ -194,16 +194,16 @@ def test_who_is_slow_is_left_and_the_others_go_on(tmp_path: Path, monkeypatch: p
 def test_pictures_stay_within_their_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     problems = [LCP(M=np.eye(k), q=-np.ones(k)) for k in range(3, 30)]
     rows = [line(f"p-{k}", p, saved(p, tmp_path / f"{k}.h5")) for k, p in enumerate(problems)]
-    monkeypatch.setattr(portraits, "BYTES", 700)
+    monkeypatch.setattr(thumbnails, "BYTES", 700)
     found = asked(tmp_path, *rows)
     drawn = [told for told in found.values() if "why" not in told]
     assert 0 < len(drawn) < len(problems)
     assert sum(len(zlib.compress(json.dumps(told).encode())) for told in drawn) <= 700
-    assert {told["why"] for told in found.values() if "why" in told} == {portraits.SPENT}
+    assert {told["why"] for told in found.values() if "why" in told} == {thumbnails.SPENT}
 
 
 def test_where_no_process_starts_the_words_say_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(portraits, "STARTUP", 0.0)
+    monkeypatch.setattr(thumbnails, "STARTUP", 0.0)
     problem = LCP(M=np.eye(3), q=-np.ones(3))
     found = asked(tmp_path, line("p", problem, saved(problem, tmp_path / "p.h5")))
-    assert found[problem.fingerprint]["why"] in (portraits.ALONE, portraits.SPENT)
+    assert found[problem.fingerprint]["why"] in (thumbnails.ALONE, thumbnails.SPENT)

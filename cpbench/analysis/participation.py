@@ -31,7 +31,7 @@ class Absence:
 
 
 def absences(table: pd.DataFrame) -> list[Absence]:
-    """Why solvers could not run, each reason once, in order of state and text.
+    """Return why solvers could not run, each reason once, in order of state and text.
 
     >>> rows = pd.DataFrame({"solver": ["a", "a", "b"], "status": ["unavailable"] * 3,
     ...                      "message": ["missing: pip install g"] * 3})
@@ -46,8 +46,8 @@ def absences(table: pd.DataFrame) -> list[Absence]:
     return [Absence(*reason, dict(sorted(cost.items()))) for reason, cost in sorted(found.items())]
 
 
-def attended(group: pd.DataFrame) -> pd.DataFrame:
-    """A group's rows without the labels that were unavailable for all their pairs: they say nothing of any problem.
+def participating(group: pd.DataFrame) -> pd.DataFrame:
+    """Return a group's rows without the labels that were unavailable for all their pairs: they measure no problem.
 
     The number of problems does not depend on who is installed: where a problem would be left without a row, all rows
     stay.
@@ -61,7 +61,7 @@ def attended(group: pd.DataFrame) -> pd.DataFrame:
 
 
 def restricted(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Restriction on publishing, by name, of the solvers that have one and were started on some pair.
+    """Return the restriction on publishing, by name, of the solvers that have one and were started on some pair.
 
     `sheets` : what the results say of each label, with `name` and `publishing`.
     """
@@ -71,7 +71,7 @@ def restricted(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> 
 
 
 def without(table: pd.DataFrame, solvers: Collection[str]) -> pd.DataFrame:
-    """The rows of all other solvers."""
+    """Return the rows of all other solvers."""
     return table[~table["solver"].isin(list(solvers))].reset_index(drop=True)
 
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from cpbench.analysis import attendance
+from cpbench.analysis import participation
 from cpbench.report.run import Run, tunings
 from cpbench.report.text import code, counted, cut, listed, plain, seconds, table
 
 
 def publishing(run: Run) -> Iterator[str]:
-    """What must not be published, or what was left out for it."""
+    """Yield what must not be published, or what was left out for it."""
     if run.left_out:
         what = "Tables, figures and `results.csv`" if run.has_csv else "Tables and figures"
         yield (
             f"**Left out**, since publishing figures of {counted(len(run.left_out), 'solver')} is restricted: "
             f"{listed(sorted(run.left_out), 12)}. {what} are of the others alone."
         )
-    found = attendance.restricted(run.rows, run.meta.get("solvers") or {})
+    found = participation.restricted(run.rows, run.meta.get("solvers") or {})
     if not found:
         return
     yield (
@@ -27,13 +27,13 @@ def publishing(run: Run) -> Iterator[str]:
         "or ask whoever gives the licence."
     )
     terms: dict[str, list[str]] = {}
-    for name, said in found.items():
-        terms.setdefault(said, []).append(name)
-    yield "\n".join(f"- {listed(names, 12)}: {plain(said)}" for said, names in terms.items())
+    for name, reason in found.items():
+        terms.setdefault(reason, []).append(name)
+    yield "\n".join(f"- {listed(names, 12)}: {plain(reason)}" for reason, names in terms.items())
 
 
 def tuned(run: Run) -> Iterator[str]:
-    """What the tuning of solvers cost, and how many of these problems it has seen."""
+    """Yield what the tuning of solvers cost, and how many of these problems it has seen."""
     found = tunings(run)
     if not found:
         return
@@ -67,8 +67,8 @@ def _tuned(label: str, record: Mapping[str, Any], here: set[str]) -> list[str]:
 
 
 def absent(run: Run) -> Iterator[str]:
-    """Why solvers could not run here, each reason once."""
-    found = attendance.absences(run.rows)
+    """Yield why solvers could not run here, each reason once."""
+    found = participation.absences(run.rows)
     if not found:
         return
     yield "## Not available here"

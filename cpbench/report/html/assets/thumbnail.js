@@ -1,7 +1,7 @@
 "use strict";
 /* The picture of a problem: where its matrices have entries, what its contacts do in the best answer that is known, or
-   the complementary cones of an LCP with two unknowns. The numbers are those of cpbench/analysis/portraits.py. */
-const Portrait = (() => {
+   the complementary cones of an LCP with two unknowns. The numbers are those of cpbench/analysis/thumbnails.py. */
+const Thumbnail = (() => {
   const { h, svg } = Dom;
   const DECADES = 6,
     LARGEST = 168,
@@ -11,7 +11,7 @@ const Portrait = (() => {
   const drawing = (told, box, width, height, ...children) =>
     svg("svg", { viewBox: box.join(" "), width, height, role: "img", "aria-label": told }, ...children);
   const figure = (drawn, guide, name) =>
-    h("figure", { class: "portrait", "data-portrait": name }, drawn, h("figcaption", {}, guide));
+    h("figure", { class: "thumbnail", "data-thumbnail": name }, drawn, h("figcaption", {}, guide));
   const text = (x, y, words, more = {}) => svg("text", { x, y, ...more }, words);
 
   /* Cells of equal shade as one path, runs of a row joined. */
@@ -172,7 +172,7 @@ const Portrait = (() => {
     ].filter(Boolean);
     if (made.unanswered)
       drawn.push(h("p", { class: "scope" }, "What its contacts do has no picture: no verified answer was kept."));
-    return drawn.length ? [h("div", { class: "portraits" }, drawn)] : [h("p", { class: "scope" }, "It has no matrix.")];
+    return drawn.length ? [h("div", { class: "thumbnails" }, drawn)] : [h("p", { class: "scope" }, "It has no matrix.")];
   }
 
   return Object.freeze({ draw });
