@@ -15,8 +15,8 @@ from cpbench.testing.cases import cases
 from cpbench.verification import certified_infeasible, judge
 
 CHOICES = [name for name in solvers.names() if isinstance(solvers.get(name), AutomaticChoice)]
-RAY = LCP(M=np.array([[3.0, -3.0, -3.0], [1.0, -1.0, 1.0], [-2.0, 3.0, 0.0]]), q=np.array([0.0, -2.0, 1.0]))
-"""Found by drawing integers: it has solutions, Lemke's method ends in a ray, and Newton's on min stops elsewhere."""
+RAY = LCP(M=np.array([[-3.0, 2.0, -1.0], [1.0, 0.0, 3.0], [3.0, 2.0, -2.0]]), q=np.array([2.0, 2.0, -1.0]))
+"""Drawn from integers: it has solutions, Lemke's method ends in rays, and Newton's on min stops elsewhere."""
 
 
 def order(name: str, problem: Problem) -> list[str]:
@@ -118,7 +118,8 @@ def test_iterations_rise_from_solver_to_solver() -> None:
 
 
 def test_few_iterations_are_shared() -> None:
-    found = solvers.get("auto-lcp").run(RAY, Budget(iterations=5))
+    pivots = solvers.get("lemke").run(RAY).counters["iterations"]
+    found = solvers.get("auto-lcp").run(RAY, Budget(iterations=pivots + 3))
     assert found.claim is not Claim.SOLVED
     assert found.counters["solvers"] == 2
-    assert found.counters["iterations"] <= 6
+    assert found.counters["iterations"] <= pivots + 4

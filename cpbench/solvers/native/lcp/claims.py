@@ -97,6 +97,8 @@ def guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
 def farkas(problem: LCP, budget: Budget) -> Vector | None:
     """Return a y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
     n = problem.q.size
+    if _feasible_everywhere(problem):
+        return None
     options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     if np.isfinite(budget.seconds):
         options["time_limit"] = budget.seconds
@@ -112,6 +114,12 @@ def farkas(problem: LCP, budget: Budget) -> Vector | None:
         return None
     y = np.maximum(program.x, 0.0)
     return y if problem.certifies_infeasibility(y) else None
+
+
+def _feasible_everywhere(problem: LCP) -> bool:
+    """Return whether z = t(1, …, 1) is feasible for large t, so that no certificate can exist; so in games."""
+    sums = np.asarray(problem.M.sum(axis=1)).ravel()
+    return bool(np.all((sums > 0.0) | ((sums == 0.0) & (problem.q >= 0.0))))
 
 
 def error_of(problem: LCP, z: Vector) -> float:
