@@ -93,8 +93,21 @@ class AutomaticChoice(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        run = _Run(prepared, budget, start, record)
-        for phase in prepared.phases:
+        begun, phases = time.monotonic(), prepared.phases
+        alone = start is None and record is None and prepared.first is not None and phases[0].iterations is None
+        if alone and budget.seconds > 0 and budget.iterations != 0:  # most problems end here, many in less time than it takes to prepare for more
+            solver = warming.ready(phases[0].solver, quickly=True)
+            output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
+            if output.claim is Claim.SOLVED and output.point is not None:
+                counters = {"iterations": 0, **output.counters, "solvers": output.counters.get("solvers", 0) + 1}
+                message = f"{phases[0].solver}: solved"
+                return SolverOutput(claim=Claim.SOLVED, point=output.point, counters=counters, message=message)
+            run = _Run(prepared, budget, start, record, begun)
+            run.take(phases[0], solver, output)
+            phases = phases[1:]
+        else:
+            run = _Run(prepared, budget, start, record, begun)
+        for phase in phases:
             if run.over:
                 break
             run.ask(phase)
@@ -134,12 +147,12 @@ def automatic_solvers(node: str = "") -> dict[str, str]:
 class _Run:
     """State of the phases."""
 
-    def __init__(self, plan: Plan, budget: Budget, start: Any | None, record: Record | None) -> None:
+    def __init__(self, plan: Plan, budget: Budget, start: Any | None, record: Record | None, begun: float) -> None:
         problem = plan.problem
         self._plan, self._problem, self._budget, self._record = plan, problem, budget, record
         if start is None and not any(problem.point_sizes.values()):
             start = problem.zero_point()  # nothing is to be found, which some solvers do not take
-        self._deadline = time.monotonic() + budget.seconds
+        self._deadline = begun + budget.seconds
         self._best, self._error = start, math.inf if start is None else self._measured(start)
         self._iterations, self._recorded = 0, -1
         self._messages: list[str] = []
@@ -171,6 +184,10 @@ class _Run:
         else:
             self._messages.append(f"{phase.solver}: {why}")
             return
+        self.take(phase, solver, output)
+
+    def take(self, phase: SolverPhase, solver: Solver, output: SolverOutput) -> None:
+        """Take what a solver came to."""
         self._count(output)
         if output.claim is Claim.SOLVED and output.point is not None:
             self._messages.append(f"{phase.solver}: solved")

@@ -20,6 +20,8 @@ FEW = 0.1
 """A larger share of nonzeros counts as dense."""
 STEPS = 2000
 """Of conjugate gradients on faces, a product with M each, before Newton's method is asked."""
+NEWTON = SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")
+ON_SMALL = SolverPhase("lemke"), *NEWTON, SolverPhase("enumeration-lcp")
 
 
 @register
@@ -46,11 +48,11 @@ class AutoLCP(AutomaticChoice):
 
     def phases(self, problem: LCP) -> Sequence[SolverPhase]:
         n = problem.q.size
-        newton = [SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")]
+        if n <= SMALL:
+            return ON_SMALL
+        newton = NEWTON
         if n > LARGE and is_sparse(problem.M) and nnz(problem.M) < FEW * n * n:
             faces = [SolverPhase("projected-cg", STEPS)] if problem.symmetric else []
             return [*faces, *newton, SolverPhase("projected-cg"), SolverPhase("bpp"), SolverPhase("lemke")]
-        if n <= SMALL:
-            return [SolverPhase("lemke"), *newton, SolverPhase("enumeration-lcp")]
         bordered = [SolverPhase("bpp")] if bool(np.all(problem.M.diagonal() > 0)) else []
         return [*bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
