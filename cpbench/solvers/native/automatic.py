@@ -94,8 +94,9 @@ class AutomaticChoice(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         begun, phases = time.monotonic(), prepared.phases
-        alone = start is None and record is None and prepared.first is not None and phases[0].iterations is None
-        if alone and budget.seconds > 0 and budget.iterations != 0:  # most problems end here, many in less time than it takes to prepare for more
+        first = prepared.first is not None and phases[0].iterations is None
+        # most problems end with the first solver, many in less time than it takes to prepare for more
+        if first and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
             solver = warming.ready(phases[0].solver, quickly=True)
             output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
             if output.claim is Claim.SOLVED and output.point is not None:
