@@ -203,4 +203,5 @@ def _scores(losses: Matrix, distance: Matrix, used: Masks, same: Masks, may: Mas
     everywhere = mean(used[None].astype(float), np.full((1, losses.shape[1]), knobs.worst), 1.0)
     elsewhere = mean(kernel * common * (used & ~same), everywhere, FAINT)
     of_node = mean(same.astype(float), elsewhere, 1.0)
-    return mean(kernel * same, of_node, PRIOR)
+    # a mean of numbers within [0, worst] leaves it by rounding
+    return np.clip(mean(kernel * same, of_node, PRIOR), 0.0, knobs.worst)

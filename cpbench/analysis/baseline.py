@@ -65,7 +65,8 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
     threads = rows["threads"].fillna(1).astype(int)
     place = pd.Series("", index=rows.index, dtype=object)
     steps = rows.loc[followed, ["sequence", "step"]]
-    place[followed] = [f"{name}#{int(k)}" for name, k in zip(steps["sequence"], steps["step"].fillna(0), strict=True)]
+    numbers = steps["step"].fillna(0).astype(int).astype(str)
+    place[followed] = (steps["sequence"].astype(str) + "#" + numbers).astype(object)
     plain = pd.DataFrame(
         {
             "node": rows["node"],
@@ -127,7 +128,7 @@ def parse(content: str, place: str) -> pd.DataFrame:
     if not body:
         raise FormatError(place, "line 2", f"is not there, expected {','.join(COLUMNS)}")
     lines = pd.DataFrame(found, columns=list(COLUMNS), dtype=object)
-    lines["solver"] = lines["solver"].map(current_label)
+    lines["solver"] = lines["solver"].map(current_label).astype(object)
     twice = lines.duplicated(list(KEY)).to_numpy()
     if twice.any():
         second = int(np.flatnonzero(twice)[0])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpbench.api.folders import require_folder
 from cpbench.api.start_answers import start_answers
 from cpbench.api.thumbnails import Thumbnails
 from cpbench.bench import history
@@ -73,6 +74,7 @@ def report_file(
     from cpbench.api.sides import base, side_of
 
     with sealed(results) as store:
+        require_folder(folder)
         if baseline is None:
             return write_report(store, folder, title, data=data, **choices)
         new = side_of(store)
@@ -91,5 +93,6 @@ def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **
     from cpbench.report.document.page import write_document
 
     with sealed(results) as store:
+        require_folder(folder)
         table, meta, cited = store.table(), store.meta(), citations(store)
         return write_document(table, meta, folder, title, citations=cited, facets=tuple(facets), **choices)

@@ -6,16 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from cpbench.errors import FormatError
-
-
-def require_folder(path: Path) -> None:
-    """Make a folder; raises FormatError where it cannot be."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise FormatError(path, "", f"cannot be made a folder ({cause.strerror or cause})") from None
-
 
 def replaced(path: Path, before: Iterable[Path]) -> str:
     """Return the path as text, with a word where it was there before."""

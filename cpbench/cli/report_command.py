@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cpbench.cli.options import Command, ListOption, publishable_option, stationary_option
-from cpbench.cli.outputs import replaced, require_folder
+from cpbench.cli.outputs import replaced
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
 from cpbench.errors import UnknownName
@@ -71,8 +71,7 @@ def command(
         raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     for unknown in [name for name in data if name not in row_files.FORMATS]:
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
-    require_folder(folder)
-    before = list(folder.iterdir())
+    before = list(folder.iterdir()) if folder.is_dir() else []
     if form == "tex":
         files, remarks = [reports.write_tex(results, folder, name, facets, **choices)], []
     else:

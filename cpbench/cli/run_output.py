@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 
 from cpbench.api import run_text
+from cpbench.api.folders import require_folder
 from cpbench.bench import campaign
 from cpbench.bench.planning import dry_run as dry_runs
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
-from cpbench.cli.outputs import require_folder
 from cpbench.cli.terminal import fitted, folded, print_lines, width
 from cpbench.verification import Status
 

@@ -183,7 +183,7 @@ def test_new_ci_writes_a_workflow_that_is_whole(tmp_path: Path) -> None:
     ("words", "told"),
     some_by_day(
         [
-            ((), "say the plugin of your solver"),
+            ((), "the plugin of your solver is missing: cpbench new ci mine.toml"),
             (("/mine.toml",), "cannot be a plugin: say its path in the repository"),
             (("../mine.toml",), "cannot be a plugin"),
             (("mine.cpp",), "of a .toml or .py file"),

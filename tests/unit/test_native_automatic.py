@@ -118,8 +118,7 @@ def test_iterations_rise_from_solver_to_solver() -> None:
 
 
 def test_few_iterations_are_shared() -> None:
-    pivots = solvers.get("lemke").run(RAY).counters["iterations"]
-    found = solvers.get("auto-lcp").run(RAY, Budget(iterations=pivots + 3))
+    found = solvers.get("auto-lcp").run(RAY, Budget(iterations=5))
     assert found.claim is not Claim.SOLVED
     assert found.counters["solvers"] == 2
-    assert found.counters["iterations"] <= pivots + 4
+    assert found.counters["iterations"] <= 6

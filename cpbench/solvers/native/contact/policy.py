@@ -60,11 +60,11 @@ def policy(standing: PolicyState, tolerance: float) -> NextMethod:
     still for as long again as they do now.
 
     >>> from dataclasses import replace
-    >>> new = Standing(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
+    >>> new = PolicyState(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
     >>> policy(new, 1e-4), policy(replace(new, sweeps=100, error=1e-3), 1e-4)
-    (<Method.SWEEPS: 'sweeps'>, <Method.SWEEPS: 'sweeps'>)
+    (<NextMethod.SWEEPS: 'sweeps'>, <NextMethod.SWEEPS: 'sweeps'>)
     >>> policy(replace(new, sweeps=100_000, error=1e-3), 1e-4)
-    <Method.NEWTON: 'newton'>
+    <NextMethod.NEWTON: 'newton'>
     """
     if standing.sweeps == 0:
         return NextMethod.SWEEPS

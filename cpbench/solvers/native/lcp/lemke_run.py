@@ -113,17 +113,18 @@ class LemkeRun:
 
     def _settled(self, output: SolverOutput) -> SolverOutput:
         """Return the output, or the first of the other ways that solves the problem or proves that nothing does."""
+        if self._asked:  # a limit that was asked for is that of the way from w = q
+            return output
         for attempt in self._other_ways():
-            if not self._asked:
-                self._limit = self.counters["iterations"] + pivot_limit(self._lcp.problem.q.size)
-            if output.claim in SETTLED or self.left <= 0 or time.monotonic() > self._deadline:
+            self._limit = self.counters["iterations"] + pivot_limit(self._lcp.problem.q.size)
+            if output.claim in SETTLED or time.monotonic() > self._deadline:
                 return output
             other = attempt()
             output = output if other is None or other.claim not in SETTLED else other
         return output
 
     def _other_ways(self) -> Iterator[Callable[[], SolverOutput | None]]:
-        """Yield them; a limit that was asked for counts over all of them, the usual one for each."""
+        """Yield larger pivots from w = q, then other first bases."""
         M, n = self._lcp.M, self._lcp.problem.q.size
         for least in LARGER_PIVOTS:
             if least > self._options.pivot_tolerance:
